@@ -124,9 +124,7 @@ class AssetExternalError(AssetError):
     """The asset refers to a file that was not sent."""
 
     code = "asset_external_uri"
-    advice = (
-        "Pack buffers and images into one .glb file (for example: gltf-transform copy scene.gltf scene.glb)."
-    )
+    advice = "Pack buffers and images into one .glb file (for example: gltf-transform copy scene.gltf scene.glb)."
 
 
 class AssetUnsupportedError(AssetError):

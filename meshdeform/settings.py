@@ -22,9 +22,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="MESHDEFORM_", frozen=True, extra="ignore")
 
     data_dir: Path = Field(Path("meshdeform-data"), description="Folder for everything that `serve` keeps.")
-    database_url: str = Field(
-        "", description="SQLAlchemy URL of the record. Default: SQLite in the data directory."
-    )
+    database_url: str = Field("", description="SQLAlchemy URL of the record. Default: SQLite in the data directory.")
     redis_url: str = Field("", description="Redis of the queue. Default: `serve` starts one of its own.")
     storage_url: str = Field(
         "",
@@ -35,13 +33,9 @@ class Settings(BaseSettings):
         default_factory=list,
         description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, as a JSON list.",
     )
-    model_revision: str = Field(
-        "", description="Revision (branch, tag or commit) of a hub model. Default: main."
-    )
+    model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
-    threads: int = Field(
-        0, ge=0, le=256, description="CPU threads of a worker. 0: as many as there are cores."
-    )
+    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: as many as there are cores.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
     lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for so long has lost its job.")
     max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
