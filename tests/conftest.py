@@ -1,0 +1,120 @@
+"""Fixtures that more than one test file uses: real servers, a clean environment, and why something was skipped."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Generator, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.servers import NotInstalledError, postgres_server, redis_server
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Before anything imports torch or numba: threads of ours would fight with the processes that the tests start.
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["NUMBA_NUM_THREADS"] = "1"
+# Nothing is fetched in a test; a hub that is asked by mistake must fail at once.
+os.environ["HF_HUB_OFFLINE"] = "1"
+
+
+def pytest_sessionstart() -> None:
+    """Drop the caller's settings: the tests run on the defaults."""
+    for name in [name for name in os.environ if name.startswith("MESHDEFORM_")]:
+        del os.environ[name]
+
+
+@pytest.fixture(autouse=True)
+def _one_torch_thread() -> None:
+    """Keep torch on one thread where a test has imported it; never import it for a test that does not."""
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The repository's root."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def server_folder() -> Iterator[Path]:
+    """A temporary folder that other users may enter (a Redis and a PostgreSQL keep their data there)."""
+    # Not pytest's own: those are 0700 for the user who runs the tests, and PostgreSQL runs as another one.
+    # Under /tmp where there is one: the path of a unix socket must be short.
+    base = "/tmp" if Path("/tmp").is_dir() else None
+    folder = Path(tempfile.mkdtemp(prefix="meshdeform-", dir=base))
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def redis_server_url(server_folder: Path) -> Iterator[str]:
+    """A real Redis for the session. Tests take `redis_url`, which is empty."""
+    folder = server_folder / "redis"
+    folder.mkdir()
+    try:
+        with redis_server(folder) as url:
+            yield url
+    except NotInstalledError as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.fixture
+def redis_url(redis_server_url: str) -> str:
+    """A real Redis with nothing in it."""
+    import redis
+
+    with redis.Redis.from_url(redis_server_url) as connection:
+        connection.flushall()
+    return redis_server_url
+
+
+@pytest.fixture(scope="session")
+def postgres_port(server_folder: Path) -> Iterator[int]:
+    """A real PostgreSQL for the session. Tests take `postgres_url`, a database of their own."""
+    folder = server_folder / "postgres"
+    folder.mkdir()
+    try:
+        with postgres_server(folder) as port:
+            yield port
+    except NotInstalledError as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.fixture
+def postgres_url(postgres_port: int, request: pytest.FixtureRequest) -> Iterator[str]:
+    """A new, empty PostgreSQL database, dropped afterwards."""
+    import uuid
+
+    import sqlalchemy as sa
+
+    name = f"test_{uuid.uuid4().hex}"
+    server = f"postgresql+pg8000://meshdeform@127.0.0.1:{postgres_port}"
+    engine = sa.create_engine(f"{server}/postgres", isolation_level="AUTOCOMMIT", poolclass=sa.NullPool)
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    yield f"{server}/{name}"
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
+    engine.dispose()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Generator[None, None, None]:
+    """Say last of all what did not run here, and why."""
+    result = yield
+    reasons = Counter(
+        report.longrepr[2].removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", [])
+        if isinstance(report.longrepr, tuple)
+    )
+    for reason, count in sorted(reasons.items()):
+        terminalreporter.write_line(f"NOT RUN HERE: {count} test{'s' * (count > 1)}: {reason}", yellow=True)
+    return result
