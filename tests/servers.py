@@ -89,7 +89,7 @@ def _unprivileged() -> list[str]:
     for user in ("postgres", "nobody"):
         with contextlib.suppress(KeyError):
             pwd.getpwnam(user)
-            if runuser := shutil.which("runuser"):
+            if runuser := shutil.which("runuser", path=f"{os.environ['PATH']}:/usr/sbin:/sbin"):
                 return [runuser, "-u", user, "--"]
     raise NotInstalledError("PostgreSQL does not run as root, and there is no runuser with a user postgres or nobody")
 

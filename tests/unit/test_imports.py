@@ -1,0 +1,96 @@
+"""What an import costs and where it leads: the client needs no torch, the API not even numpy."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
+NUMPY_FREE = [
+    "meshdeform.errors",
+    "meshdeform.config",
+    "meshdeform.settings",
+    "meshdeform.jobs",
+    "meshdeform.storage",
+    "meshdeform.client",
+    "service",
+]
+TORCH_FREE = [
+    "meshdeform.cli",
+    "meshdeform.stack",
+    "meshdeform.redis_server",
+    "meshdeform.gltf",
+    "meshdeform.kinds",
+    "meshdeform.priors.builtin.grammar",
+    "worker.supervisor",
+]
+
+# Imports a module with everything below it, then tells what else came along.
+_PROBE = """
+import importlib, json, pkgutil, sys
+module = importlib.import_module(sys.argv[1])
+for info in pkgutil.walk_packages(getattr(module, "__path__", []), module.__name__ + "."):
+    if not info.name.endswith("__main__"):
+        importlib.import_module(info.name)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+# The same with every package refused that the base install does not bring.
+_REFUSE = """
+import importlib.abc, sys
+class Refuse(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in %r:
+            raise ModuleNotFoundError(f"No module named {name!r} in a base install", name=name)
+sys.meta_path.insert(0, Refuse())
+"""
+
+
+def loaded_by(module: str, *, before: str = "") -> set[str]:
+    """Return the top-level names that a fresh interpreter has loaded after importing the module."""
+    probe = [sys.executable, "-c", before + _PROBE, module]
+    result = subprocess.run(probe, check=False, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return set(json.loads(result.stdout))
+
+
+def test_the_package_itself_imports_nothing_but_the_standard_library() -> None:
+    bare = loaded_by("json")  # with what the environment itself loads at start
+    result = subprocess.run(
+        [sys.executable, "-c", "import sys, meshdeform; print(*{name.partition('.')[0] for name in sys.modules})"],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert set(result.stdout.split()) - bare - sys.stdlib_module_names == {"meshdeform"}
+
+
+@pytest.mark.parametrize("module", NUMPY_FREE)
+def test_the_api_and_the_client_load_no_numpy(module: str) -> None:
+    assert loaded_by(module) & {"numpy", *HEAVY} == set()
+
+
+@pytest.mark.parametrize("module", TORCH_FREE)
+def test_what_is_torch_free_loads_no_torch(module: str) -> None:
+    assert loaded_by(module) & {"torch", "diffusers", "transformers"} == set()
+
+
+@pytest.mark.parametrize("module", ["meshdeform.client", "meshdeform.config", "meshdeform.settings", "meshdeform.cli"])
+def test_the_base_install_is_enough_for_the_client(module: str, repository: Path) -> None:
+    refused = ["numpy", *HEAVY, "fastapi", "starlette", "uvicorn", "sqlalchemy", "alembic", "redis", "rq", "obstore"]
+    assert loaded_by(module, before=_REFUSE % refused)
+    base = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["dependencies"]
+    assert not [line for line in base if line.startswith(tuple(refused))]
+
+
+@pytest.mark.parametrize("name", ["meshdeform", "service", "worker"])
+def test_the_generic_names_are_ours(name: str, repository: Path) -> None:
+    module = importlib.import_module(name)
+    assert module.__file__ is not None
+    assert Path(module.__file__).resolve().is_relative_to(repository)
