@@ -1,0 +1,139 @@
+"""Cameras: four views around the object, a quarter turn apart, at random azimuth and elevations.
+
+Conventions: +Y is up and +Z is the asset's front (glTF). Azimuth 0 looks at the front (the camera stands on +Z),
+azimuth 90 at the asset's left side (the camera stands on +X). Clip space is OpenGL's: x right, y up,
+-w <= z <= w. The camera stands where the unit sphere at the origin just fits the view.
+
+Source of the ranges: Xu et al. 2024, FusionDeformer, section 3.3 (orthogonal views).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+__all__ = ["NUM_VIEWS", "CameraRange", "Cameras", "fixed_cameras", "sample_orthogonal_cameras"]
+
+NUM_VIEWS = 4
+_MARGIN = 1.05
+
+
+@dataclass(frozen=True)
+class CameraRange:
+    """Bounds of the uniform draws, in degrees."""
+
+    elevation_min_deg: float = 0.0
+    elevation_max_deg: float = 30.0
+    fov_min_deg: float = 30.0
+    fov_max_deg: float = 45.0
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """B cameras that look at the origin.
+
+    Attributes
+    ----------
+    view_proj : (B, 4, 4) float32
+        World to clip space: ``clip = view_proj @ [x, y, z, 1]``.
+    view : (B, 4, 4) float32
+        World to camera space; the camera looks along its -Z.
+    eye : (B, 3) float32
+        Camera positions in world space.
+    azimuth_deg : float
+        Azimuth of view 0; view k stands at ``azimuth_deg + 90 k``.
+    elevation_deg : tuple of B floats
+    fov_deg : float
+        Vertical field of view, the same for all views.
+    """
+
+    view_proj: Tensor
+    view: Tensor
+    eye: Tensor
+    azimuth_deg: float
+    elevation_deg: tuple[float, ...]
+    fov_deg: float
+
+    def to(self, device: torch.device | str) -> Cameras:
+        """Give the same cameras with their tensors on `device`."""
+        return Cameras(
+            self.view_proj.to(device),
+            self.view.to(device),
+            self.eye.to(device),
+            self.azimuth_deg,
+            self.elevation_deg,
+            self.fov_deg,
+        )
+
+
+def fixed_cameras(
+    azimuth_deg: float,
+    elevation_deg: float | tuple[float, ...],
+    fov_deg: float = 37.5,
+    *,
+    views: int = NUM_VIEWS,
+    distance_scale: float = 1.0,
+) -> Cameras:
+    """Cameras at azimuths ``azimuth_deg + 90 k`` that look at the origin.
+
+    Parameters
+    ----------
+    azimuth_deg, elevation_deg, fov_deg : degrees
+        One elevation for all views, or one a view.
+    views : int
+        How many.
+    distance_scale : float
+        Multiplies the distance at which the unit sphere just fits (larger shows more).
+    """
+    elevations = (elevation_deg,) * views if isinstance(elevation_deg, int | float) else tuple(elevation_deg)
+    distance = distance_scale * _MARGIN / math.sin(math.radians(fov_deg) / 2)
+    focal = 1 / math.tan(math.radians(fov_deg) / 2)
+    near, far = max(distance - 3.0, 0.05), distance + 3.0
+    projection = torch.tensor(
+        [
+            [focal, 0, 0, 0],
+            [0, focal, 0, 0],
+            [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
+            [0, 0, -1, 0],
+        ],
+        dtype=torch.float64,
+    )
+    view = torch.stack([_look_at(azimuth_deg + 90 * k, elevations[k], distance) for k in range(views)])
+    eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
+    return Cameras(
+        (projection @ view).float(), view.float(), eye.float(), float(azimuth_deg), elevations, float(fov_deg)
+    )
+
+
+def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -> Cameras:
+    """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
+
+    Each elevation and the shared field of view are uniform in `bounds`.
+
+    Parameters
+    ----------
+    bounds : CameraRange
+    generator : torch.Generator on the CPU
+        The job's only source of randomness.
+    """
+    u = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
+    azimuth = -180 + 360 * u[0]
+    fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[1]
+    span = bounds.elevation_max_deg - bounds.elevation_min_deg
+    elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
+    return fixed_cameras(azimuth, elevations, fov)
+
+
+def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:
+    a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+    back = torch.tensor(
+        [math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)], dtype=torch.float64
+    )
+    right = torch.tensor([math.cos(a), 0.0, -math.sin(a)], dtype=torch.float64)
+    view = torch.eye(4, dtype=torch.float64)
+    view[:3, :3] = torch.stack([right, torch.linalg.cross(back, right), back])
+    view[2, 3] = -distance
+    return view
