@@ -1,0 +1,70 @@
+"""The families: for every noun of the grammar a function that draws one of its members.
+
+`member(noun, attributes, rng)` is all that the dataset needs; the same generator state gives the same
+mesh. Importing this needs numpy and no torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from meshdeform.priors.builtin.families import animals, creatures, furniture, household, plants, things, vehicles
+from meshdeform.priors.builtin.families.parts import Part
+from meshdeform.priors.builtin.families.traits import Traits, deformed
+from meshdeform.priors.builtin.grammar import Attribute
+
+__all__ = ["FAMILIES", "Family", "Part", "Traits", "member"]
+
+Family = Callable[[np.random.Generator, Traits], Part]
+
+FAMILIES: dict[str, Family] = {
+    "airplane": vehicles.airplane,
+    "boat": vehicles.boat,
+    "bottle": household.bottle,
+    "bowl": household.bowl,
+    "cactus": plants.cactus,
+    "car": vehicles.car,
+    "carrot": plants.carrot,
+    "cat": creatures.cat,
+    "chair": furniture.chair,
+    "dinosaur": animals.dinosaur,
+    "dog": animals.dog,
+    "duck": creatures.duck,
+    "elephant": animals.elephant,
+    "fish": creatures.fish,
+    "giraffe": animals.giraffe,
+    "goblet": household.goblet,
+    "hat": things.hat,
+    "heart": things.heart,
+    "horse": animals.horse,
+    "house": things.house,
+    "lamp": household.lamp,
+    "mushroom": plants.mushroom,
+    "pear": plants.pear,
+    "penguin": creatures.penguin,
+    "rabbit": creatures.rabbit,
+    "rocket": vehicles.rocket,
+    "snowman": things.snowman,
+    "sofa": furniture.sofa,
+    "star": things.star,
+    "table": furniture.table,
+    "tree": plants.tree,
+    "turtle": creatures.turtle,
+    "vase": household.vase,
+    "whale": creatures.whale,
+}
+"""The family of each noun; the keys are those of `grammar.NOUNS`."""
+
+
+def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:
+    """One member of a family, with these attributes and otherwise drawn at random.
+
+    Returns
+    -------
+    Part
+        Closed parts, outward orientation, +Y up, looking along +Z, centred, farthest vertex at distance 1.
+    """
+    wanted = tuple(attributes)
+    return deformed(FAMILIES[noun](rng, Traits(wanted)), wanted, rng)

@@ -1,0 +1,72 @@
+"""Vessels and a lamp: solids of revolution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshdeform.priors.builtin.families.parts import Part, join, lathe
+from meshdeform.priors.builtin.families.traits import Rng, Traits
+
+__all__ = ["bottle", "bowl", "goblet", "lamp", "vase"]
+
+
+def vase(rng: Rng, traits: Traits) -> Part:
+    """A round belly, a narrow neck and a flared lip, open at the top."""
+    belly, foot = rng.uniform(0.46, 0.58), rng.uniform(0.26, 0.34)
+    neck = traits.draw(rng, "neck", (0.12, 0.18), (0.3, 0.42), (0.65, 0.85))
+    throat, lip = rng.uniform(0.17, 0.22), rng.uniform(0.32, 0.42)
+    body = rng.uniform(0.85, 1.0)
+    turn = np.linspace(0.12, 0.88, 9)
+    wall = [(foot + (belly - foot) * np.sin(np.pi * t) ** 0.8, body * t) for t in turn[:5]]
+    wall += [(throat + (belly - throat) * np.sin(np.pi * t) ** 1.2, body * t) for t in turn[5:]]
+    top = body + neck
+    lips = [(throat, body), (throat, body + 0.6 * neck), (lip * 0.8, top - 0.04), (lip, top)]
+    inside = [(lip * 0.85, top), (throat * 0.75, top - 0.12)]
+    return lathe([(foot, 0.0), *wall, *lips, *inside])
+
+
+def bottle(rng: Rng, traits: Traits) -> Part:
+    """A straight cylinder with round shoulders and a closed, slim neck."""
+    radius, body = rng.uniform(0.36, 0.44), rng.uniform(0.95, 1.15)
+    neck = traits.draw(rng, "neck", (0.14, 0.2), (0.4, 0.55), (0.85, 1.1))
+    throat, shoulder = rng.uniform(0.12, 0.15), rng.uniform(0.22, 0.32)
+    turn = np.linspace(0.0, np.pi / 2, 6)
+    shoulders = [(throat + (radius - throat) * np.cos(t), body + shoulder * np.sin(t)) for t in turn]
+    top = body + shoulder + neck
+    crown = [(throat, top - 0.14), (throat * 1.45, top - 0.12), (throat * 1.45, top)]
+    return lathe(
+        [(radius * 0.92, 0.0), (radius, 0.05), *[(radius, body * s) for s in (0.3, 0.6, 0.9)], *shoulders, *crown]
+    )
+
+
+def goblet(rng: Rng, traits: Traits) -> Part:
+    """A cup on a stem on a wide foot."""
+    foot, stalk = rng.uniform(0.36, 0.44), rng.uniform(0.085, 0.11)
+    stem = traits.draw(rng, "stem", (0.14, 0.22), (0.48, 0.62), (0.95, 1.2))
+    cup, depth = rng.uniform(0.42, 0.52), rng.uniform(0.65, 0.8)
+    turn = np.linspace(0.15, 1.0, 7)
+    bowl_wall = [(cup * np.sin(t * np.pi / 2) ** 0.8, 0.12 + stem + depth * t**1.6) for t in turn]
+    inside = [(cup * 0.86, 0.12 + stem + depth), (cup * 0.7, stem + depth * 0.5), (0.1, stem + depth * 0.3)]
+    return lathe([(foot, 0.0), (foot, 0.06), (stalk, 0.14), (stalk, 0.12 + stem), *bowl_wall, *inside])
+
+
+def bowl(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """A wide hollow half sphere on a small foot."""
+    radius, depth, foot = rng.uniform(0.85, 1.0), rng.uniform(0.6, 0.75), rng.uniform(0.32, 0.42)
+    turn = np.linspace(0.3, np.pi / 2, 9)
+    outer = [(radius * np.sin(t), depth * (1 - np.cos(t)) + 0.1) for t in turn]
+    inner = [(0.87 * radius * np.sin(t), depth * (1 - 0.85 * np.cos(t)) + 0.1) for t in turn[::-1]]
+    return lathe([(foot, 0.0), (foot * 0.9, 0.1), *outer, *inner, (0.0, 0.15 * depth + 0.1)], segments=28)
+
+
+def lamp(rng: Rng, traits: Traits) -> Part:
+    """A table lamp: a heavy foot, a pole and a conical shade."""
+    stem = traits.draw(rng, "stem", (0.3, 0.38), (0.6, 0.8), (1.15, 1.4))
+    shade = traits.draw(rng, "shade", (0.26, 0.31), (0.48, 0.56), (0.78, 0.9))
+    foot, pole = rng.uniform(0.32, 0.4), rng.uniform(0.08, 0.1)
+    base = lathe([(foot, 0.0), (foot, 0.08), (foot * 0.6, 0.16), (pole, 0.22), (pole, 0.2 + stem + 0.2)])
+    bottom, height = 0.2 + stem, 1.05 * shade
+    slope = rng.uniform(0.45, 0.55)
+    cone = [(shade, bottom), (shade, bottom + 0.03)]
+    cone += [(shade * (1 - (1 - slope) * t), bottom + height * t) for t in (0.3, 0.6, 1.0)]
+    return join([base, lathe([(shade * 0.5, bottom + 0.03), *cone])])

@@ -1,0 +1,204 @@
+"""The network of the builtin prior: a small convolutional U-Net that reads the prompt and the azimuth.
+
+It predicts v = sqrt(abar) eps - sqrt(1 - abar) x0 of a 128 x 128 picture: a 2 x 2 grid of four views, azimuth
+a + {0, 90, 180, 270} degrees, 64 pixels each, three channels of camera-space normals in [-1, 1]. A strided stem
+takes the picture to 32 x 32 at once and a pixel shuffle brings it back, so a forward pass is cheap on one core.
+
+Sources: Ho et al. 2020 (DDPM), Dhariwal & Nichol 2021 (adaptive group norm), Salimans & Ho 2022
+(v-prediction, eq. 11), Ho & Salimans 2022 (classifier-free guidance), Shi et al. 2016 (pixel shuffle).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, VOCABULARY
+
+__all__ = ["IMAGE_SIZE", "ModelConfig", "PriorNetwork", "null_tokens"]
+
+IMAGE_SIZE = 128
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Sizes of the network; the defaults are those of the weights that ship."""
+
+    channels: tuple[int, int, int] = (48, 96, 160)
+    embedding: int = 192
+    heads: int = 4
+    text_layers: int = 2
+    text_width: int = 128
+
+
+def null_tokens(batch: int) -> Tensor:
+    """(batch, SEQUENCE_LENGTH) int64 of padding: the prompt that says nothing."""
+    return torch.zeros(batch, SEQUENCE_LENGTH, dtype=torch.int64)
+
+
+class TextEncoder(nn.Module):
+    """Token numbers (B, SEQUENCE_LENGTH) to one vector (B, width) per prompt.
+
+    Word plus position embeddings, a small transformer, a mean over the words that are there. A prompt
+    without words gets a learned vector of its own.
+    """
+
+    def __init__(self, width: int, layers: int, out: int) -> None:
+        super().__init__()
+        self.word = nn.Embedding(len(VOCABULARY), width)
+        self.position = nn.Parameter(torch.randn(SEQUENCE_LENGTH, width) * 0.02)
+        self.blocks = nn.ModuleList(TextBlock(width) for _ in range(layers))
+        self.norm = nn.LayerNorm(width)
+        self.project = nn.Linear(width, out)
+        self.nothing = nn.Parameter(torch.zeros(out))
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        """Encode; gradients flow into the embeddings."""
+        present = tokens > 0
+        # The first place is never masked, so that a row of padding attends to something.
+        visible = present.clone()
+        visible[:, 0] = True
+        x = self.word(tokens) + self.position
+        for block in self.blocks:
+            x = block(x, visible)
+        x = self.norm(x)
+        pooled = (x * visible[..., None]).sum(1) / visible.sum(1, keepdim=True)
+        return torch.where(present.any(1, keepdim=True), self.project(pooled), self.nothing)
+
+
+class TextBlock(nn.Module):
+    """Pre-norm self-attention (four heads) and a two-layer perceptron."""
+
+    def __init__(self, width: int, heads: int = 4) -> None:
+        super().__init__()
+        self.heads = heads
+        self.norm_attention = nn.LayerNorm(width)
+        self.qkv = nn.Linear(width, 3 * width)
+        self.out = nn.Linear(width, width)
+        self.norm_mlp = nn.LayerNorm(width)
+        self.mlp = nn.Sequential(nn.Linear(width, 2 * width), nn.SiLU(), nn.Linear(2 * width, width))
+
+    def forward(self, x: Tensor, visible: Tensor) -> Tensor:
+        """(B, N, C), with (B, N) bool of the words that may be attended to."""
+        batch, length, width = x.shape
+        qkv = self.qkv(self.norm_attention(x)).reshape(batch, length, 3, self.heads, width // self.heads)
+        query, key, value = qkv.permute(2, 0, 3, 1, 4).unbind(0)
+        mixed = functional.scaled_dot_product_attention(query, key, value, attn_mask=visible[:, None, None, :])
+        x = x + self.out(mixed.transpose(1, 2).reshape(batch, length, width))
+        mlp: Tensor = self.mlp(self.norm_mlp(x))
+        return x + mlp
+
+
+class ResidualBlock(nn.Module):
+    """Two convolutions; the condition scales and shifts the second group norm (adaptive group norm)."""
+
+    def __init__(self, inner: int, outer: int, embedding: int) -> None:
+        super().__init__()
+        self.norm_in = nn.GroupNorm(8, inner)
+        self.conv_in = nn.Conv2d(inner, outer, 3, padding=1)
+        self.condition = nn.Linear(embedding, 2 * outer)
+        self.norm_out = nn.GroupNorm(8, outer)
+        self.conv_out = nn.Conv2d(outer, outer, 3, padding=1)
+        self.skip = nn.Conv2d(inner, outer, 1) if inner != outer else nn.Identity()
+        nn.init.zeros_(self.conv_out.weight)
+        nn.init.zeros_(self.conv_out.bias)  # type: ignore[arg-type]  # a convolution with a bias has one
+
+    def forward(self, x: Tensor, condition: Tensor) -> Tensor:
+        """(B, inner, H, W) to (B, outer, H, W)."""
+        h = self.conv_in(functional.silu(self.norm_in(x)))
+        scale, shift = self.condition(condition)[:, :, None, None].chunk(2, dim=1)
+        h = self.norm_out(h) * (1 + scale) + shift
+        result: Tensor = self.skip(x) + self.conv_out(functional.silu(h))
+        return result
+
+
+class AttentionBlock(nn.Module):
+    """Self-attention over all pixels: how the four views of one object learn of each other."""
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.norm = nn.GroupNorm(8, channels)
+        self.qkv = nn.Conv2d(channels, 3 * channels, 1)
+        self.out = nn.Conv2d(channels, channels, 1)
+        nn.init.zeros_(self.out.weight)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, C, H, W), same out."""
+        batch, channels, height, width = x.shape
+        qkv = self.qkv(self.norm(x)).reshape(batch, 3, self.heads, channels // self.heads, height * width)
+        query, key, value = qkv.transpose(-1, -2).unbind(1)
+        mixed = functional.scaled_dot_product_attention(query, key, value)
+        result: Tensor = x + self.out(mixed.transpose(-1, -2).reshape(batch, channels, height, width))
+        return result
+
+
+class PriorNetwork(nn.Module):
+    """v-prediction of a noisy 2 x 2 grid of views."""
+
+    def __init__(self, config: ModelConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or ModelConfig()
+        c0, c1, c2 = self.config.channels
+        e, heads = self.config.embedding, self.config.heads
+        self.text = TextEncoder(self.config.text_width, self.config.text_layers, e)
+        self.azimuth = nn.Linear(4, e)
+        self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
+        self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)
+        self.down0 = ResidualBlock(c0, c0, e)
+        self.pool0 = nn.Conv2d(c0, c1, 3, stride=2, padding=1)
+        self.down1 = nn.ModuleList([ResidualBlock(c1, c1, e), ResidualBlock(c1, c1, e)])
+        self.pool1 = nn.Conv2d(c1, c2, 3, stride=2, padding=1)
+        self.middle = nn.ModuleList(ResidualBlock(c2, c2, e) for _ in range(3))
+        self.attention = nn.ModuleList(AttentionBlock(c2, heads) for _ in range(2))
+        # Where on the picture a pixel lies decides which of the four views it belongs to.
+        self.place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
+        self.up1 = nn.ModuleList([ResidualBlock(c2 + c1, c1, e), ResidualBlock(c1, c1, e)])
+        self.up0 = nn.ModuleList([ResidualBlock(c1 + c0, c0, e), ResidualBlock(c0, c0, e)])
+        self.norm = nn.GroupNorm(8, c0)
+        self.out = nn.Conv2d(c0, 3 * 16, 3, padding=1)
+        nn.init.zeros_(self.out.weight)
+
+    def forward(self, x: Tensor, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:
+        """Predict v.
+
+        Parameters
+        ----------
+        x : (B, 3, 128, 128) float32
+            Noisy picture, [-1, 1] before noise.
+        timestep : (B,) int64
+            0 .. 999.
+        text : (B, embedding) float32
+            Output of `self.text`; encoded once a job, not once a step.
+        azimuth_deg : (B,) float32
+            Azimuth of the first view, degrees.
+        """
+        condition = functional.silu(self._condition(timestep, text, azimuth_deg))
+        h0 = self.down0(self.stem(x), condition)
+        h1 = self.pool0(h0)
+        for block in self.down1:
+            h1 = block(h1, condition)
+        h = self.pool1(h1) + self.place
+        h = self.attention[0](self.middle[0](h, condition))
+        h = self.attention[1](self.middle[1](h, condition))
+        h = self.middle[2](h, condition)
+        h = torch.cat([functional.interpolate(h, scale_factor=2.0), h1], 1)
+        for block in self.up1:
+            h = block(h, condition)
+        h = torch.cat([functional.interpolate(h, scale_factor=2.0), h0], 1)
+        for block in self.up0:
+            h = block(h, condition)
+        return functional.pixel_shuffle(self.out(functional.silu(self.norm(h))), 4)
+
+    def _condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:
+        frequency = torch.exp(-math.log(1e4) * torch.arange(32, device=timestep.device) / 32)
+        phase = timestep[:, None].float() * frequency
+        angle = torch.deg2rad(azimuth_deg.float())
+        # Once and twice around: front from back, and side from front.
+        turn = torch.stack([angle.sin(), angle.cos(), (2 * angle).sin(), (2 * angle).cos()], 1)
+        condition: Tensor = self.time(torch.cat([phase.sin(), phase.cos()], 1)) + text + self.azimuth(turn)
+        return condition

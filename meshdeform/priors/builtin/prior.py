@@ -1,0 +1,110 @@
+"""`BuiltinPrior`: the shipped network behind the interface that every diffusion prior has.
+
+It works on pixels: z0 is the picture itself, scaled to [-1, 1], and there is no autoencoder between the mesh
+and the gradient. It knows the azimuth of the first view, which is what keeps a giraffe from growing a
+head on every side.
+
+::
+
+    eps_hat = eps(z_t, nothing) + s (eps(z_t, prompt) - eps(z_t, nothing))
+
+Source: Ho & Salimans 2022, Classifier-free diffusion guidance, eq. 6, in diffusers' convention of s.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from meshdeform.cameras import Cameras
+from meshdeform.errors import ParameterError
+from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_velocity
+from meshdeform.priors.builtin.grammar import parse, tokenise
+from meshdeform.priors.builtin.model import null_tokens
+from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
+
+__all__ = ["BuiltinPrior"]
+
+
+class BuiltinPrior:
+    """The builtin demonstration prior.
+
+    Parameters
+    ----------
+    device : str or torch.device
+        Where the network runs. It computes in float32 everywhere.
+    weights : pathlib.Path
+        A file that `train.py` wrote; the one in the package unless given.
+
+    Raises
+    ------
+    ModelError
+        The weights are missing, unreadable or of another vocabulary.
+    """
+
+    style = STYLE
+    num_timesteps = NUM_TIMESTEPS
+
+    def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS) -> None:
+        network, metadata = read_network(weights)
+        self.device = torch.device(device)
+        self.dtype = torch.float32
+        self._network = network.to(self.device)
+        self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
+        self.identity = {
+            "id": "builtin",
+            "revision": f"{metadata.get('steps', '?')} steps, seed {metadata.get('seed', '?')}",
+            "sha256": file_sha256(weights),
+        }
+
+    @torch.no_grad()
+    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Tensor:
+        """Text vectors (2, E) float32: of nothing, and of the prompt.
+
+        Raises
+        ------
+        PromptError, VocabularyError
+            The prompt is not one of this prior's.
+        ParameterError
+            There is a negative prompt, which this prior was not trained to use.
+        """
+        if negative_prompt.strip():
+            raise ParameterError(
+                "The builtin demonstration prior takes no negative_prompt.",
+                advice="Leave negative_prompt out, or choose a Stable Diffusion model.",
+            )
+        tokens = torch.cat([null_tokens(1), torch.tensor([tokenise(parse(prompt))])])
+        text: Tensor = self._network.text(tokens.to(self.device))
+        return text
+
+    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
+        """Scale a picture (1, 3, 128, 128) from [0, 1] to [-1, 1]; differentiable, and nothing random."""
+        return image * 2.0 - 1.0
+
+    @torch.no_grad()
+    def predict_noise(
+        self, z_t: Tensor, timestep: Tensor, embedding: Tensor, guidance_scale: float, cameras: Cameras
+    ) -> Tensor:
+        """The noise in z_t that the prompt explains, with classifier-free guidance.
+
+        Parameters
+        ----------
+        z_t : (1, 3, 128, 128) float32
+        timestep : (1,) int64
+        embedding : (2, E) float32
+            From `encode_prompt`.
+        guidance_scale : float
+            1 is the conditional prediction alone; 0 the unconditional one.
+        cameras : Cameras
+            The cameras of the four views; only the azimuth is used.
+        """
+        noisy = z_t.detach().to(self.device, self.dtype)
+        both = noisy.expand(2, -1, -1, -1).contiguous(memory_format=torch.channels_last)
+        steps = timestep.to(self.device).expand(2)
+        azimuth = torch.full((2,), cameras.azimuth_deg, device=self.device)
+        v = self._network(both, steps, embedding, azimuth)
+        nothing, prompted = noise_from_velocity(v, both, steps, self.alphas_cumprod).chunk(2)
+        return nothing + guidance_scale * (prompted - nothing)

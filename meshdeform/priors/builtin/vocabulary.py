@@ -1,0 +1,141 @@
+"""The words of the builtin prior: its nouns, what they can be, and other words for the same.
+
+Tables only; `grammar.py` reads prompts with them. The order of nouns, adjectives and parts numbers the tokens, so a
+change here needs weights trained anew (a file of weights names the vocabulary that it belongs to).
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ADJECTIVES",
+    "ADJECTIVE_SYNONYMS",
+    "DEGREE_SYNONYMS",
+    "FILLERS",
+    "LENGTH",
+    "LENGTHWISE",
+    "NOUNS",
+    "NOUN_SYNONYMS",
+    "OPPOSITES",
+    "PARTS",
+    "PART_SYNONYMS",
+    "SIZE",
+    "SIZEWISE",
+]
+
+NOUNS: dict[str, tuple[str, ...]] = {
+    "airplane": ("wings",),
+    "boat": ("sail",),
+    "bottle": ("neck",),
+    "bowl": (),
+    "cactus": ("arms",),
+    "car": (),
+    "carrot": ("leaves",),
+    "cat": ("ears", "head", "tail"),
+    "chair": ("back", "legs"),
+    "dinosaur": ("head", "legs", "neck", "tail"),
+    "dog": ("ears", "head", "legs", "tail"),
+    "duck": ("head", "neck"),
+    "elephant": ("ears", "legs", "trunk"),
+    "fish": ("fins", "tail"),
+    "giraffe": ("head", "legs", "neck"),
+    "goblet": ("stem",),
+    "hat": ("brim",),
+    "heart": (),
+    "horse": ("head", "legs", "neck", "tail"),
+    "house": ("roof",),
+    "lamp": ("shade", "stem"),
+    "mushroom": ("cap", "stem"),
+    "pear": (),
+    "penguin": ("head", "wings"),
+    "rabbit": ("ears", "head"),
+    "rocket": ("fins",),
+    "snowman": ("head", "nose"),
+    "sofa": ("back",),
+    "star": (),
+    "table": ("legs",),
+    "tree": ("trunk", "crown"),
+    "turtle": ("head", "neck"),
+    "vase": ("neck",),
+    "whale": ("tail",),
+}
+"""Every noun and the parts of it that a prompt can size."""
+
+ADJECTIVES: dict[str, str] = {
+    "tall": "stretched upward",
+    "short": "pressed downward",
+    "thin": "slim all round",
+    "fat": "thick all round, most at half height",
+    "wide": "stretched from side to side",
+    "long": "stretched from front to back",
+    "flat": "pressed to a slab",
+    "twisted": "turned about its upright axis",
+    "leaning": "sheared to one side",
+    "bent": "curved to one side",
+    "tapered": "growing thinner toward the top",
+}
+"""The attributes of the whole shape, which work on every noun, and what each does."""
+
+LENGTH, SIZE = ("short", "long"), ("small", "big")
+PARTS: dict[str, tuple[str, str]] = {
+    "arms": LENGTH,
+    "back": LENGTH,
+    "brim": SIZE,
+    "cap": SIZE,
+    "crown": SIZE,
+    "ears": SIZE,
+    "fins": SIZE,
+    "head": SIZE,
+    "leaves": LENGTH,
+    "legs": LENGTH,
+    "neck": LENGTH,
+    "nose": LENGTH,
+    "roof": SIZE,
+    "sail": SIZE,
+    "shade": SIZE,
+    "stem": LENGTH,
+    "tail": LENGTH,
+    "trunk": LENGTH,
+    "wings": SIZE,
+}
+"""Every part and its two degrees: the lesser and the greater."""
+
+NOUN_SYNONYMS = {
+    "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane",
+    "sailboat": "boat", "ship": "boat", "yacht": "boat",
+    "flask": "bottle", "cup": "bowl", "dish": "bowl", "basin": "bowl",
+    "automobile": "car", "kitten": "cat", "kitty": "cat", "seat": "chair",
+    "dino": "dinosaur", "sauropod": "dinosaur", "brontosaurus": "dinosaur", "diplodocus": "dinosaur",
+    "puppy": "dog", "hound": "dog", "bird": "duck", "duckling": "duck",
+    "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "sunhat": "hat", "fedora": "hat",
+    "pony": "horse", "foal": "horse", "home": "house", "hut": "house", "cottage": "house",
+    "toadstool": "mushroom", "bunny": "rabbit", "hare": "rabbit", "spaceship": "rocket", "missile": "rocket",
+    "couch": "sofa", "settee": "sofa", "starfish": "star", "desk": "table", "tortoise": "turtle", "urn": "vase",
+}  # fmt: skip
+ADJECTIVE_SYNONYMS = {
+    "high": "tall", "low": "short", "squat": "short", "stubby": "short",
+    "slim": "thin", "slender": "thin", "skinny": "thin", "narrow": "thin", "lean": "thin",
+    "chubby": "fat", "plump": "fat", "thick": "fat", "stout": "fat", "round": "fat",
+    "broad": "wide", "elongated": "long", "stretched": "long",
+    "flattened": "flat", "squashed": "flat", "spiral": "twisted", "twisting": "twisted",
+    "tilted": "leaning", "slanted": "leaning", "sloping": "leaning",
+    "curved": "bent", "crooked": "bent", "bowed": "bent", "pointed": "tapered", "tapering": "tapered",
+}  # fmt: skip
+DEGREE_SYNONYMS = {
+    "long": "long", "tall": "long", "high": "long",
+    "short": "short", "low": "short", "stubby": "short",
+    "big": "big", "large": "big", "huge": "big", "giant": "big", "wide": "big", "broad": "big",
+    "small": "small", "little": "small", "tiny": "small", "narrow": "small",
+}  # fmt: skip
+PART_SYNONYMS = {
+    "arm": "arms", "branch": "arms", "branches": "arms", "backrest": "back", "top": "cap", "foliage": "crown",
+    "canopy": "crown", "ear": "ears", "fin": "fins", "leaf": "leaves", "leg": "legs", "lampshade": "shade",
+    "wing": "wings", "flippers": "wings", "stalk": "stem", "face": "head",
+}  # fmt: skip
+LENGTHWISE = {"big": "long", "small": "short"}
+SIZEWISE = {"long": "big", "short": "small"}
+FILLERS = frozenset({"a", "an", "the", "and", "with", "has", "having", "that", "its", "very", "of", "some", "one"})
+
+OPPOSITES = tuple(
+    frozenset(words) for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"))
+)
+"""Adjectives that no shape has together."""
