@@ -105,6 +105,14 @@ class DeformParams(_Strict):
         description="Adam's step size on the Jacobians. Paper: 0.0025.",
         examples=[0.0025],
     )
+    translation_rate: float | None = Field(
+        None,
+        ge=0.0,
+        le=100.0,
+        description="How fast each connected part may move as a whole, as a multiple of `learning_rate`. "
+        "Paper: 0 (pinned).",
+        examples=[1.0],
+    )
     guidance_scale: float | None = Field(
         None,
         ge=0.0,
@@ -248,6 +256,7 @@ class ResolvedParams(_Strict):
     steps: int
     seed: int
     learning_rate: float
+    translation_rate: float
     guidance_scale: float
     negative_prompt: str
     timestep_min: float
@@ -267,6 +276,7 @@ class ResolvedParams(_Strict):
 _PAPER: dict[str, Any] = {
     "steps": 5000,
     "learning_rate": 0.0025,
+    "translation_rate": 0.0,
     "guidance_scale": 100.0,
     "timestep_min": 0.02,
     "timestep_max": 0.98,
@@ -289,18 +299,20 @@ _OVERRIDES: dict[tuple[_Family, Preset], dict[str, Any]] = {
     ("builtin", Preset.BALANCED): {
         "steps": 600,
         "learning_rate": 0.01,
+        "translation_rate": 1.0,
         "guidance_scale": 7.5,
         "timestep_max_end": 0.5,
     },
     ("builtin", Preset.PREVIEW): {
         "steps": 300,
         "learning_rate": 0.01,
+        "translation_rate": 1.0,
         "guidance_scale": 7.5,
         "timestep_max_end": 0.5,
     },
     ("sd", Preset.PAPER): {},
-    ("sd", Preset.BALANCED): {"steps": 2000, "learning_rate": 0.005, "timestep_max_end": 0.5},
-    ("sd", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01, "timestep_max_end": 0.5},
+    ("sd", Preset.BALANCED): {"steps": 2000, "learning_rate": 0.005, "translation_rate": 1.0, "timestep_max_end": 0.5},
+    ("sd", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01, "translation_rate": 1.0, "timestep_max_end": 0.5},
     ("target", Preset.PAPER): {},
     ("target", Preset.BALANCED): {"steps": 600, "learning_rate": 0.01},
     ("target", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01},

@@ -1,0 +1,69 @@
+"""Checkpoints: the state of an optimisation as safetensors bytes, bound to the parameters it was made with.
+
+The file holds tensors only (nothing that executes on load), the step, and a fingerprint of everything that the state
+depends on: the parameters, the asset's bytes, the prompt and the model. A checkpoint of another job is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import safetensors.torch
+from safetensors import SafetensorError
+from torch import Tensor
+
+from meshdeform.errors import CheckpointError
+
+__all__ = ["Checkpoint", "dump_checkpoint", "fingerprint", "load_checkpoint"]
+
+_FORMAT = "meshdeform-checkpoint-1"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A state to go on from.
+
+    Attributes
+    ----------
+    step : int
+        How many steps are done.
+    tensors : dict of name to Tensor
+        Jacobians, translations, Adam's moments and the random generator's state.
+    """
+
+    step: int
+    tensors: dict[str, Tensor]
+
+
+def fingerprint(**parts: Any) -> str:
+    """SHA-256 of what a run depends on, as JSON with sorted keys."""
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def dump_checkpoint(checkpoint: Checkpoint, run: str) -> bytes:
+    """Serialise a checkpoint of the run with fingerprint `run`."""
+    metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run}
+    return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
+
+
+def load_checkpoint(data: bytes, run: str) -> Checkpoint:
+    """Read a checkpoint back.
+
+    Raises
+    ------
+    CheckpointError
+        The bytes are torn, or belong to another run.
+    """
+    try:
+        metadata = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
+        tensors = safetensors.torch.load(data)
+        step = int(metadata["step"])
+    except (SafetensorError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
+        raise CheckpointError("The checkpoint is torn or not a checkpoint.") from error
+    if metadata.get("format") != _FORMAT or metadata.get("run") != run:
+        raise CheckpointError("The checkpoint was made with other parameters, another asset or another model.")
+    return Checkpoint(step, tensors)

@@ -1,0 +1,188 @@
+"""The whole optimisation: Jacobians in, deformed vertices out, one generator that yields after every step.
+
+Each step solves for the vertices, draws four orthogonal views, asks the guidance for its gradient, adds the
+regularisers and lets Adam move the Jacobians::
+
+    verts = poisson(J) + t_c          min_v sum_f |f| ||grad_f(v) - J_f||^2 per component c, then its translation
+    image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
+    loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
+
+The Poisson solution is unique up to one translation per connected component. The paper pins it; we optimise it as well
+(`translation_rate`; 0 is the paper), because a head must be able to leave its old place when the neck grows. The
+result is moved back as a whole, so the asset's centre of mass stays where it was.
+
+Sources: Xu et al. 2024, FusionDeformer, eq. 3 to 9; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;
+Gao et al. 2023, TextDeformer, section 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from meshdeform.cameras import CameraRange, sample_orthogonal_cameras
+from meshdeform.checkpoint import Checkpoint
+from meshdeform.config import ResolvedParams
+from meshdeform.errors import CheckpointError, NumericalError
+from meshdeform.guidance.base import Guidance, StepContext
+from meshdeform.jacobians import identity_jacobians
+from meshdeform.mesh import TriangleMesh
+from meshdeform.poisson import PoissonSystem
+from meshdeform.regularizers import Regularizers
+from meshdeform.shading import Renderer, combine_views
+
+__all__ = ["Deformation", "Step"]
+
+_BETAS = (0.9, 0.999)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one optimiser iteration did.
+
+    Attributes
+    ----------
+    step : int
+        How many are done, from 1.
+    losses : dict
+        The weighted terms, their sum `total`, and what the guidance says besides.
+    """
+
+    step: int
+    losses: dict[str, float]
+
+
+class Deformation:
+    """One mesh on its way from rest to the result.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh, float64
+        The welded rest mesh in the frame where the cameras see the unit sphere.
+    guidance : Guidance
+        What pulls.
+    params : ResolvedParams
+    device : str
+        Where views are drawn and the guidance runs. The Jacobians and the solve stay on the CPU in float64.
+    checkpoint : Checkpoint, optional
+        A state of the same mesh and parameters to go on from.
+
+    Raises
+    ------
+    NumericalError
+        The factorisation failed.
+    CheckpointError
+        The checkpoint belongs to another mesh.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        guidance: Guidance,
+        params: ResolvedParams,
+        *,
+        device: str = "cpu",
+        checkpoint: Checkpoint | None = None,
+    ) -> None:
+        self.mesh = mesh
+        self.params = params
+        self.step = 0
+        self._guidance = guidance
+        self._device = device
+        self._poisson = PoissonSystem(mesh)
+        self._regularizers = Regularizers(mesh)
+        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], guidance.style, device)
+        self._cameras = CameraRange(
+            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
+        )
+        self._generator = torch.Generator().manual_seed(params.seed)
+        self._jacobians = identity_jacobians(mesh.faces.shape[0]).requires_grad_()
+        self._translations = torch.zeros(self._poisson.num_components, 3, dtype=torch.float64, requires_grad=True)
+        self._optimizer = torch.optim.Adam(
+            [
+                {"params": [self._jacobians], "lr": params.learning_rate},
+                {"params": [self._translations], "lr": params.learning_rate * params.translation_rate},
+            ],
+            betas=_BETAS,
+        )
+        if checkpoint is not None:
+            self._restore(checkpoint)
+
+    def __iter__(self) -> Iterator[Step]:
+        """Run the steps that are left; stop iterating at any time and `checkpoint` holds the rest.
+
+        Raises
+        ------
+        NumericalError
+            A loss or a gradient is not finite.
+        """
+        while self.step < self.params.steps:
+            losses = self._advance()
+            self.step += 1
+            yield Step(self.step, losses)
+
+    def verts(self) -> Tensor:
+        """Deformed positions (V, 3) float64 in the rest mesh's frame, with the rest mesh's centre of mass."""
+        with torch.no_grad():
+            moved = self._place()
+            return moved + (self._centre(self.mesh.verts) - self._centre(moved))
+
+    def checkpoint(self) -> Checkpoint:
+        """Everything that the rest of the run depends on, copied."""
+        tensors = {"jacobians": self._jacobians, "translations": self._translations}
+        moments = {
+            f"{name}.{key}": value
+            for name, parameter in tensors.items()
+            for key, value in self._optimizer.state.get(parameter, {}).items()
+        }
+        state = {**tensors, **moments, "generator": self._generator.get_state()}
+        return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
+
+    def _advance(self) -> dict[str, float]:
+        p = self.params
+        cameras = sample_orthogonal_cameras(self._cameras, self._generator).to(self._device)
+        verts = self._place()
+        image = combine_views(self._renderer.render(verts.to(self._device), cameras))
+        context = StepContext(self.step, p.steps, cameras, self._generator)
+        guidance, logs = self._guidance.loss(image, context)
+        terms = {
+            "guidance": p.guidance_weight * guidance.double().cpu(),
+            "jacobian": p.jacobian_reg_weight * self._regularizers.jacobian(self._jacobians),
+            "laplacian": p.laplacian_weight * self._regularizers.laplacian(verts),
+            "normal": p.normal_weight * self._regularizers.normal(verts),
+        }
+        total = torch.stack(list(terms.values())).sum()
+        self._optimizer.zero_grad(set_to_none=True)
+        total.backward()  # type: ignore[no-untyped-call]
+        gradient = self._jacobians.grad
+        if not math.isfinite(total.item()) or gradient is None or not bool(torch.isfinite(gradient).all()):
+            raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
+        self._optimizer.step()
+        return {"total": total.item(), **{k: v.item() for k, v in terms.items()}, **logs}
+
+    def _place(self) -> Tensor:
+        return self._poisson.solve(self._jacobians) + self._translations[self._poisson.components]
+
+    def _centre(self, verts: Tensor) -> Tensor:
+        weights = self._poisson.vertex_areas
+        return (weights[:, None] * verts).sum(0) / weights.sum()
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        state = checkpoint.tensors
+        with torch.no_grad():
+            for name, parameter in (("jacobians", self._jacobians), ("translations", self._translations)):
+                stored = state.get(name)
+                if stored is None or stored.shape != parameter.shape:
+                    raise CheckpointError(f"The checkpoint's {name} do not fit this mesh.")
+                parameter.copy_(stored)
+                self._optimizer.state[parameter] = {
+                    key.removeprefix(f"{name}."): value.clone()
+                    for key, value in state.items()
+                    if key.startswith(f"{name}.")
+                }
+        self._generator.set_state(state["generator"])
+        self.step = checkpoint.step
