@@ -1,0 +1,118 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from meshdeform.cameras import fixed_cameras
+from meshdeform.errors import ModelError, ParameterError, VocabularyError
+from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin.diffusion import add_noise
+from meshdeform.priors.builtin.families import member
+from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
+from meshdeform.shading import Renderer, combine_views
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """Random weights of a small network, written as the trainer writes them."""
+    torch.manual_seed(0)
+    config = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
+    state = {
+        name: torch.randn_like(tensor) * 0.2 if not tensor.any() else tensor
+        for name, tensor in PriorNetwork(config).state_dict().items()
+    }
+    path = tmp_path / "prior.safetensors"
+    write_weights(path, state, config, {"steps": "7", "seed": "3"})
+    return path
+
+
+def test_guidance_extrapolates_from_nothing_through_the_prompt(weights: Path) -> None:
+    prior = BuiltinPrior(weights=weights)
+    embedding = prior.encode_prompt("a tall vase")
+    z_t = torch.randn(1, 3, 128, 128, generator=torch.Generator().manual_seed(0))
+    cameras, at = fixed_cameras(20.0, 10.0), torch.tensor([400])
+    nothing, prompted, strong = (prior.predict_noise(z_t, at, embedding, s, cameras) for s in (0.0, 1.0, 7.5))
+    assert strong.shape == z_t.shape
+    assert (prompted - nothing).abs().max() > 1e-5
+    torch.testing.assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
+    other = prior.encode_prompt("a dog")
+    torch.testing.assert_close(prior.predict_noise(z_t, at, other, 0.0, cameras), nothing)
+
+
+def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> None:
+    prior = BuiltinPrior(weights=weights)
+    image = torch.rand(1, 3, 128, 128, requires_grad=True)
+    z0 = prior.encode_image(image, torch.Generator())
+    torch.testing.assert_close(z0, image * 2 - 1)
+    z0.sum().backward()
+    torch.testing.assert_close(image.grad, torch.full_like(image, 2.0))
+    embedding = prior.encode_prompt("a hat")
+    assert not prior.predict_noise(z0, torch.tensor([5]), embedding, 2.0, fixed_cameras(0.0, 0.0)).requires_grad
+
+
+def test_it_says_who_it_is(weights: Path) -> None:
+    prior = BuiltinPrior(weights=weights)
+    assert prior.identity == {"id": "builtin", "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert prior.alphas_cumprod.shape == (prior.num_timesteps,)
+    assert prior.style == STYLE
+    assert prior.dtype == torch.float32
+
+
+def test_prompts_outside_the_vocabulary_and_negative_prompts_are_refused(weights: Path) -> None:
+    prior = BuiltinPrior(weights=weights)
+    with pytest.raises(VocabularyError):
+        prior.encode_prompt("a dragon")
+    with pytest.raises(ParameterError, match="negative_prompt"):
+        prior.encode_prompt("a vase", "blurry")
+
+
+def test_missing_torn_and_foreign_weights_are_model_errors(
+    weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ModelError, match="missing"):
+        BuiltinPrior(weights=tmp_path / "nothing.safetensors")
+    torn = tmp_path / "torn.safetensors"
+    torn.write_bytes(weights.read_bytes()[:5000])
+    with pytest.raises(ModelError, match="cannot be read"):
+        BuiltinPrior(weights=torn)
+    monkeypatch.setattr(weights_file, "VOCABULARY", ("another",))
+    with pytest.raises(ModelError, match="another vocabulary"):
+        BuiltinPrior(weights=weights)
+
+
+@pytest.fixture(scope="module")
+def shipped() -> BuiltinPrior:
+    return BuiltinPrior()
+
+
+def test_the_shipped_weights_are_small() -> None:
+    assert WEIGHTS.stat().st_size < 20e6
+
+
+def test_the_shipped_prior_tells_shapes_apart_and_sides_from_each_other(shipped: BuiltinPrior) -> None:
+    """The noise is explained best by the prompt and the azimuth that are true."""
+    nouns = ["vase", "mushroom", "chair", "giraffe", "airplane", "snowman"]
+    confused = 0
+    for number, noun in enumerate(nouns):
+        shape = member(noun, (), np.random.default_rng(900 + number))
+        renderer = Renderer(torch.from_numpy(shape.faces), len(shape.verts), STYLE)
+        cameras, turned = fixed_cameras(35.0, 15.0), fixed_cameras(215.0, 15.0)
+        z0 = shipped.encode_image(combine_views(renderer.render(torch.from_numpy(shape.verts), cameras)))
+        generator = torch.Generator().manual_seed(number)
+        at = torch.tensor([600])
+        noise = torch.randn(z0.shape, generator=generator)
+        noisy = add_noise(z0, noise, at, shipped.alphas_cumprod)
+
+        def error(prompt: str, seen=cameras, noisy=noisy, noise=noise, at=at) -> float:
+            predicted = shipped.predict_noise(noisy, at, shipped.encode_prompt(prompt), 1.0, seen)
+            return float((predicted - noise).square().mean())
+
+        errors = {other: error(other) for other in nouns}
+        confused += min(errors, key=errors.__getitem__) != noun
+        if noun in ("chair", "giraffe", "airplane"):
+            assert error(noun) < error(noun, turned)
+    assert confused == 0

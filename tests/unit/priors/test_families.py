@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+
+from meshdeform.priors.builtin.families import FAMILIES, Part, member, parts
+from meshdeform.priors.builtin.families.traits import WHOLE
+from meshdeform.priors.builtin.grammar import ADJECTIVES, NOUNS, PARTS, Attribute
+
+
+def _volume(shape: Part) -> float:
+    a, b, c = (shape.verts[shape.faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def _border_edges(shape: Part) -> int:
+    """Directed edges without their opposite: none on a closed, oriented surface."""
+    directed = {(int(a), int(b)) for face in shape.faces for a, b in zip(face, np.roll(face, -1), strict=True)}
+    return sum((b, a) not in directed for a, b in directed)
+
+
+_SOLIDS = {
+    "ellipsoid": (parts.ellipsoid([0, 0, 0], [1.0, 2.0, 0.5], rings=40), 4 / 3 * np.pi, 0.03),
+    "box": (parts.box([1, 2, 3], [1.0, 2.0, 3.0], round_by=0.0), 6.0, 1e-9),
+    # Cube, six slabs, twelve quarter cylinders, eight octants of a ball.
+    "rounded box": (
+        parts.box([0, 0, 0], [1.0, 1.0, 1.0], round_by=0.25, cells=16),
+        0.125 + 0.375 + 3 * np.pi * 0.0625 * 0.5 + 4 / 3 * np.pi * 0.25**3,
+        0.01,
+    ),
+    "capsule": (parts.limb([[0, 0, 0], [0, 0, 2]], [0.5, 0.5], segments=40), np.pi * 0.25 * 2 + np.pi / 6, 0.04),
+    "cylinder": (parts.lathe([(1.0, 0.0), (1.0, 2.0)], segments=60), 2 * np.pi, 0.01),
+    "plate": (parts.extrude([(0, 0), (1, 0), (1, 1), (0, 1)], 0.5, bevel=0.0), 0.5, 0.02),
+}
+
+
+@pytest.mark.parametrize("name", _SOLIDS)
+def test_solids_are_closed_face_outward_and_have_the_volume_of_their_formula(name: str) -> None:
+    solid, volume, tolerance = _SOLIDS[name]
+    assert _border_edges(solid) == 0
+    assert _volume(solid) == pytest.approx(volume, rel=tolerance)
+
+
+def test_mirroring_and_turning_keep_the_orientation() -> None:
+    solid = parts.box([1, 0, 0], [1, 2, 3])
+    assert _volume(parts.mirrored(solid)) == pytest.approx(_volume(solid))
+    assert _volume(parts.turned(solid, 40, "y")) == pytest.approx(_volume(solid))
+    ahead = parts.turned(Part(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), np.int64)), 90, "z")
+    np.testing.assert_allclose(ahead.verts, [[0, 1, 0]], atol=1e-12)
+
+
+def test_every_noun_has_its_family() -> None:
+    assert list(FAMILIES) == list(NOUNS)
+    assert set(WHOLE) == set(ADJECTIVES)
+
+
+@pytest.mark.parametrize("noun", NOUNS)
+def test_members_are_closed_outward_and_fill_the_unit_sphere(noun: str) -> None:
+    for seed in range(3):
+        shape = member(noun, (), np.random.default_rng(seed))
+        assert np.isfinite(shape.verts).all()
+        assert np.linalg.norm(shape.verts, axis=1).max() == pytest.approx(1.0)
+        np.testing.assert_allclose(shape.verts.min(0) + shape.verts.max(0), 0, atol=1e-9)
+        assert _volume(shape) > 0
+        assert len(np.unique(shape.faces)) == len(shape.verts)
+    assert _border_edges(shape) == 0
+
+
+def test_one_seed_gives_one_member_and_seeds_differ() -> None:
+    first, again, other = (member("dog", (), np.random.default_rng(seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.verts, again.verts)
+    assert not np.allclose(first.verts, other.verts)
+
+
+@pytest.mark.parametrize("noun", ["vase", "dog", "lamp", "tree"])
+@pytest.mark.parametrize("word", ADJECTIVES)
+def test_attributes_of_the_whole_do_what_they_say(noun: str, word: str) -> None:
+    plain = member(noun, (), np.random.default_rng(4))
+    shape = member(noun, (Attribute("whole", word),), np.random.default_rng(4))
+    assert _volume(shape) > 0
+    x, y, z = np.ptp(shape.verts, axis=0) / np.ptp(plain.verts, axis=0)
+    # Ratios of extents do not depend on how the shape is scaled to fit.
+    match word:
+        case "tall":
+            assert y / x > 1.35
+            assert y / z > 1.35
+        case "short" | "flat":
+            assert y / x < 0.65
+        case "thin":
+            assert x / y < 0.62
+        case "fat":
+            assert x / y > 1.25
+        case "wide":
+            assert x / y > 1.45
+            assert x / z > 1.45
+        case "long":
+            assert z / x > 1.45
+        case "leaning":
+            assert _slope(shape) - _slope(plain) > 0.3
+        case "bent":
+            assert _slope(shape) - _slope(plain) > 0.3
+        case "tapered":
+            assert _spread(shape, top=True) / _spread(shape, top=False) < 0.8 * (
+                _spread(plain, top=True) / _spread(plain, top=False)
+            )
+        case "twisted":
+            assert np.abs(shape.verts - plain.verts).max() > 0.15
+
+
+def _slope(shape: Part) -> float:
+    """How fast the shape goes sideways as it rises: least squares of x on y."""
+    return float(np.polyfit(shape.verts[:, 1], shape.verts[:, 0], 1)[0])
+
+
+def _spread(shape: Part, *, top: bool) -> float:
+    """Largest distance from the axis within the top or the bottom quarter."""
+    height = (shape.verts[:, 1] - shape.verts[:, 1].min()) / np.ptp(shape.verts[:, 1])
+    quarter = shape.verts[height > 0.75] if top else shape.verts[height < 0.25]
+    return float(np.linalg.norm(quarter[:, [0, 2]], axis=1).max())
+
+
+@pytest.mark.parametrize("noun", [noun for noun, own in NOUNS.items() if own])
+def test_both_degrees_of_a_part_change_the_shape(noun: str) -> None:
+    for part in NOUNS[noun]:
+        low, high = PARTS[part]
+        lesser, greater = (member(noun, (Attribute(part, d),), np.random.default_rng(3)) for d in (low, high))
+        plain = member(noun, (), np.random.default_rng(3))
+        for sized in (lesser, greater):
+            assert sized.verts.shape == plain.verts.shape
+            assert np.linalg.norm(sized.verts - plain.verts, axis=1).max() > 0.05
+        assert np.linalg.norm(lesser.verts - greater.verts, axis=1).max() > 0.1
+
+
+def test_a_long_neck_is_longer_in_proportion() -> None:
+    def proportion(degree: str) -> float:
+        extent = np.ptp(member("giraffe", (Attribute("neck", degree),), np.random.default_rng(0)).verts, axis=0)
+        return float(extent[1] / extent[0])
+
+    assert proportion("long") > 1.5 * proportion("short")

@@ -1,0 +1,142 @@
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshdeform.errors import PromptError, VocabularyError
+from meshdeform.priors.builtin import vocabulary
+from meshdeform.priors.builtin.grammar import (
+    ATTRIBUTES,
+    MAX_ATTRIBUTES,
+    NOUNS,
+    SEQUENCE_LENGTH,
+    VOCABULARY,
+    Attribute,
+    ParsedPrompt,
+    parse,
+    tokenise,
+)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "tokens"),
+    [
+        ("a mushroom", ("mushroom",)),
+        ("Mushrooms", ("mushroom",)),
+        ("an AIRPLANE!", ("airplane",)),
+        ("plane", ("airplane",)),
+        ("the snowmen", ("snowman",)),
+        ("a tall thin vase", ("vase", "tall", "whole", "thin", "whole")),
+        ("a slender, high vase", ("vase", "tall", "whole", "thin", "whole")),
+        ("a vase, tall and thin", ("vase", "tall", "whole", "thin", "whole")),
+        ("a giraffe with a long neck", ("giraffe", "long", "neck")),
+        ("giraffes with very short legs and a long neck", ("giraffe", "short", "legs", "long", "neck")),
+        ("a long-necked dog", None),
+        ("a hat with a wide brim", ("hat", "big", "brim")),
+        ("a table with tall legs", ("table", "long", "legs")),
+        ("an elephant with a long trunk", ("elephant", "long", "trunk")),
+        ("a bunny with huge ears", ("rabbit", "big", "ears")),
+        ("a fat house with a high roof", ("house", "fat", "whole", "big", "roof")),
+    ],
+)
+def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
+    if tokens is None:
+        with pytest.raises(VocabularyError):
+            parse(prompt)
+    else:
+        assert parse(prompt).tokens == tokens
+
+
+def test_unknown_words_are_named_with_suggestions_and_a_way_out() -> None:
+    with pytest.raises(VocabularyError) as caught:
+        parse("a purple girafe")
+    error = caught.value
+    assert error.status == 422
+    assert error.extra["unknown"] == ["purple", "girafe"]
+    assert error.extra["suggestions"] == {"girafe": "giraffe"}
+    assert error.extra["nouns"] == sorted(NOUNS)
+    assert "tall" in error.extra["attributes"]
+    assert "short/long neck" in error.extra["attributes"]
+    assert "'giraffe'" in error.detail
+    assert "Stable Diffusion" in error.advice_text
+    assert "mushroom" in error.advice_text
+
+
+@pytest.mark.parametrize(
+    ("prompt", "says"),
+    [
+        ("a dog and a cat", "dog, cat"),
+        ("tall and thin", "names none"),
+        ("a vase with long ears", "its parts: neck"),
+        ("a bowl with a long neck", "its parts: none"),
+        ("a chair with thick legs", "'short' or 'long'"),
+        ("a chair with legs", "'short' or 'long'"),
+        ("a big dog", "scaled to fit"),
+        ("a tall short vase", "at once"),
+        ("a dog with long legs and short legs", "opposite"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(prompt: str, says: str) -> None:
+    with pytest.raises(VocabularyError, match=says):
+        parse(prompt)
+
+
+@pytest.mark.parametrize("prompt", ["", "  ", "?!"])
+def test_an_empty_prompt_is_its_own_error(prompt: str) -> None:
+    with pytest.raises(PromptError):
+        parse(prompt)
+
+
+def test_too_many_attributes_are_refused() -> None:
+    with pytest.raises(PromptError, match="at most 3"):
+        parse("a tall thin bent twisted vase")
+
+
+@st.composite
+def _parsed(draw: st.DrawFn) -> ParsedPrompt:
+    noun = draw(st.sampled_from(sorted(NOUNS)))
+    able = [attribute for attribute in ATTRIBUTES if attribute.part == "whole" or attribute.part in NOUNS[noun]]
+    chosen = draw(st.lists(st.sampled_from(able), max_size=MAX_ATTRIBUTES, unique_by=lambda a: (a.part, a.degree)))
+    whole = {attribute.degree for attribute in chosen if attribute.part == "whole"}
+    parts = [attribute.part for attribute in chosen if attribute.part != "whole"]
+    if any(pair <= whole for pair in vocabulary.OPPOSITES) or len(parts) != len(set(parts)):
+        chosen = []
+    return ParsedPrompt(noun, tuple(sorted(chosen, key=ATTRIBUTES.index)))
+
+
+@given(_parsed())
+def test_plain_english_of_a_meaning_parses_back_to_it(parsed: ParsedPrompt) -> None:
+    assert parse(str(parsed)) == parsed
+    assert parse(str(parsed).upper()) == parsed
+
+
+@given(_parsed())
+def test_tokens_number_the_vocabulary(parsed: ParsedPrompt) -> None:
+    numbers = tokenise(parsed)
+    assert len(numbers) == SEQUENCE_LENGTH
+    assert tuple(VOCABULARY[number] for number in numbers if number) == parsed.tokens
+
+
+def test_every_synonym_leads_to_a_word_that_is_known() -> None:
+    assert set(vocabulary.NOUN_SYNONYMS.values()) <= set(NOUNS)
+    assert set(vocabulary.ADJECTIVE_SYNONYMS.values()) <= set(vocabulary.ADJECTIVES)
+    assert set(vocabulary.PART_SYNONYMS.values()) <= set(vocabulary.PARTS)
+    assert not set(vocabulary.NOUN_SYNONYMS) & set(NOUNS)
+    assert {part for parts in NOUNS.values() for part in parts} == set(vocabulary.PARTS)
+
+
+def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
+    assert len(NOUNS) >= 24
+    assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) >= 8
+    assert len(VOCABULARY) == len(set(VOCABULARY))
+    assert str(Attribute("neck", "long")) == "long neck"
+
+
+def test_the_grammar_needs_neither_torch_nor_numpy() -> None:
+    code = (
+        "import sys, meshdeform.priors.builtin.grammar;"
+        "sys.exit(any(name in sys.modules for name in ('torch', 'numpy')))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
