@@ -1,0 +1,191 @@
+"""The documentation names everything that exists, and what it shows is true."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+
+import meshdeform.errors
+from meshdeform.config import JobRequest
+from meshdeform.errors import MeshdeformError
+from meshdeform.settings import Settings
+
+ERRORS = sorted(
+    (
+        value
+        for value in vars(meshdeform.errors).values()
+        if isinstance(value, type) and value.__module__ == "meshdeform.errors"
+    ),
+    key=lambda error: error.__name__,
+)
+ERRORS = [error for error in ERRORS if issubclass(error, MeshdeformError)]
+
+
+def sections(path: Path) -> dict[str, str]:
+    """Return the text under each heading of a page, whatever the heading's level."""
+    found: dict[str, str] = {}
+    heading, fenced = "", False
+    for line in path.read_text().splitlines():
+        fenced ^= line.startswith("```")
+        if not fenced and (match := re.fullmatch(r"#+ (.*)", line)):
+            heading = match[1].replace("`", "")
+            found[heading] = ""
+        elif heading:
+            found[heading] += line + "\n"
+    return found
+
+
+def flat(text: str) -> str:
+    """Return the text in one line."""
+    return " ".join(text.split())
+
+
+def snippets(path: Path, language: str) -> list[str]:
+    """Return the fenced blocks of a language, with continued lines joined and comments cut off."""
+    blocks = re.findall(rf"^```{language}\n(.*?)^```", path.read_text(), re.DOTALL | re.MULTILINE)
+    return [re.sub(r"\s*\\\n\s*", " ", block) for block in blocks]
+
+
+def shell_lines(repository: Path) -> list[tuple[str, str]]:
+    """Return every shell line that the README and the docs show, with the page's name."""
+    pages = [repository / "README.md", *sorted((repository / "docs").glob("*.md"))]
+    found = []
+    for page in pages:
+        for block in snippets(page, "(?:sh|bash)"):
+            found += [(page.name, line) for line in block.splitlines() if line and not line.startswith("#")]
+    return found
+
+
+def command(name: str) -> Any:
+    """Return the click command behind `meshdeform name`."""
+    from meshdeform.cli import app
+
+    return typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_every_setting_has_a_section_with_its_default(name: str, repository: Path) -> None:
+    text = sections(repository / "docs/configuration.md")[f"MESHDEFORM_{name.upper()}"]
+    default = Settings.model_fields[name].get_default(call_default_factory=True)
+    assert text.lstrip().startswith("Default: ")
+    if default != "":
+        assert f"Default: `{default}`" in text
+
+
+def test_no_section_documents_a_setting_that_is_gone(repository: Path) -> None:
+    headings = {name for name in sections(repository / "docs/configuration.md") if name.startswith("MESHDEFORM_")}
+    assert headings == {f"MESHDEFORM_{name.upper()}" for name in Settings.model_fields}
+
+
+def test_every_setting_that_any_page_names_exists(repository: Path) -> None:
+    known = {f"MESHDEFORM_{name.upper()}" for name in Settings.model_fields}
+    for page in [repository / "README.md", *(repository / "docs").glob("*.md")]:
+        named = set(re.findall(r"MESHDEFORM_[A-Z_]*[A-Z]", page.read_text()))
+        assert named <= known, page.name
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: error.code)
+def test_every_error_has_a_section_with_its_status_and_advice(error: type[MeshdeformError], repository: Path) -> None:
+    text = flat(sections(repository / "docs/errors.md")[error.code])
+    assert f"Status {error.status}. {flat(error.__doc__ or '')}" in text
+    assert flat(error.advice) in text
+
+
+def test_the_tree_in_the_errors_module_is_the_tree_of_the_classes() -> None:
+    drawn = re.findall(r"(\w+Error) +(\d{3})  (\w+)", meshdeform.errors.__doc__ or "")
+    assert sorted(drawn) == sorted((error.__name__, str(error.status), error.code) for error in ERRORS)
+
+
+def test_error_codes_are_unique() -> None:
+    assert len({error.code for error in ERRORS}) == len(ERRORS)
+
+
+def test_the_parameters_page_is_what_the_models_say(repository: Path) -> None:
+    spec = importlib.util.spec_from_file_location("generate", repository / "docs/generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    assert (repository / "docs/parameters.md").read_text() == generate.page()
+
+
+def test_every_route_has_a_section(repository: Path) -> None:
+    document = json.loads((repository / "openapi/openapi.json").read_text())
+    routes = {f"{method.upper()} {path}" for path, methods in document["paths"].items() for method in methods}
+    documented = {
+        name for name in sections(repository / "docs/http.md") if re.match(r"(GET|POST|PUT|PATCH|DELETE) /", name)
+    }
+    assert documented == routes
+
+
+def test_every_command_and_flag_is_documented(repository: Path) -> None:
+    from meshdeform.cli import app
+
+    documented = sections(repository / "docs/cli.md")
+    for name, found in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+        text = documented[f"meshdeform {name}"]
+        flags = {option for parameter in found.params for option in parameter.opts if option.startswith("--")}
+        assert {flag for flag in flags - {"--help"} if f"`{flag}" not in text} == set(), name
+
+
+def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:
+    shown = re.findall(r"request='?(\{.*?\})'(?=[\s;])", "\n".join(line for _, line in shell_lines(repository)))
+    assert shown
+    for text in shown:
+        JobRequest.model_validate_json(text)
+    for block in snippets(repository / "docs/parameters.md", "json"):
+        JobRequest.model_validate_json(block)
+
+
+def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:
+    """Commands and flags exist, routes exist, scripts and files exist, extras exist."""
+    extras = set(tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"])
+    routes = json.loads((repository / "openapi/openapi.json").read_text())["paths"]
+    patterns = [re.compile(re.sub(r"\{\w+\}", "[^/?]+", path)) for path in routes]
+    lines = shell_lines(repository)
+    assert len(lines) > 10
+    for page, line in lines:
+        words = shlex.split(line, comments=True)
+        for extra in re.findall(r"meshdeform\[([\w,]+)\]|\"\.\[([\w,]+)\]", line):
+            assert set("".join(extra).split(",")) <= extras, (page, line)
+        for url in re.findall(r"https?://127\.0\.0\.1:8000(/[^\s\"'?]*)", line):
+            path = re.sub(r"\$\{?\w+\}?", "X", url)
+            assert path == "/docs" or any(pattern.fullmatch(path) for pattern in patterns), (page, line)
+        for word in words:
+            if word.startswith(("scripts/", "examples/", "docker/")) and not word.endswith("*"):
+                assert (repository / word).exists(), (page, line)
+        if "meshdeform" in words:
+            first = words.index("meshdeform")
+            name, flags = words[first + 1], [word for word in words[first + 2 :] if word.startswith("-")]
+            known = {
+                option for parameter in command(name).params for option in [*parameter.opts, *parameter.secondary_opts]
+            }
+            assert set(flags) <= known | {"--help"}, (page, line)
+
+
+def test_every_python_snippet_compiles_and_names_things_that_exist(repository: Path) -> None:
+    blocks = snippets(repository / "README.md", "python")
+    assert blocks
+    for block in blocks:
+        compile(block, "README.md", "exec")
+        imports = [line for line in block.splitlines() if line.startswith(("from ", "import "))]
+        subprocess.run([sys.executable, "-c", "\n".join(imports)], check=True, cwd=repository)
+
+
+@pytest.mark.parametrize("page", ["README.md", "CHANGELOG.md", "docs"])
+def test_links_inside_the_repository_lead_somewhere(page: str, repository: Path) -> None:
+    path = repository / page
+    for file in [path] if path.is_file() else sorted(path.glob("*.md")):
+        for link in re.findall(r"\]\(([^)#\s]+)", file.read_text()):
+            if "://" not in link:
+                assert (file.parent / link).exists(), (file.name, link)
