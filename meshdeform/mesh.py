@@ -1,26 +1,91 @@
-"""Triangle meshes: edges and their neighbourhood."""
+"""Triangle meshes: positions, faces, edges, areas, normals and connected components."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from scipy import sparse
+from scipy.sparse import csgraph
 from torch import Tensor
 
-__all__ = ["MeshEdges", "edges_of"]
+from meshdeform.errors import ShapeError
+
+__all__ = ["MeshEdges", "TriangleMesh", "connected_components", "edges_of", "face_areas", "face_normals"]
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """Vertices and triangles.
+
+    Attributes
+    ----------
+    verts : (V, 3) float64 Tensor on the CPU
+    faces : (F, 3) int64 Tensor on the CPU, counter-clockwise from outside
+
+    Raises
+    ------
+    ShapeError
+        A shape or dtype is wrong, or a face names a vertex that is not there.
+    """
+
+    verts: Tensor
+    faces: Tensor
+
+    def __post_init__(self) -> None:
+        if self.verts.ndim != 2 or self.verts.shape[1] != 3 or self.verts.dtype != torch.float64:
+            raise ShapeError(f"expected verts (V, 3) float64, got {tuple(self.verts.shape)} {self.verts.dtype}")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3 or self.faces.dtype != torch.int64:
+            raise ShapeError(f"expected faces (F, 3) int64, got {tuple(self.faces.shape)} {self.faces.dtype}")
+        if self.faces.numel() and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < self.verts.shape[0]):
+            raise ShapeError("a face names a vertex that is not there")
 
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """Unique edges with their first two faces and those faces' opposite vertices (-1 where there is none)."""
+    """Unique edges with their first two faces.
+
+    Attributes
+    ----------
+    edges : (E, 2) int64
+        End points, the smaller index first.
+    faces : (E, 2) int64
+        First and second face at the edge; -1 where there is no second one (open borders). Further faces of a
+        non-manifold edge are not listed.
+    opposite : (E, 2) int64
+        Those faces' third vertices, -1 likewise.
+    counts : (E,) int64
+        How many faces meet there: 1 at borders, more than 2 where the mesh is not manifold.
+    """
 
     edges: Tensor
     faces: Tensor
     opposite: Tensor
+    counts: Tensor
+
+
+def face_cross(verts: Tensor, faces: Tensor) -> Tensor:
+    """Cross product of two edges per face, (F, 3): along the normal, as long as twice the area."""
+    a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
+    return torch.linalg.cross(b - a, c - a)
+
+
+def face_areas(verts: Tensor, faces: Tensor) -> Tensor:
+    """Areas (F,) in squared object units."""
+    return 0.5 * face_cross(verts, faces).norm(dim=1)
+
+
+def face_normals(verts: Tensor, faces: Tensor) -> Tensor:
+    """Unit normals (F, 3); zero where a face has no area, with a finite gradient there."""
+    return torch.nn.functional.normalize(face_cross(verts, faces), dim=1, eps=1e-30)
 
 
 def edges_of(faces: Tensor) -> MeshEdges:
-    """Find the unique edges of (F, 3) int64 faces."""
+    """Find the unique edges of `faces` (F, 3) int64, in ascending order of their end points."""
+    if not faces.numel():
+        none = torch.zeros(0, 2, dtype=torch.int64)
+        return MeshEdges(none, none, none, none[:, 0])
     start, stop = faces[:, [1, 2, 0]].reshape(-1), faces[:, [2, 0, 1]].reshape(-1)
     opposite = faces.reshape(-1)
     owner = torch.arange(faces.shape[0]).repeat_interleave(3)
@@ -31,10 +96,19 @@ def edges_of(faces: Tensor) -> MeshEdges:
     first = counts.cumsum(0) - counts
     second = (first + 1).clamp_max(order.numel() - 1)
     pair = torch.stack([order[first], torch.where(counts > 1, order[second], -1)], 1)
-    take = pair.clamp_min(0)
-    missing = pair < 0
+    missing, take = pair < 0, pair.clamp_min(0)
     return MeshEdges(
-        torch.stack([key // n, key % n], 1),
+        torch.stack([torch.div(key, n, rounding_mode="floor"), key % n], 1),
         torch.where(missing, -1, owner[take]),
         torch.where(missing, -1, opposite[take]),
+        counts,
     )
+
+
+def connected_components(faces: Tensor, n_verts: int) -> Tensor:
+    """Component label (V,) int64 of every vertex; a vertex that no face uses is a component of its own."""
+    f = faces.numpy()
+    rows, cols = np.concatenate([f[:, 0], f[:, 1]]), np.concatenate([f[:, 1], f[:, 2]])
+    graph = sparse.coo_matrix((np.ones(len(rows), np.int8), (rows, cols)), shape=(n_verts, n_verts))
+    _, labels = csgraph.connected_components(graph, directed=False)
+    return torch.from_numpy(labels.astype(np.int64))
