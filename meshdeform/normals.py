@@ -1,0 +1,81 @@
+"""Normals and tangents of the result: each corner's own vector, carried by its face's Jacobian.
+
+Recomputing normals would lose hard edges, custom normals and everything that an artist baked into them. Instead the
+source's normal n at a vertex becomes the direction of ``sum_f |f| cof(J_f) n`` over the faces f around it, with
+cof(J) = det(J) J^-T, the map of oriented area elements. Tangents follow J itself and are made perpendicular to the new normal.
+
+Source: Turkowski 1990, Properties of Surface-Normal Transformations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+__all__ = ["transform_normals", "transform_tangents"]
+
+_Floats = NDArray[np.float64]
+
+
+def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
+    """Carry the source's normals to the deformed surface.
+
+    Parameters
+    ----------
+    normals : (N, 3) float64
+        Unit normals of the source vertices; NaN rows (no normal) stay NaN.
+    triangles : (F, 3) int64
+        Source vertices of the faces that have a Jacobian.
+    jacobians : (F, 3, 3) float64
+        Completed Jacobians.
+    areas : (F,) float64
+        Weights.
+
+    Returns
+    -------
+    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal.
+    """
+    a, b, c = jacobians.unbind(1)
+    cofactors = torch.stack([torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)], 1)
+    return _carried(normals, triangles, cofactors, areas)
+
+
+def transform_tangents(
+    tangents: _Floats, normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor
+) -> _Floats:
+    """Carry the source's tangents to the deformed surface, perpendicular to its normals.
+
+    Parameters
+    ----------
+    tangents : (N, 4) float64
+        Unit tangents and handedness; NaN rows stay NaN.
+    normals : (N, 3) float64
+        The *deformed* normals.
+    triangles, jacobians, areas
+        As for `transform_normals`.
+
+    Returns
+    -------
+    (N, 4) float64; the handedness is the source's.
+    """
+    moved = _carried(tangents[:, :3], triangles, jacobians, areas)
+    flat = moved - (moved * normals).sum(1, keepdims=True) * normals
+    length = np.linalg.norm(flat, axis=1, keepdims=True)
+    usable = length[:, 0] > 1e-12
+    direction = np.where(usable[:, None], flat / np.where(length > 1e-12, length, 1.0), moved)
+    direction = np.where(np.isnan(normals), moved, direction)
+    return np.concatenate([direction, tangents[:, 3:]], 1)
+
+
+def _carried(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:
+    weighted = (maps * areas[:, None, None]).numpy().reshape(-1, 9)
+    total = np.zeros((len(vectors), 9))
+    for corner in range(3):
+        np.add.at(total, triangles[:, corner], weighted)
+    moved = np.einsum("nij,nj->ni", total.reshape(-1, 3, 3), vectors)
+    length = np.linalg.norm(moved, axis=1, keepdims=True)
+    scale = np.linalg.norm(total, axis=1, keepdims=True)
+    usable = length > 1e-9 * np.maximum(scale, 1e-300)
+    return np.where(usable, moved / np.where(usable, length, 1.0), vectors)
