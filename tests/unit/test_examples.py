@@ -1,0 +1,54 @@
+"""The assets under examples/ are what examples/generate.py makes, and closed surfaces once they are welded."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from meshdeform.gltf import load_asset
+from meshdeform.weld import weld
+
+NAMES = ["capsule", "cube", "sphere", "vase"]
+
+
+@pytest.fixture(scope="module")
+def generate(repository: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("generate_examples", repository / "examples/generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclass looks there
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_example_is_generated(generate: ModuleType, repository: Path) -> None:
+    assert sorted(generate.EXAMPLES) == NAMES
+    assert sorted(path.stem for path in (repository / "examples").glob("*.glb")) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_what_the_script_makes(name: str, generate: ModuleType, repository: Path) -> None:
+    # Not the bytes: sines differ in the last place from one processor to the next.
+    held = load_asset((repository / f"examples/{name}.glb").read_bytes()).surface
+    made = load_asset(generate.glb(name)).surface
+    np.testing.assert_array_equal(held.triangles, made.triangles)
+    np.testing.assert_allclose(held.positions, made.positions, atol=1e-6)
+    np.testing.assert_allclose(held.normals, made.normals, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_one_closed_surface_that_faces_outwards(name: str, repository: Path) -> None:
+    surface = load_asset((repository / f"examples/{name}.glb").read_bytes()).surface
+    welded = weld(surface.positions, surface.triangles)
+    assert set(welded.skipped.values()) == {0}
+    corners = surface.positions[surface.triangles]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.einsum("ij,ij->", corners[:, 0], cross) > 0
+    assert (np.einsum("ij,ikj->ik", cross, surface.normals[surface.triangles]) > 0).all()
+    assert len(welded.mesh.verts) < len(surface.positions)
