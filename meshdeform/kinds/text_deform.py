@@ -1,0 +1,232 @@
+"""The kind `text_deform`: an asset and a prompt (or a target mesh) in, the same asset with a new shape out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.checkpoint import dump_checkpoint, fingerprint, load_checkpoint
+from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.deform import Deformation
+from meshdeform.errors import ParameterError, PromptError
+from meshdeform.gltf import Asset, Limits, load_asset
+from meshdeform.guidance.base import Guidance
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.jacobians import completed_jacobians
+from meshdeform.kinds.base import ArtifactData, StepReport
+from meshdeform.kinds.text_report import RunFacts, build_report
+from meshdeform.mesh import TriangleMesh
+from meshdeform.normals import transform_normals, transform_tangents
+from meshdeform.operators import effective_face_areas
+from meshdeform.preview import preview_png
+from meshdeform.priors.base import Prior
+from meshdeform.report import LossHistory, PhaseClock, sha256_hex
+from meshdeform.weld import WeldedMesh, weld
+
+__all__ = ["TextDeformRun", "start"]
+
+_FRAME_RADIUS = 0.6
+"""Radius of the source in the frame where the cameras see the unit sphere: room to grow into."""
+
+_GLB = "model/gltf-binary"
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The similarity between the world and the frame of the cameras."""
+
+    centre: Tensor
+    scale: float
+
+    @classmethod
+    def around(cls, verts: Tensor) -> _Frame:
+        centre = (verts.amin(0) + verts.amax(0)) / 2
+        return cls(centre, _FRAME_RADIUS / float((verts - centre).norm(dim=1).max()))
+
+    def enter(self, verts: Tensor) -> Tensor:
+        return (verts - self.centre) * self.scale
+
+    def leave(self, verts: Tensor) -> Tensor:
+        return verts / self.scale + self.centre
+
+
+def start(
+    *,
+    asset: bytes,
+    filename: str,
+    request: JobRequest,
+    prior: Prior | None = None,
+    target: bytes | None = None,
+    target_filename: str = "",
+    checkpoint: bytes | None = None,
+    default_model: str = BUILTIN_MODEL,
+    limits: Limits | None = None,
+    device: str = "cpu",
+) -> TextDeformRun:
+    """Read the asset and get ready to run.
+
+    Parameters
+    ----------
+    asset, target : bytes
+        A GLB, OBJ, PLY or STL; `target` is what `params.guidance = target` needs.
+    filename, target_filename : str
+    request : JobRequest
+    prior : Prior, optional
+        What `params.guidance = sds` needs, loaded by the caller so that it can be kept between jobs.
+    checkpoint : bytes, optional
+        A checkpoint of the same request to go on from.
+    default_model : str
+        The model where the request names none.
+    limits : Limits, optional
+    device : str
+        Where views are drawn and the prior runs.
+
+    Raises
+    ------
+    AssetError, RequestError, ModelError, NumericalError, CheckpointError
+        What is wrong and what to do about it.
+    """
+    clock = PhaseClock()
+    params = resolve(request.params, default_model=default_model)
+    with clock.phase("read"):
+        loaded = load_asset(asset, filename, limits)
+        surface = loaded.surface
+        welded = weld(surface.positions, surface.triangles)
+    frame = _Frame.around(welded.mesh.verts)
+    mesh = TriangleMesh(frame.enter(welded.mesh.verts), welded.mesh.faces)
+    with clock.phase("prepare"):
+        guidance = _guidance(request, params, prior, target, target_filename, limits, device)
+        run = fingerprint(
+            params=params.model_dump(mode="json"),
+            prompt=request.prompt,
+            asset=sha256_hex(asset),
+            guidance=guidance.identity,
+        )
+        state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
+        deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state)
+    facts = RunFacts(request, params, sha256_hex(asset), len(asset), filename, guidance.identity, run, device)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock)
+
+
+def _guidance(
+    request: JobRequest,
+    params: ResolvedParams,
+    prior: Prior | None,
+    target: bytes | None,
+    target_filename: str,
+    limits: Limits | None,
+    device: str,
+) -> Guidance:
+    if params.guidance is GuidanceKind.TARGET:
+        if target is None:
+            raise ParameterError(
+                "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
+            )
+        shape = load_asset(target, target_filename, limits).surface
+        goal = weld(shape.positions, shape.triangles).mesh
+        goal = TriangleMesh(_Frame.around(goal.verts).enter(goal.verts), goal.faces)
+        return TargetGuidance(goal, device=device, identity={"sha256": sha256_hex(target)})
+    if not request.prompt:
+        raise PromptError("The prompt is empty.")
+    if prior is None:
+        raise ParameterError("params.guidance is `sds`, which needs a prior.")
+    return ScoreDistillation(
+        prior,
+        request.prompt,
+        negative_prompt=params.negative_prompt,
+        guidance_scale=params.guidance_scale,
+        timestep_min=params.timestep_min,
+        timestep_max=params.timestep_max,
+        timestep_max_end=params.timestep_max_end,
+    )
+
+
+class TextDeformRun:
+    """A run in progress; made by `start`. Implements `meshdeform.kinds.base.JobRun`."""
+
+    def __init__(
+        self,
+        asset: Asset,
+        welded: WeldedMesh,
+        frame: _Frame,
+        deformation: Deformation,
+        facts: RunFacts,
+        clock: PhaseClock,
+    ) -> None:
+        self._asset = asset
+        self._welded = welded
+        self._frame = frame
+        self._deformation = deformation
+        self._facts = facts
+        self._clock = clock
+        self._history = LossHistory()
+        self._first_step = deformation.step
+        self.total_steps = facts.params.steps
+
+    @property
+    def step(self) -> int:
+        """Steps done."""
+        return self._deformation.step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the steps that are left."""
+        start = time.perf_counter()
+        for step in self._deformation:
+            self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
+            self._history.add(step.step, step.losses)
+            yield StepReport(step.step, self.total_steps, "optimizing", step.losses)
+            start = time.perf_counter()
+
+    def checkpoint(self) -> bytes:
+        """Everything that the rest of the run depends on; valid between two steps."""
+        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint)
+
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (N, 3) float64 of the asset's own vertices as they stand now, in the world."""
+        return self._welded.scatter(self._world_verts(), self._asset.surface.positions)
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Write `result.glb`, `report.json`, `preview.png`, and `morph.glb` where it was asked for.
+
+        Raises
+        ------
+        NumericalError
+            The result is not finite.
+        """
+        surface, rest = self._asset.surface, self._welded.mesh
+        verts = self._world_verts()
+        with self._clock.phase("write"):
+            positions = self._welded.scatter(verts, surface.positions)
+            jacobians = completed_jacobians(rest.verts, verts, rest.faces)
+            areas = torch.from_numpy(effective_face_areas(rest))
+            triangles = surface.triangles[self._welded.face_source]
+            normals = transform_normals(surface.normals, triangles, jacobians, areas)
+            tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
+            result = self._asset.replace(positions, normals, tangents)
+            artifacts = {"result.glb": ArtifactData(result, _GLB)}
+            if self._facts.request.output.morph:
+                morph = self._asset.replace(positions, normals, tangents, morph=True)
+                artifacts["morph.glb"] = ArtifactData(morph, _GLB)
+            artifacts["preview.png"] = ArtifactData(preview_png(rest.verts, verts, rest.faces), "image/png")
+        report = build_report(
+            self._facts,
+            asset=self._asset,
+            welded=self._welded,
+            verts=verts,
+            result=result,
+            history=self._history,
+            first_step=self._first_step,
+            clock=self._clock,
+        )
+        artifacts["report.json"] = ArtifactData(report, "application/json")
+        return artifacts
+
+    def _world_verts(self) -> Tensor:
+        return self._frame.leave(self._deformation.verts())
