@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -104,6 +107,22 @@ def postgres_url(postgres_port: int, request: pytest.FixtureRequest) -> Iterator
     with engine.connect() as connection:
         connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
     engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def validate_glb(repository: Path) -> Callable[[bytes], dict[str, Any]]:
+    """The Khronos glTF validator: GLB bytes to its report, `report["issues"]["messages"]` and the rest."""
+    node, script = shutil.which("node"), repository / "tests/node/validate.cjs"
+    if node is None:
+        pytest.skip("Node.js is not installed (apt install nodejs npm, then scripts/test)")
+    if not (script.parent / "node_modules/gltf-validator").is_dir():
+        pytest.skip("the glTF validator is not installed (npm install --prefix tests/node)")
+
+    def validate(glb: bytes) -> dict[str, Any]:
+        done = subprocess.run([node, str(script)], input=glb, capture_output=True, check=True, timeout=120)
+        return dict(json.loads(done.stdout))
+
+    return validate
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

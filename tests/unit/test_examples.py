@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,3 +54,11 @@ def test_an_example_is_one_closed_surface_that_faces_outwards(name: str, reposit
     assert np.einsum("ij,ij->", corners[:, 0], cross) > 0
     assert (np.einsum("ij,ikj->ik", cross, surface.normals[surface.triangles]) > 0).all()
     assert len(welded.mesh.verts) < len(surface.positions)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_valid_gltf(name: str, repository: Path, validate_glb: Callable[[bytes], dict[str, Any]]) -> None:
+    report = validate_glb((repository / f"examples/{name}.glb").read_bytes())
+    # The UVs wait for the user's texture.
+    assert {message["code"] for message in report["issues"]["messages"]} <= {"UNUSED_OBJECT"}
+    assert report["issues"]["numErrors"] == 0
