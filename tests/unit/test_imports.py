@@ -26,16 +26,18 @@ TORCH_FREE = [
     "meshdeform.stack",
     "meshdeform.redis_server",
     "meshdeform.gltf",
-    "meshdeform.kinds",
+    "meshdeform.kinds.*",
+    "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
     "worker.supervisor",
 ]
 
-# Imports a module with everything below it, then tells what else came along.
+# Imports a module with everything below it (`name.*`: the package alone), then tells what else came along.
 _PROBE = """
 import importlib, json, pkgutil, sys
-module = importlib.import_module(sys.argv[1])
-for info in pkgutil.walk_packages(getattr(module, "__path__", []), module.__name__ + "."):
+name, alone, _ = sys.argv[1].partition(".*")
+module = importlib.import_module(name)
+for info in [] if alone else pkgutil.walk_packages(getattr(module, "__path__", []), module.__name__ + "."):
     if not info.name.endswith("__main__"):
         importlib.import_module(info.name)
 print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
