@@ -1,6 +1,6 @@
 """The network of the builtin prior: a small convolutional U-Net that reads the prompt and the azimuth.
 
-It predicts v = sqrt(abar) eps - sqrt(1 - abar) x0 of a 128 x 128 picture: a 2 x 2 grid of four views, azimuth
+It predicts the clean picture behind a noisy one, 128 x 128 pixels: a 2 x 2 grid of four views, azimuth
 a + {0, 90, 180, 270} degrees, 64 pixels each, three channels of camera-space normals in [-1, 1]. A strided stem
 takes the picture to 32 x 32 at once and a pixel shuffle brings it back, so a forward pass is cheap on one core.
 
@@ -138,7 +138,7 @@ class AttentionBlock(nn.Module):
 
 
 class PriorNetwork(nn.Module):
-    """v-prediction of a noisy 2 x 2 grid of views."""
+    """The clean 2 x 2 grid of views behind a noisy one."""
 
     def __init__(self, config: ModelConfig | None = None) -> None:
         super().__init__()
@@ -164,7 +164,7 @@ class PriorNetwork(nn.Module):
         nn.init.zeros_(self.out.weight)
 
     def forward(self, x: Tensor, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:
-        """Predict v.
+        """Predict x0.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from meshdeform.cameras import Cameras
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_velocity
+from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.grammar import parse, tokenise
 from meshdeform.priors.builtin.model import null_tokens
 from meshdeform.priors.builtin.style import STYLE
@@ -105,6 +105,6 @@ class BuiltinPrior:
         both = noisy.expand(2, -1, -1, -1).contiguous(memory_format=torch.channels_last)
         steps = timestep.to(self.device).expand(2)
         azimuth = torch.full((2,), cameras.azimuth_deg, device=self.device)
-        v = self._network(both, steps, embedding, azimuth)
-        nothing, prompted = noise_from_velocity(v, both, steps, self.alphas_cumprod).chunk(2)
+        clean = self._network(both, steps, embedding, azimuth)
+        nothing, prompted = noise_from_clean(clean, both, steps, self.alphas_cumprod).chunk(2)
         return nothing + guidance_scale * (prompted - nothing)

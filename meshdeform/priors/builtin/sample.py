@@ -20,9 +20,8 @@ from torch import Tensor
 
 from meshdeform.priors.builtin.diffusion import (
     NUM_TIMESTEPS,
-    clean_from_velocity,
     cosine_alphas_cumprod,
-    noise_from_velocity,
+    noise_from_clean,
 )
 from meshdeform.priors.builtin.grammar import NOUNS, parse, tokenise
 from meshdeform.priors.builtin.model import IMAGE_SIZE, PriorNetwork, null_tokens
@@ -64,12 +63,10 @@ def sample(
     schedule = torch.linspace(NUM_TIMESTEPS - 1, 0, steps + 1).long()
     for now, following in itertools.pairwise(schedule):
         both = torch.cat([x, x]).contiguous(memory_format=torch.channels_last)
-        v = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2))
-        prompted, nothing = v.chunk(2)
-        guided = nothing + guidance_scale * (prompted - nothing)
-        at = now.expand(count)
-        clean = clean_from_velocity(guided, x, at, levels).clamp(-1.0, 1.0)
-        noise = noise_from_velocity(guided, x, at, levels)
+        prompted, nothing = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2)).chunk(2)
+        # Guidance of x0 is guidance of eps: both are affine in it.
+        clean = (nothing + guidance_scale * (prompted - nothing)).clamp(-1.0, 1.0)
+        noise = noise_from_clean(clean, x, now.expand(count), levels)
         x = levels[following].sqrt() * clean + (1.0 - levels[following]).sqrt() * noise
     return (x.clamp(-1.0, 1.0) + 1.0) / 2.0
 

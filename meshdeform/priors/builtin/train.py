@@ -1,12 +1,12 @@
 """Train the builtin prior from nothing: `python -m meshdeform.priors.builtin.train`.
 
-Data: members of the families, drawn by `dataset.py` from `--seed`. Loss: mean squared error of v,
-timesteps uniform (stratified within a batch), the prompt dropped with probability 0.12. AdamW, one
-cycle of the learning rate, gradients clipped to norm 1, an exponential moving average of the weights.
+Data: members of the families, drawn by `dataset.py` from `--seed`. Loss: squared error of the clean picture,
+weighted as `diffusion.py` says, timesteps uniform (stratified within a batch), the prompt dropped with probability
+0.12. AdamW, one cycle of the learning rate, gradients clipped to norm 1, an exponential moving average of the weights.
 The average is what is written and what ships. `--steps` fixes the run; `--minutes` times the first steps
 and then fixes it. A run that was stopped goes on from `--state`.
 
-Sources: Salimans & Ho 2022 (v-prediction); Ho & Salimans 2022 (prompt dropout); Loshchilov & Hutter 2019
+Sources: Ho & Salimans 2022 (prompt dropout); Loshchilov & Hutter 2019
 (AdamW); Smith & Topin 2019 (one cycle); Kingma et al. 2021, appendix I (stratified timesteps).
 """
 
@@ -21,10 +21,9 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from meshdeform.priors.builtin.dataset import PictureSet
-from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, velocity
+from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.model import PriorNetwork
 from meshdeform.priors.builtin.weights_file import WEIGHTS, write_weights
 
@@ -65,7 +64,7 @@ class Trainer:
         self.step_number, self.total_steps = 0, 0
 
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Noisy pictures, timesteps, tokens, azimuths, and the v to predict; every draw from the one generator."""
+        """Noisy pictures, timesteps, tokens, azimuths and clean pictures; every draw from the one generator."""
         size, draw = self.config.batch, self.generator
         rows = torch.randint(len(self.data), (size,), generator=draw)
         clean = self.data.images[rows].to(self.device).float() / 127.5 - 1.0
@@ -75,8 +74,7 @@ class Trainer:
         timestep = (share * NUM_TIMESTEPS).long().to(self.device)
         noise = torch.randn(clean.shape, generator=draw).to(self.device)
         noisy = add_noise(clean, noise, timestep, self.alphas_cumprod).contiguous(memory_format=torch.channels_last)
-        target = velocity(clean, noise, timestep, self.alphas_cumprod)
-        return noisy, timestep, tokens.to(self.device), self.data.azimuth_deg[rows].to(self.device), target
+        return noisy, timestep, tokens.to(self.device), self.data.azimuth_deg[rows].to(self.device), clean
 
     def learning_rate(self) -> float:
         """One cycle: a linear rise over the warm-up, then half a cosine to zero."""
@@ -92,12 +90,13 @@ class Trainer:
         """Learn from one batch; returns its loss."""
         for group in self.optimiser.param_groups:
             group["lr"] = self.learning_rate()
-        noisy, timestep, tokens, azimuth_deg, target = self.batch()
+        noisy, timestep, tokens, azimuth_deg, clean = self.batch()
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bf16"):
             predicted = self.network(noisy, timestep, self.network.text(tokens), azimuth_deg)
-        loss = functional.mse_loss(predicted.float(), target)
+        weight = loss_weight(timestep, self.alphas_cumprod)
+        loss = (weight * (predicted.float() - clean).square()).mean()
         self.optimiser.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip_norm)
         self.optimiser.step()
         self.step_number += 1

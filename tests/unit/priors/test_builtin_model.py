@@ -4,10 +4,9 @@ import torch
 from meshdeform.priors.builtin.diffusion import (
     NUM_TIMESTEPS,
     add_noise,
-    clean_from_velocity,
     cosine_alphas_cumprod,
-    noise_from_velocity,
-    velocity,
+    loss_weight,
+    noise_from_clean,
 )
 from meshdeform.priors.builtin.grammar import parse, tokenise
 from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork, null_tokens
@@ -40,15 +39,23 @@ def test_the_schedule_falls_from_signal_to_noise() -> None:
     assert levels[NUM_TIMESTEPS // 2] == pytest.approx(0.5, abs=0.02)
 
 
-def test_velocity_noise_and_picture_are_one_algebra() -> None:
+def test_the_noise_that_was_added_comes_back_from_the_clean_picture() -> None:
     generator = torch.Generator().manual_seed(0)
     clean, noise = torch.randn(2, 5, 3, 4, 4, generator=generator, dtype=torch.float64).unbind(0)
     levels = cosine_alphas_cumprod().double()
     at = torch.tensor([0, 20, 500, 980, 999])
     noisy = add_noise(clean, noise, at, levels)
-    v = velocity(clean, noise, at, levels)
-    torch.testing.assert_close(noise_from_velocity(v, noisy, at, levels), noise)
-    torch.testing.assert_close(clean_from_velocity(v, noisy, at, levels), clean)
+    torch.testing.assert_close(noise_from_clean(clean, noisy, at, levels), noise)
+    # Unit variance stays unit variance.
+    assert (levels.sqrt()[at] ** 2 + (1 - levels[at])).allclose(torch.ones(5, dtype=torch.float64))
+
+
+def test_the_loss_is_that_of_velocity_up_to_its_bound() -> None:
+    levels = cosine_alphas_cumprod()
+    weight = loss_weight(torch.arange(NUM_TIMESTEPS), levels).flatten()
+    noisy_enough = levels < 0.8
+    torch.testing.assert_close(weight[noisy_enough], levels[noisy_enough] / (1 - levels[noisy_enough]) + 1)
+    assert (weight[~noisy_enough] == 5).all()
 
 
 def test_a_prediction_has_the_picture_s_shape_and_starts_at_zero() -> None:
