@@ -14,7 +14,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-OURS = {"meshdeform", "service", "worker"}
 # File-level copyleft (MPL) asks nothing of the files beside it and is accepted; these ask it of the whole work.
 # A GCC exception takes that demand back for the run-time libraries that compiled wheels carry.
 COPYLEFT = re.compile(r"\b[AL]?GPL|General Public|\bSSPL|CC-BY-(NC|SA)|non-?commercial", re.IGNORECASE)
@@ -61,17 +60,27 @@ def test_the_licence_test_finds_what_it_looks_for(text: str) -> None:
     assert COPYLEFT.search(EXCEPTION.sub("", text))
 
 
-def test_every_import_is_a_declared_requirement(repository: Path) -> None:
+def declared(repository: Path, *, dev: bool) -> set[str]:
+    """Return the distributions, by canonical name, that pyproject.toml names itself."""
     project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
-    shipped = [*project["dependencies"]]
-    for extra, lines in project["optional-dependencies"].items():
-        shipped += lines if extra != "dev" else []
-    declared = {canonicalize_name(Requirement(line).name) for line in shipped}
-    providers = metadata.packages_distributions()
+    lines = [*project["dependencies"]]
+    for extra, more in project["optional-dependencies"].items():
+        lines += more if dev or extra != "dev" else []
+    return {canonicalize_name(Requirement(line).name) for line in lines}
+
+
+@pytest.mark.parametrize(
+    ("folders", "dev"),
+    [(("meshdeform", "service", "worker"), False), (("tests", "bench", "docs", "examples"), True)],
+    ids=["shipped", "development"],
+)
+def test_every_import_is_a_declared_requirement(folders: tuple[str, ...], dev: bool, repository: Path) -> None:
+    known, providers = declared(repository, dev=dev), metadata.packages_distributions()
     undeclared = {
         f"{path.relative_to(repository)}: {name}"
-        for path, name in _third_party_imports(repository)
-        if not {canonicalize_name(provider) for provider in providers.get(name, [])} & declared
+        for folder in folders
+        for path, name in _third_party_imports(repository / folder)
+        if not {canonicalize_name(provider) for provider in providers.get(name, [])} & known
     }
     assert undeclared == set()
 
@@ -84,15 +93,15 @@ def _installed(name: str) -> bool:
     return True
 
 
-def _third_party_imports(repository: Path) -> Iterator[tuple[Path, str]]:
-    for package in sorted(OURS):
-        for path in sorted((repository / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
-                modules = []
-                if isinstance(node, ast.Import):
-                    modules = [alias.name for alias in node.names]
-                elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                    modules = [node.module or ""]
-                for name in {module.partition(".")[0] for module in modules}:
-                    if name not in OURS and name not in sys.stdlib_module_names:
-                        yield path, name
+def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
+    ours = {"meshdeform", "service", "worker", "tests", "bench"}
+    for path in sorted(path for path in folder.rglob("*.py") if "node_modules" not in path.parts):
+        for node in ast.walk(ast.parse(path.read_text())):
+            modules = []
+            if isinstance(node, ast.Import):
+                modules = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                modules = [node.module or ""]
+            for name in {module.partition(".")[0] for module in modules}:
+                if name not in ours and name not in sys.stdlib_module_names:
+                    yield path, name
