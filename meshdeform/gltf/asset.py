@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetTooLargeError
+from meshdeform.gltf.accessors import read_floats
 from meshdeform.gltf.container import GLB_MAGIC
 from meshdeform.gltf.document import Document
+from meshdeform.gltf.draco import decode_draco
 from meshdeform.gltf.inspect import AssetSummary, asset_format, check_document
 from meshdeform.gltf.limits import Limits
 from meshdeform.gltf.surface import Block, Surface, read_surface
@@ -33,11 +37,27 @@ class Asset:
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks = read_surface(document)
-        self.summary = summary
+        self.summary = replace(
+            summary,
+            vertices=len(self.surface.positions),
+            triangles=len(self.surface.triangles),
+            skipped=tuple(self.surface.skipped),
+        )
 
     def to_bytes(self) -> bytes:
         """Return the untouched asset as a GLB: the very bytes that were loaded where these were one."""
         return self._source if self._source.startswith(GLB_MAGIC) else self._document.to_bytes()
+
+    def texture_coordinates(self) -> dict[str, str]:
+        """SHA-256 of every texture coordinate set as decoded, by where it is used: proof that UVs are the same."""
+        found: dict[str, str] = {}
+        for number, block in enumerate(self._blocks):
+            for p in block.primitives:
+                attributes = self._document.root["meshes"][block.mesh]["primitives"][p]["attributes"]
+                for name in sorted(a for a in attributes if a.startswith("TEXCOORD_")):
+                    values = read_floats(self._document, attributes[name])
+                    found[f"{number}/{p}/{name}"] = hashlib.sha256(values.tobytes()).hexdigest()
+        return found
 
     def replace(
         self,
@@ -106,10 +126,5 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
         source = data = convert_to_glb(data, kind, limits)
     document = Document.parse(data, limits, glb=kind != "gltf")
     summary = check_document(document.root, document.binary_length, limits, kind)
-    document = decompress(document)
+    decode_draco(document)
     return Asset(document, summary, source)
-
-
-def decompress(document: Document) -> Document:
-    """Return the document with its compressed parts decoded into plain ones."""
-    return document

@@ -32,6 +32,7 @@ class SourceFloat(float):
     text: str
 
     def __new__(cls, text: str) -> Self:
+        """Parse the text and keep it."""
         self = super().__new__(cls, text)
         self.text = text
         return self

@@ -1,9 +1,9 @@
 """Where an instance's vertices lie in the world, as one affine matrix that can be inverted.
 
 A node's mesh lies at the product of the node transforms above it. A skinned mesh ignores its node; it is deformed
-in its bind pose, where every joint moves the vertices by the same matrix, `joint_world @ inverse_bind`. In a file whose
-nodes stand in another pose the joints disagree; then the joint that agrees best with all others places the mesh, and the
-skin keeps bending the result as it bent the source.
+in its bind pose, where every joint moves the vertices by the same matrix, `joint_world @ inverse_bind`. In a file
+whose nodes stand in another pose the joints disagree; then the joint that agrees best with all others places the
+mesh, and the skin keeps bending the result as it bent the source.
 
 Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins).
 """

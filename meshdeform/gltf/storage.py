@@ -98,7 +98,7 @@ def check_storage(root: Json, binary_length: int | None, limits: Limits, decoded
 
 
 def _refuse_external(uri: str | None, where: str) -> None:
-    if uri is not None and not uri[:5].lower() == "data:":
+    if uri is not None and uri[:5].lower() != "data:":
         name = uri if len(uri) <= 80 else uri[:77] + "..."
         raise AssetExternalError(f"{where} refers to another file: {name!r}.")
 

@@ -31,13 +31,13 @@ def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = N
     these; of lists they are kept. Corners past the last whole triangle make none.
     """
     if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
     cuts = np.flatnonzero(corners == restart) if restart is not None else np.empty(0, np.int64)
     make = _strip if mode == TRIANGLE_STRIP else _fan
     parts = [make(part[part != restart]) for part in np.split(corners, cuts)]
     triangles = np.concatenate(parts)
     a, b, c = triangles.T
-    return triangles[(a != b) & (b != c) & (c != a)]
+    return np.asarray(triangles[(a != b) & (b != c) & (c != a)])
 
 
 def _strip(corners: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -35,8 +35,8 @@ class Deformation:
                 raise ShapeError(f"{name} must have shape ({count}, {columns}), not {np.shape(array)}")
         if not np.isfinite(positions).all():
             raise NumericalError("The new positions are not all finite.")
-        convert = lambda array: None if array is None else np.asarray(array, np.float64)  # noqa: E731
-        return cls(surface, np.asarray(positions, np.float64), convert(normals), convert(tangents))
+        optional = [None if array is None else np.asarray(array, np.float64) for array in (normals, tangents)]
+        return cls(surface, np.asarray(positions, np.float64), *optional)
 
 
 @dataclass(frozen=True)
