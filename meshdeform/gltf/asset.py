@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 
 import numpy as np
@@ -37,7 +38,7 @@ class Asset:
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks = read_surface(document)
-        self.summary = replace(
+        self.summary = dataclasses.replace(
             summary,
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),

@@ -1,4 +1,4 @@
-"""OBJ, PLY and STL become a GLB through trimesh: same vertices, same faces, with UVs and colours where there are any."""
+"""OBJ, PLY and STL become a GLB through trimesh: same vertices and faces, with UVs and colours where there are any."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> 
         )
     if (rows.dtype.kind == "f") != (dtype.kind == "f"):
         raise AssetUnsupportedError(f"{where}: the Draco stream holds {rows.dtype}, not {dtype}.", advice=_ADVICE)
-    return rows.astype(dtype)
+    return np.asarray(rows.astype(dtype))
 
 
 def _append_vertex_rows(document: Document, rows: NDArray[Any], accessor: Json) -> int:

@@ -10,7 +10,7 @@ Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Anima
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def _grow_animations(document: Document, owners: dict[int, int], before: dict[in
             channel["sampler"] = grown[key]
 
 
-def _is_index(value: object, array: list[Json]) -> bool:
+def _is_index(value: object, array: list[Json]) -> TypeGuard[int]:
     return isinstance(value, int) and 0 <= value < len(array) and isinstance(array[value], dict)
 
 
