@@ -1,0 +1,239 @@
+"""Child processes that do not outlive their parent, and signals as something to wait for. Standard library only.
+
+A child is started through a small leash: on Linux it asks the kernel (``PR_SET_PDEATHSIG``) for a signal at its
+parent's death, then becomes the program. That also covers a parent that was killed with SIGKILL and cannot clean up.
+Elsewhere there is no such request; there a child is stopped by its parent only.
+
+The kernel watches the *thread* that started the child: start children from the main thread.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import TracebackType
+from typing import IO, Self
+
+__all__ = ["Backoff", "Child", "KeptChild", "SignalInbox", "python_command"]
+
+# Not a preexec_fn, which is unsafe beside threads: the leash is a process of its own until it becomes the program.
+# 1 is PR_SET_PDEATHSIG. A parent that died before the request is noticed by the changed parent id.
+_LEASH = """
+import ctypes, os, signal, sys
+parent, death_signal, program = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+ctypes.CDLL(None).prctl(1, death_signal)
+if os.getppid() != parent:
+    os._exit(1)
+try:
+    os.execvp(program[0], program)
+except OSError as error:
+    print(f"{program[0]}: {error.strerror}", file=sys.stderr)
+    os._exit(127)
+"""
+
+
+def python_command(module: str, *arguments: str) -> list[str]:
+    """The command that runs one of our modules: this interpreter, and never a module of the current folder."""
+    return [sys.executable, "-P", "-m", module, *arguments]
+
+
+class Child:
+    """A program in a process group of its own, so that a Ctrl-C at the terminal reaches its parent only.
+
+    Parameters
+    ----------
+    name : str
+        What it is called in messages.
+    command : sequence of str
+    env : mapping, optional
+        Variables set or changed for it.
+    stdin : bytes
+        What it reads from its standard input.
+    pass_fds : iterable of int
+        Descriptors that stay open in it, under the same numbers.
+    on_line : callable, optional
+        Gets each line that it prints, from a thread. Without it the child shares our output.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        env: Mapping[str, str] | None = None,
+        stdin: bytes = b"",
+        pass_fds: Iterable[int] = (),
+        on_line: Callable[[str], None] | None = None,
+    ) -> None:
+        self.name = name
+        self._reader: threading.Thread | None = None
+        pipe = subprocess.PIPE if on_line else None
+        self._process = subprocess.Popen(
+            _on_a_leash(command),
+            env={**os.environ, **(env or {})},
+            stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,
+            stdout=pipe,
+            stderr=subprocess.STDOUT if on_line else None,
+            pass_fds=tuple(pass_fds),
+            process_group=0,
+        )
+        self.started = time.monotonic()
+        if self._process.stdin is not None:
+            try:
+                self._process.stdin.write(stdin)
+                self._process.stdin.close()
+            except BrokenPipeError:
+                pass  # it died first: `exit_code` tells
+        if on_line and self._process.stdout is not None:
+            arguments = (self._process.stdout, on_line)
+            self._reader = threading.Thread(target=_read_lines, args=arguments, name=f"output of {name}", daemon=True)
+            self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; minus the signal's number if one ended it."""
+        return self._process.poll()
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM."""
+        if self.exit_code is None:
+            self._process.terminate()
+
+    def stop(self, grace_s: float) -> int:
+        """Wait for it after SIGTERM; kill it, with what it started, when the time is up."""
+        self.ask_to_stop()
+        try:
+            self._process.wait(timeout=max(0.0, grace_s))
+        except subprocess.TimeoutExpired:
+            self._kill_group()
+        code = self._process.wait()
+        if self._reader is not None:
+            # The last lines. A grandchild that still holds the pipe must not hold us.
+            self._reader.join(timeout=1.0)
+        return code
+
+    def _kill_group(self) -> None:
+        try:
+            os.killpg(self.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            self._process.kill()
+
+
+class Backoff:
+    """How long to wait before a program that ended is started again: doubling, forgiven once it has run for a while."""
+
+    def __init__(self, first_s: float = 0.5, longest_s: float = 30.0, healthy_s: float = 30.0) -> None:
+        self._first_s, self._longest_s, self._healthy_s = first_s, longest_s, healthy_s
+        self._next_s = first_s
+
+    def after(self, lived_s: float) -> float:
+        """Seconds to wait after a life of `lived_s` seconds."""
+        if lived_s >= self._healthy_s:
+            self._next_s = self._first_s
+        delay, self._next_s = self._next_s, min(2 * self._next_s, self._longest_s)
+        return delay
+
+
+class KeptChild:
+    """A child that is started again, with back-off, whenever it ends by itself.
+
+    Parameters
+    ----------
+    start : callable
+        Starts it.
+    log : callable
+        Gets one sentence when it ended.
+    """
+
+    def __init__(self, start: Callable[[], Child], log: Callable[[str], None]) -> None:
+        self._start, self._log, self._backoff = start, log, Backoff()
+        self._due: float | None = None
+        self.child = start()
+
+    def tend(self) -> None:
+        """Look after it; call this often."""
+        if self._due is not None:
+            if time.monotonic() >= self._due:
+                self._due = None
+                self.child = self._start()
+        elif (code := self.child.exit_code) is not None:
+            delay = self._backoff.after(time.monotonic() - self.child.started)
+            self._due = time.monotonic() + delay
+            self._log(f"{self.child.name} {_how_it_ended(code)}; starting it again in {delay:g} s")
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM, where it runs."""
+        self.child.ask_to_stop()
+
+    def stop(self, grace_s: float) -> None:
+        """End it for good."""
+        self.child.stop(grace_s)
+
+
+class SignalInbox:
+    """Signals that wait to be read. Use it in the main thread, as a context manager.
+
+    A handler that sets a `threading.Event` can deadlock with the very `wait` it interrupts; a handler that raises can
+    raise anywhere. Here the interpreter writes the signal's number to a socket, and nothing else happens.
+    """
+
+    def __init__(self, *signals: signal.Signals) -> None:
+        self._signals = signals
+
+    def __enter__(self) -> Self:
+        self._read, self._write = socket.socketpair()
+        self._read.setblocking(False)
+        self._write.setblocking(False)
+        self._previous_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
+        self._previous = {number: signal.signal(number, lambda *_: None) for number in self._signals}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._previous_fd)
+        self._read.close()
+        self._write.close()
+
+    def wait(self, timeout_s: float) -> set[signal.Signals]:
+        """The signals since the last call; empty when none came within `timeout_s` seconds."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._read, selectors.EVENT_READ)
+            if not selector.select(timeout_s):
+                return set()
+        return {signal.Signals(number) for number in self._read.recv(4096)} & set(self._signals)
+
+
+def _on_a_leash(command: Sequence[str]) -> list[str]:
+    if sys.platform != "linux":
+        return list(command)
+    return [sys.executable, "-I", "-S", "-c", _LEASH, str(os.getpid()), str(int(signal.SIGTERM)), *command]
+
+
+def _read_lines(stream: IO[bytes], on_line: Callable[[str], None]) -> None:
+    with stream:
+        for line in stream:
+            on_line(line.decode(errors="replace").rstrip("\n"))
+
+
+def _how_it_ended(code: int) -> str:
+    if code >= 0:
+        return f"ended with exit code {code}"
+    try:
+        return f"was ended by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was ended by signal {-code}"
