@@ -129,9 +129,7 @@ def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -
 
 def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
-    back = torch.tensor(
-        [math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)], dtype=torch.float64
-    )
+    back = torch.tensor([math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)], dtype=torch.float64)
     right = torch.tensor([math.cos(a), 0.0, -math.sin(a)], dtype=torch.float64)
     view = torch.eye(4, dtype=torch.float64)
     view[:3, :3] = torch.stack([right, torch.linalg.cross(back, right), back])

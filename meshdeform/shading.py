@@ -19,7 +19,7 @@ from torch.nn import functional
 from meshdeform.cameras import Cameras
 from meshdeform.errors import ShapeError
 from meshdeform.mesh import edges_of
-from meshdeform.rasterizer import Fragments, SilhouetteEdges, antialias, rasterize
+from meshdeform.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, rasterize
 
 __all__ = ["RenderStyle", "Renderer", "combine_views"]
 
@@ -59,9 +59,7 @@ class Renderer:
     device : str or torch.device
     """
 
-    def __init__(
-        self, faces: Tensor, n_verts: int, style: RenderStyle, device: torch.device | str = "cpu"
-    ) -> None:
+    def __init__(self, faces: Tensor, n_verts: int, style: RenderStyle, device: torch.device | str = "cpu") -> None:
         if faces.ndim != 2 or faces.shape[1] != 3:
             raise ShapeError(f"expected faces (F, 3), got {tuple(faces.shape)}")
         edges = edges_of(faces.cpu())
@@ -110,39 +108,37 @@ class Renderer:
     def _colours(
         self, verts: Tensor, clip: Tensor, cameras: Cameras, fragments: Fragments, pixels: Tensor, face: Tensor
     ) -> Tensor:
-        side = fragments.face_ids.shape[1]
-        view = pixels // (side * side)
+        height, width = fragments.face_ids.shape[1:]
+        view = torch.div(pixels, height * width, rounding_mode="floor")
         corners = verts.index_select(0, self.faces.reshape(-1)).view(-1, 3, 3)
         cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with torch.no_grad():
             towards = cameras.eye[:, None] - corners[:, 0]
             facing = torch.where((cross * towards).sum(-1) < 0, -1.0, 1.0)
         key = view * self.faces.shape[0] + face
+        facing = facing.reshape(-1).index_select(0, key)[:, None]
+        vertex_normal = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
+        vertex_normal = functional.normalize(vertex_normal, dim=-1, eps=1e-12) @ cameras.view[:, :3, :3].mT
         if self.style.shading == "normals":
             normal = functional.normalize(cross, dim=-1, eps=1e-12) @ cameras.view[:, :3, :3].mT
-            palette = 0.5 + 0.5 * facing[..., None] * normal
-            return palette.reshape(-1, 3).index_select(0, key)
-        vertex_normal = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
-        vertex_normal = functional.normalize(vertex_normal, dim=-1, eps=1e-12)
-        weights = _barycentric(clip, self.faces, pixels, view, face, side)
-        smooth = (vertex_normal[self.faces[face]] * weights[..., None]).sum(1)
-        smooth = functional.normalize(smooth, dim=-1, eps=1e-12) * facing.reshape(-1)[key][:, None]
-        light = self._light @ cameras.view[:, :3, :3]
-        diffuse = (smooth * light.index_select(0, view)).sum(-1).clamp_min(0)
-        return (_AMBIENT + (1 - _AMBIENT) * diffuse)[:, None].expand(-1, 3)
+            flat = normal.reshape(-1, 3).index_select(0, key)
+            smooth = interpolate(clip, vertex_normal.detach(), self.faces, pixels, face, height, width)
+            return 0.5 + 0.5 * facing * (flat + _motion_only(smooth, flat))
+        smooth = interpolate(clip, vertex_normal, self.faces, pixels, face, height, width)
+        diffuse = (functional.normalize(smooth, dim=-1, eps=1e-12) * facing) @ self._light
+        return (_AMBIENT + (1 - _AMBIENT) * diffuse.clamp_min(0))[:, None].expand(-1, 3)
 
 
-def _barycentric(clip: Tensor, faces: Tensor, pixels: Tensor, view: Tensor, face: Tensor, side: int) -> Tensor:
-    """Perspective-correct barycentric coordinates (P, 3) of the pixel centres, differentiable in `clip`."""
-    within = pixels % (side * side)
-    x = ((within % side).to(clip.dtype) + 0.5) * (2.0 / side) - 1
-    y = 1 - (torch.div(within, side, rounding_mode="floor").to(clip.dtype) + 0.5) * (2.0 / side)
-    index = view[:, None] * clip.shape[1] + faces[face]
-    p = clip.reshape(-1, 4).index_select(0, index.reshape(-1)).view(-1, 3, 4)
-    q = p[..., :2] - torch.stack([x, y], -1)[:, None] * p[..., 3:]
-    j, k = q[:, [1, 2, 0]], q[:, [2, 0, 1]]
-    area = j[..., 0] * k[..., 1] - j[..., 1] * k[..., 0]
-    return area / area.sum(-1, keepdim=True)
+def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:
+    """Zero, with the gradient of a pattern that moves with the surface.
+
+    Flat colours are constant on each face, so on their own they do not feel that the faces move: a sphere that is
+    shifted would change at its silhouette only. The smoothly interpolated normals carry that motion. At
+    creases, where they say something else than the flat ones, they are faded out.
+    """
+    with torch.no_grad():
+        trust = (((smooth * flat).sum(-1, keepdim=True) - 0.7) / 0.25).clamp(0, 1)
+    return trust * (smooth - smooth.detach())
 
 
 def combine_views(images: Tensor) -> Tensor:

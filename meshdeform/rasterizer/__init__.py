@@ -12,8 +12,9 @@ from torch import Tensor
 
 from meshdeform.errors import ShapeError
 from meshdeform.rasterizer.antialias import SilhouetteEdges, antialias
+from meshdeform.rasterizer.interpolate import interpolate
 
-__all__ = ["EMPTY_DEPTH", "Fragments", "SilhouetteEdges", "antialias", "rasterize"]
+__all__ = ["EMPTY_DEPTH", "Fragments", "SilhouetteEdges", "antialias", "interpolate", "rasterize"]
 
 EMPTY_DEPTH = 2.0
 
