@@ -15,6 +15,7 @@ from meshdeform.gltf.document import Document
 from meshdeform.gltf.draco import decode_draco
 from meshdeform.gltf.inspect import AssetSummary, asset_format, check_document
 from meshdeform.gltf.limits import Limits
+from meshdeform.gltf.meshopt.views import decode_meshopt
 from meshdeform.gltf.surface import Block, Surface, read_surface
 from meshdeform.gltf.writer import Deformation, write_shape
 
@@ -127,5 +128,6 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
         source = data = convert_to_glb(data, kind, limits)
     document = Document.parse(data, limits, glb=kind != "gltf")
     summary = check_document(document.root, document.binary_length, limits, kind)
+    decode_meshopt(document)
     decode_draco(document)
     return Asset(document, summary, source)

@@ -24,7 +24,7 @@ from meshdeform.gltf.limits import Limits
 __all__ = ["check_asset_subprocess", "main"]
 
 # Address space of the child: what Python, numpy and trimesh map, and a multiple of the file for its arrays.
-_BASE_ADDRESS_SPACE = 3 * 2**29
+_BASE_ADDRESS_SPACE = 512 * 2**20
 _ADDRESS_SPACE_PER_BYTE = 16
 
 

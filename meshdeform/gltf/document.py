@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError, AssetTruncatedError
-from meshdeform.gltf.container import glb_layout, pack_glb
+from meshdeform.gltf.container import glb_layout, pack_glb, padded
 from meshdeform.gltf.json_text import Json, clone, dump_json, parse_json
 from meshdeform.gltf.limits import Limits
 from meshdeform.gltf.storage import FLOAT
@@ -34,7 +34,8 @@ class Document:
         self._source_json = source_json
         self._binary = binary
         self._rest = rest
-        self._appended: list[bytes] = []
+        self._appended: dict[int, bytes] = {}  # offset in the binary chunk -> data
+        self._end = 0 if binary is None else len(binary)
         self._decoded: dict[int, memoryview] = {}
 
     @classmethod
@@ -58,7 +59,7 @@ class Document:
     def fork(self) -> Document:
         """Return a document that can be edited without changing this one; the bytes are shared."""
         fork = Document(clone(self.root), self._source_json, self._binary, self._rest)
-        fork._appended = list(self._appended)
+        fork._appended, fork._end = dict(self._appended), self._end
         fork._decoded = self._decoded
         return fork
 
@@ -84,24 +85,18 @@ class Document:
         """Return the bytes of a buffer view."""
         description = self.root["bufferViews"][view]
         start = description.get("byteOffset", 0)
-        if start >= self._appended_start and description["buffer"] == 0 and self._appended:
-            return memoryview(b"".join(self._appended))[start - self._appended_start :][: description["byteLength"]]
+        if description["buffer"] == 0 and start in self._appended:
+            return memoryview(self._appended[start])
         return self.buffer_bytes(description["buffer"])[start : start + description["byteLength"]]
-
-    @property
-    def _appended_start(self) -> int:
-        return len(self._binary) if self._binary is not None else 0
 
     def append_bytes(self, data: bytes) -> int:
         """Append to the binary chunk; return the offset, a multiple of four."""
         if not self._appended:
             self._own_buffer_zero()
-        end = self._appended_start + sum(map(len, self._appended))
-        if end % 4:
-            self._appended.append(b"\0" * (-end % 4))
-        offset = end + (-end % 4)
-        self._appended.append(data)
-        self.root["buffers"][0]["byteLength"] = offset + len(data)
+        offset = padded(self._end)
+        self._appended[offset] = data
+        self._end = offset + len(data)
+        self.root["buffers"][0]["byteLength"] = self._end
         return offset
 
     def _own_buffer_zero(self) -> None:
@@ -112,6 +107,7 @@ class Document:
         if self._binary is None:
             self._binary = self.buffer_bytes(0) if "uri" in buffers[0] else memoryview(b"")
             buffers[0].pop("uri", None)
+            self._end = len(self._binary)
 
     def append_view(self, data: bytes, target: int | None = None) -> int:
         """Append a buffer view; return its index."""
@@ -164,7 +160,11 @@ class Document:
     def to_bytes(self) -> bytes:
         """Write the document as a GLB."""
         pieces: list[bytes | memoryview] = [] if self._binary is None else [self._binary]
-        return pack_glb(dump_json(self.root, self._source_json), pieces + list(self._appended), self._rest)
+        end = 0 if self._binary is None else len(self._binary)
+        for offset, data in self._appended.items():
+            pieces += [b"\0" * (offset - end), data]
+            end = offset + len(data)
+        return pack_glb(dump_json(self.root, self._source_json), pieces, self._rest)
 
 
 def decode_data_uri(uri: str, where: str) -> bytes:
