@@ -1,0 +1,5 @@
+"""``python -m meshdeform``."""
+
+from meshdeform.cli import main
+
+main()

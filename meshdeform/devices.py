@@ -1,0 +1,43 @@
+"""Where to compute: the device by its setting, and the number of threads."""
+
+from __future__ import annotations
+
+import os
+
+import torch
+
+from meshdeform.errors import ParameterError
+
+__all__ = ["resolve_device", "use_threads"]
+
+
+def resolve_device(name: str) -> str:
+    """`auto` is CUDA where there is one, else the CPU; anything else is checked.
+
+    Raises
+    ------
+    ParameterError
+        There is no such device on this machine.
+    """
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        device = torch.device(name)
+    except RuntimeError:
+        device = None
+    if device is None or device.type not in ("cpu", "cuda"):
+        raise ParameterError(f"There is no device {name!r}.", advice="Choose auto, cpu, cuda or cuda:N.")
+    if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
+        raise ParameterError(
+            f"The device {name!r} is not on this machine ({torch.cuda.device_count()} CUDA devices are).",
+            advice="Choose auto or cpu; a CUDA device also needs a CUDA build of torch.",
+        )
+    return name
+
+
+def use_threads(count: int) -> int:
+    """Let torch use `count` CPU threads, 0 for as many as this process has cores; returns how many that is."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    threads = count or usable or 1
+    torch.set_num_threads(threads)
+    return threads
