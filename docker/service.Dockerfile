@@ -23,7 +23,7 @@ ENV PATH=/opt/meshdeform/bin:$PATH \
 USER meshdeform
 WORKDIR /data
 VOLUME /data
-EXPOSE 8000
+EXPOSE 8765
 HEALTHCHECK --interval=10s --timeout=3s --start-period=15s --retries=3 \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/healthz', timeout=2)"]
-CMD ["meshdeform", "api", "--host", "0.0.0.0", "--port", "8000"]
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8765/healthz', timeout=2)"]
+CMD ["meshdeform", "api", "--host", "0.0.0.0", "--port", "8765"]
