@@ -1,1 +1,1 @@
-"""Guidance: what pulls the mesh. One interface (`base`); score distillation (`sds`); a target mesh (`target`)."""
+"""What pulls the mesh: `base.Guidance` is the interface, `sds` and `target` are the kinds."""

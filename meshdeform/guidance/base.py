@@ -1,4 +1,4 @@
-"""What the optimisation asks of a guidance: a scalar whose gradient on the rendered views says where to go."""
+"""The interface between the optimisation and what pulls the mesh."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ __all__ = ["Guidance", "StepContext"]
 
 @dataclass(frozen=True)
 class StepContext:
-    """What a guidance may know about the step.
+    """What a guidance knows about the step besides the image.
 
     Attributes
     ----------
     step : int
-        Steps done before this one.
+        Steps done before this one, from 0.
     total_steps : int
+        Length of the whole run; a resumed run has the same.
     cameras : Cameras
-        The four cameras of the image.
+        The four cameras that drew the image.
     generator : torch.Generator on the CPU
-        The only source of randomness: draw on the CPU, then move to the device, so that every device sees the
-        same numbers and a resumed run continues the sequence.
+        The job's only source of randomness. Draw on the CPU and move the result, so that a seed means the same on
+        every device.
     """
 
     step: int
@@ -37,34 +38,43 @@ class StepContext:
     generator: torch.Generator
 
     @property
-    def progress(self) -> float:
-        """0 at the first step, 1 at the last."""
+    def fraction(self) -> float:
+        """How far the run is: 0 at the first step, 1 at the last."""
         return self.step / max(self.total_steps - 1, 1)
 
 
 class Guidance(Protocol):
-    """Something that pulls the mesh by its picture."""
+    """Pulls the rendered views.
 
-    style: RenderStyle
-    """How the views must be drawn."""
+    Attributes
+    ----------
+    style : RenderStyle
+        How it wants the views drawn.
+    identity : dict of str to str
+        What it is, for the report: `id`, `revision`, `sha256`.
+    """
 
-    identity: dict[str, str]
-    """What it is, for the report: kind, model id, revision, hash."""
+    @property
+    def style(self) -> RenderStyle: ...
+
+    @property
+    def identity(self) -> dict[str, str]: ...
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        """Judge the combined picture of the four views.
+        """Say how far the views are from what they should be.
 
         Parameters
         ----------
-        image : (1, 3, S, S) float32 in [0, 1], differentiable
+        image : (1, 3, 2 view_size, 2 view_size) float32 in [0, 1]
+            The four views in one picture (`shading.combine_views`).
         context : StepContext
 
         Returns
         -------
-        A scalar to minimise, and figures for the log.
+        A scalar whose gradient with respect to `image` pulls the mesh, and named numbers for the log.
 
         Raises
         ------
         NumericalError
-            The result is not finite.
+            It is not finite.
         """

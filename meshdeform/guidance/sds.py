@@ -1,41 +1,62 @@
-"""Score distillation: the diffusion prior's denoising direction as a gradient on the picture.
+"""Score distillation: a diffusion model's denoising direction as a gradient on the rendered views.
 
-    z_t  = sqrt(abar_t) z_0 + sqrt(1 - abar_t) eps          timestep ~ U(t_min, t_max(step)) T
-    grad = (1 - abar_t) (eps_hat(z_t; prompt, s) - eps)     put straight onto z_0
+::
 
-The gradient does not pass through the denoiser. It is divided by the number of elements of z_0, so that a weight means
-nearly the same for a small pixel prior and for Stable Diffusion's latents. The upper bound of the timestep can move
-linearly over the run: coarse shape first, detail later.
+    z_t       = sqrt(abar_t) z0 + sqrt(1 - abar_t) eps        t ~ U(timestep_min T, tau(step) T),  eps ~ N(0, I)
+    eps_hat   = eps(z_t; nothing) + s (eps(z_t; prompt) - eps(z_t; nothing))
+    d loss/dz0 = k (1 - abar_t) (eps_hat - eps)               k = 16384 / (number of elements of z0)
 
-Sources: Poole et al. 2022, DreamFusion, eq. 3; Ho and Salimans 2022, eq. 6 (in diffusers' convention of s);
-Xu et al. 2024, FusionDeformer, eq. 5.
+The gradient goes straight onto z0; the network itself is never differentiated. tau moves linearly from
+`timestep_max` to `timestep_max_end` over the run.
+
+A model with more latents gives a longer gradient for the same picture: the sum over the elements of z0 grows with
+their number, and with it the pull on the mesh against the regularisers. k takes that out. It is 1 for the 4 x 64 x 64
+latents of Stable Diffusion at 512 pixels, where the published weights hold, and 1/3 for a model on 3 x 128 x 128
+pixels, so `guidance_weight` means the same for every prior.
+
+Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer, eq. 4 (weighting 1 - abar_t);
+Ho & Salimans 2022, eq. 6, in diffusers' convention of s.
 """
 
 from __future__ import annotations
 
-import math
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
-from meshdeform.errors import NumericalError
+from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.priors.base import Prior
 
-__all__ = ["ScoreDistillation"]
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+    from meshdeform.shading import RenderStyle
+
+__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation"]
+
+REFERENCE_ELEMENTS = 4 * 64 * 64
+"""Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
 
 
 class ScoreDistillation:
-    """Guidance by a diffusion prior and a prompt; the prompt is encoded once.
+    """Pulls the views towards what a diffusion prior makes of the prompt.
 
     Parameters
     ----------
     prior : Prior
     prompt, negative_prompt : str
+        Encoded here, once; a job makes one of these objects.
     guidance_scale : float
-        s in ``uncond + s * (text - uncond)``.
-    timestep_min, timestep_max, timestep_max_end : float
-        Bounds of the draw as fractions of T; the upper one moves from `timestep_max` to `timestep_max_end`.
+        s.
+    timestep_min : float
+        Lowest timestep drawn, as a fraction of T.
+    timestep_max, timestep_max_end : float
+        Highest timestep drawn at the first and at the last step, as fractions of T.
+
+    Raises
+    ------
+    PromptError, ParameterError
+        The prior cannot use this text, or the timestep bounds are not 0 <= min < max <= 1.
     """
 
     def __init__(
@@ -44,39 +65,100 @@ class ScoreDistillation:
         prompt: str,
         *,
         negative_prompt: str = "",
-        guidance_scale: float = 100.0,
+        guidance_scale: float,
         timestep_min: float = 0.02,
         timestep_max: float = 0.98,
         timestep_max_end: float = 0.98,
     ) -> None:
-        self.style = prior.style
-        self.identity = {"kind": "sds", **prior.identity}
+        if not 0 <= timestep_min < min(timestep_max, timestep_max_end) <= max(timestep_max, timestep_max_end) <= 1:
+            raise ParameterError(
+                f"Timesteps must have 0 <= timestep_min ({timestep_min}) < timestep_max ({timestep_max}) and "
+                f"timestep_max_end ({timestep_max_end}) <= 1."
+            )
         self._prior = prior
         self._embedding = prior.encode_prompt(prompt, negative_prompt)
         self._scale = guidance_scale
-        self._low, self._high, self._high_end = timestep_min, timestep_max, timestep_max_end
+        self._bounds = (timestep_min, timestep_max, timestep_max_end)
+
+    @property
+    def style(self) -> RenderStyle:
+        """How the prior wants the views drawn."""
+        return self._prior.style
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """The prior's."""
+        return self._prior.identity
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        """The scalar whose gradient on z_0 is the score distillation gradient; see `Guidance.loss`."""
-        prior = self._prior
-        timestep = self._draw_timestep(context)
-        z_0 = prior.encode_image(image, context.generator)
-        noise = torch.randn(z_0.shape, generator=context.generator, dtype=torch.float32).to(z_0)
-        with torch.no_grad():
-            level = prior.alphas_cumprod[timestep].to(z_0)
-            z_t = level.sqrt() * z_0 + (1 - level).sqrt() * noise
-            predicted = prior.predict_noise(
-                z_t, torch.tensor([timestep], device=z_t.device), self._embedding, self._scale, context.cameras
-            )
-            gradient = (1 - level) * (predicted.to(z_0) - noise) / z_0.numel()
-            norm = float(gradient.float().norm()) * math.sqrt(z_0.numel())
-        if not math.isfinite(norm):
-            raise NumericalError(f"The diffusion prior's prediction is not finite at timestep {timestep}.")
-        # The value itself means nothing in score distillation; its gradient on z_0 is exactly `gradient`.
-        return (gradient * z_0).sum(), {"sds_gradient": norm, "timestep": float(timestep)}
+        """Draw a timestep and noise, ask the prior, and put its direction onto z0.
 
-    def _draw_timestep(self, context: StepContext) -> int:
-        high = self._high + (self._high_end - self._high) * context.progress
-        u = torch.rand((), generator=context.generator, dtype=torch.float64).item()
-        steps = self._prior.num_timesteps
-        return min(max(int((self._low + (high - self._low) * u) * steps), 0), steps - 1)
+        Parameters
+        ----------
+        image : (1, 3, S, S) float32 in [0, 1]
+        context : StepContext
+
+        Returns
+        -------
+        ``k (1 - abar_t) / 2 ||eps_hat - eps||^2``, the weighted denoising error, whose gradient with respect to z0 is the
+        one above; and `sds_mse`, the mean of ``(eps_hat - eps)^2``, `sds_gradient_norm`, the length of the gradient on z0,
+        and `timestep`. The error falls with t as well as with progress: compare averages over many steps.
+
+        Raises
+        ------
+        NumericalError
+            The prediction or z0 is not finite.
+        """
+        prior, generator = self._prior, context.generator
+        z0 = prior.encode_image(image, generator)
+        timestep = self._draw_timestep(context)
+        noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
+        with torch.no_grad():
+            level = prior.alphas_cumprod[timestep].view(1, 1, 1, 1).to(z0)
+            noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
+            predicted = prior.predict_noise(
+                noisy, timestep.to(z0.device), self._embedding, self._scale, context.cameras
+            )
+            residual = predicted - noise
+            weight = (1 - level) * (REFERENCE_ELEMENTS / z0.numel())
+            gradient = weight * residual
+            value = 0.5 * (gradient * residual).sum()
+            norm = gradient.norm()
+        logs = {
+            "sds_mse": residual.square().mean().item(),
+            "sds_gradient_norm": norm.item(),
+            "timestep": float(timestep),
+        }
+        if not (torch.isfinite(value) and torch.isfinite(norm)):
+            raise NumericalError(
+                f"The diffusion prior's prediction at timestep {int(timestep)} is not finite.",
+                advice="Lower guidance_scale; with a half-precision model, run it in float32.",
+            )
+        scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
+        return scalar, logs
+
+    def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
+        """Lowest and highest timestep that may be drawn at this step, both inclusive."""
+        last = self._prior.num_timesteps - 1
+        low, high, high_end = self._bounds
+        top = high + (high_end - high) * context.fraction
+        lowest = min(round(low * self._prior.num_timesteps), last)
+        return lowest, max(lowest, min(round(top * self._prior.num_timesteps), last))
+
+    def _draw_timestep(self, context: StepContext) -> Tensor:
+        low, high = self.timestep_bounds(context)
+        return torch.randint(low, high + 1, (1,), generator=context.generator)
+
+
+class _StraightThrough(torch.autograd.Function):
+    """A scalar with a given value and a given gradient with respect to z0."""
+
+    @staticmethod
+    def forward(ctx: Any, z0: Tensor, value: Tensor, gradient: Tensor) -> Tensor:  # noqa: ARG004
+        ctx.save_for_backward(gradient)
+        return value.clone()
+
+    @staticmethod
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:  # type: ignore[override]
+        (gradient,) = ctx.saved_tensors
+        return upstream * gradient, None, None

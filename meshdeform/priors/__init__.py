@@ -1,4 +1,7 @@
-"""Priors: text-to-image diffusion models behind score distillation. Nothing heavy is imported until one is loaded."""
+"""Text-to-image diffusion models behind score distillation, by name. Importing this needs no torch.
+
+`check_model` says cheaply, before a job is taken, whether a model can be had; `load_prior` loads it.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +15,49 @@ if TYPE_CHECKING:
 __all__ = ["check_model", "load_prior"]
 
 
-def load_prior(model: str, *, device: str = "cpu", revision: str = "") -> Prior:
-    """Load a prior; seconds to minutes, so workers keep it between jobs.
+def check_model(model: str, revision: str = "") -> None:
+    """Find out without torch and without a network whether `load_prior` would find the model.
+
+    An environment without torch is not one that runs models (the API's own container, say), so there nothing is
+    looked for and the worker tells.
 
     Parameters
     ----------
     model : str
-        `builtin`, a folder with a Stable Diffusion checkpoint in diffusers' layout, or a hub id that is in the
-        local cache.
-    device : str
+        `builtin`, the folder of a Stable Diffusion checkpoint, or its hub id.
     revision : str
-        Branch, tag or commit of a hub model.
+        Branch, tag or commit of a hub model; its default branch unless given.
 
     Raises
     ------
     ModelError
-        It is not there, or not complete.
+        It is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
     DependencyError
-        The packages that run it are not installed.
+        It needs packages that are not installed beside torch.
+    """
+    if model == BUILTIN_MODEL:
+        return
+    from meshdeform.priors.model_files import check
+
+    check(model, revision)
+
+
+def load_prior(model: str, *, device: str, revision: str = "") -> Prior:
+    """Load a model; what is not on this machine is not fetched.
+
+    Parameters
+    ----------
+    model, revision : str
+        As in `check_model`.
+    device : str
+        `cpu`, `cuda` or `cuda:N`.
+
+    Raises
+    ------
+    ModelError
+        It cannot be found or read.
+    DependencyError
+        The extra that it needs is not installed.
     """
     if model == BUILTIN_MODEL:
         from meshdeform.priors.builtin.prior import BuiltinPrior
@@ -38,18 +66,3 @@ def load_prior(model: str, *, device: str = "cpu", revision: str = "") -> Prior:
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
     return StableDiffusionPrior(model, device=device, revision=revision)
-
-
-def check_model(model: str, revision: str = "") -> None:
-    """Say early and cheaply, without torch, that a model cannot be loaded here.
-
-    Raises
-    ------
-    ModelError
-        It is not there, or not complete.
-    """
-    if model == BUILTIN_MODEL:
-        return
-    from meshdeform.priors.model_files import check_model_files
-
-    check_model_files(model, revision)

@@ -1,4 +1,4 @@
-"""What score distillation asks of a text-to-image diffusion model."""
+"""The interface of a text-to-image diffusion model behind score distillation."""
 
 from __future__ import annotations
 
@@ -15,47 +15,82 @@ __all__ = ["Prior"]
 
 
 class Prior(Protocol):
-    """A diffusion model with its text encoder, on one device."""
+    """A diffusion model: loaded once in a worker, used by many jobs.
 
-    style: RenderStyle
-    """How the model wants the views drawn."""
+    Attributes
+    ----------
+    style : RenderStyle
+        How views must look for this model: their size, shading and background.
+    num_timesteps : int
+        T.
+    alphas_cumprod : (T,) float32 on `device`
+        abar_t, the signal's share of the variance of z_t.
+    identity : dict of str to str
+        `id`, `revision` and `sha256` of the weights, for the report.
+    device : torch.device
+        Where it computes.
+    dtype : torch.dtype
+        What it computes in. Whatever that is, z0 and the predicted noise are float32.
+    """
 
-    num_timesteps: int
-    """T."""
+    @property
+    def style(self) -> RenderStyle: ...
 
-    alphas_cumprod: Tensor
-    """(T,) float32: abar_t."""
+    @property
+    def num_timesteps(self) -> int: ...
 
-    identity: dict[str, str]
-    """`id`, `revision` and `sha256` of what was loaded."""
+    @property
+    def alphas_cumprod(self) -> Tensor: ...
 
-    device: torch.device
-    dtype: torch.dtype
+    @property
+    def identity(self) -> dict[str, str]: ...
+
+    @property
+    def device(self) -> torch.device: ...
+
+    @property
+    def dtype(self) -> torch.dtype: ...
 
     def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Any:
-        """Embedding of both branches, opaque to the caller; made once a job.
+        """Turn text into what `predict_noise` takes; called once a job.
 
         Raises
         ------
-        PromptError, VocabularyError, ParameterError
-            The prompt is not one of this model's.
+        PromptError, ParameterError
+            The model cannot use this text.
         """
 
     def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """z_0 of a picture (1, 3, S, S) in [0, 1]; differentiable. Pixel models scale to [-1, 1], others encode."""
+        """Encode a picture, differentiably.
+
+        Parameters
+        ----------
+        image : (1, 3, S, S) float32 in [0, 1]
+        generator : torch.Generator on the CPU, optional
+            For models whose encoder is random.
+
+        Returns
+        -------
+        (1, C, H, W) float32 on `device`: the latents, or the picture in [-1, 1] for a model that works on pixels.
+        """
 
     def predict_noise(
         self, z_t: Tensor, timestep: Tensor, embedding: Any, guidance_scale: float, cameras: Cameras
     ) -> Tensor:
-        """eps_hat, shaped as `z_t`, by ``uncond + guidance_scale * (text - uncond)``; no gradient.
+        """Predict eps with classifier-free guidance; never differentiated.
 
         Parameters
         ----------
-        z_t : tensor as `encode_image` gives
-        timestep : (1,) int64
+        z_t : (1, C, H, W) float32
+        timestep : (1,) int64 in 0 .. T - 1
         embedding
             From `encode_prompt`.
         guidance_scale : float
+            s in ``uncond + s * (text - uncond)``.
         cameras : Cameras
-            For models that know the view.
+            The cameras of the four views, for models that are conditioned on them.
+
+        Returns
+        -------
+        (1, C, H, W) float32
         """
