@@ -1,0 +1,153 @@
+"""The whole loop: a target is reached, seeds repeat, a resumed run is the uninterrupted one bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.checkpoint import Checkpoint, dump_checkpoint, load_checkpoint
+from meshdeform.config import DeformParams, ResolvedParams, resolve
+from meshdeform.deform import Deformation
+from meshdeform.errors import CheckpointError, NumericalError
+from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.mesh import TriangleMesh
+from meshdeform.shading import RenderStyle
+from meshdeform.shapes import icosphere, join, torus
+
+STYLE = RenderStyle(view_size=32, supersample=2)
+
+
+def params(**changes: object) -> ResolvedParams:
+    return resolve(DeformParams.model_validate({"preset": "preview", "guidance": "target", **changes}))
+
+
+def ellipsoid() -> TriangleMesh:
+    sphere = icosphere(3, 0.6)
+    return TriangleMesh(sphere.verts * torch.tensor([0.6, 1.4, 0.9], dtype=torch.float64), sphere.faces)
+
+
+def distance(verts: Tensor, target: Tensor) -> float:
+    """Mean distance between the two sets of vertices, both ways."""
+    a, b = verts.numpy(), target.numpy()
+    return float((cKDTree(b).query(a)[0].mean() + cKDTree(a).query(b)[0].mean()) / 2)
+
+
+def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, float]]:
+    found = []
+    for step in deformation:
+        found.append(step.losses)
+        if steps is not None and step.step >= steps:
+            break
+    return found
+
+
+def test_a_sphere_becomes_the_target() -> None:
+    source, target = icosphere(3, 0.6), ellipsoid()
+    deformation = Deformation(source, TargetGuidance(target, style=STYLE), params(steps=150))
+    losses = run(deformation)
+    before, after = distance(source.verts, target.verts), distance(deformation.verts(), target.verts)
+    assert before > 0.1
+    # Vertices of two tessellations lie a good part of an edge apart even on the same surface.
+    assert after < 0.35 * before
+    assert np.mean([entry["image_mse"] for entry in losses[-10:]]) < 0.01 * np.mean(
+        [entry["image_mse"] for entry in losses[:10]]
+    )
+
+
+def test_every_component_may_move_on_its_own() -> None:
+    """Two balls whose targets lie apart: with pinned components they could not reach them."""
+    ball = icosphere(2, 0.25)
+
+    def pair(gap: float) -> TriangleMesh:
+        shift = torch.tensor([gap, 0.0, 0.0], dtype=torch.float64)
+        return join(TriangleMesh(ball.verts - shift, ball.faces), TriangleMesh(ball.verts + shift, ball.faces))
+
+    source, target = pair(0.3), pair(0.55)
+    found = {}
+    for rate in (0.0, 1.0):
+        deformation = Deformation(
+            source,
+            TargetGuidance(target, style=STYLE),
+            params(steps=120, translation_rate=rate, jacobian_reg_weight=0.1),
+        )
+        run(deformation)
+        left = deformation.verts()[: ball.verts.shape[0]].mean(0)
+        found[rate] = abs(left[0].item() + 0.55)
+    assert found[0.0] > 0.2
+    assert found[1.0] < 0.05
+
+
+def test_the_centre_of_mass_stays() -> None:
+    source = torus()
+    deformation = Deformation(
+        TriangleMesh(source.verts * 0.6 + 0.1, source.faces), TargetGuidance(ellipsoid(), style=STYLE), params(steps=15)
+    )
+    run(deformation)
+    areas = torch.from_numpy(np.asarray(deformation._poisson.vertex_areas))[:, None]
+    old, new = (areas * deformation.mesh.verts).sum(0), (areas * deformation.verts()).sum(0)
+    torch.testing.assert_close(new, old, atol=1e-10, rtol=0)
+
+
+def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:
+    results = []
+    for seed in (3, 3, 4):
+        deformation = Deformation(
+            icosphere(2, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=8, seed=seed)
+        )
+        run(deformation)
+        results.append(deformation.verts())
+    assert torch.equal(results[0], results[1])
+    assert not torch.equal(results[0], results[2])
+
+
+@pytest.mark.parametrize("stop", [1, 7, 19])
+def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int) -> None:
+    settings = params(steps=20, seed=11)
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    whole = Deformation(icosphere(2, 0.6), guidance, settings)
+    run(whole)
+    first = Deformation(icosphere(2, 0.6), guidance, settings)
+    run(first, stop)
+    stored = dump_checkpoint(first.checkpoint(), "run")
+    second = Deformation(icosphere(2, 0.6), guidance, settings, checkpoint=load_checkpoint(stored, "run"))
+    assert second.step == stop
+    rest = run(second)
+    assert len(rest) == 20 - stop
+    assert torch.equal(second.verts(), whole.verts())
+    for name, value in whole.checkpoint().tensors.items():
+        assert torch.equal(second.checkpoint().tensors[name], value), name
+
+
+def test_a_checkpoint_of_another_mesh_is_refused() -> None:
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    state = Deformation(icosphere(1, 0.6), guidance, params(steps=2)).checkpoint()
+    with pytest.raises(CheckpointError, match="mesh"):
+        Deformation(icosphere(2, 0.6), guidance, params(steps=2), checkpoint=state)
+
+
+def test_checkpoints_do_not_change_with_the_run() -> None:
+    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=4))
+    run(deformation, 2)
+    state: Checkpoint = deformation.checkpoint()
+    kept = {k: v.clone() for k, v in state.tensors.items()}
+    run(deformation)
+    assert all(torch.equal(kept[k], v) for k, v in state.tensors.items())
+
+
+class _Broken:
+    style = STYLE
+    identity = {"kind": "broken"}  # noqa: RUF012
+
+    def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        return image.sum() * (float("nan") if context.step == 2 else 1.0), {}
+
+
+def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
+    deformation = Deformation(icosphere(1, 0.6), _Broken(), params(steps=5))
+    with pytest.raises(NumericalError, match="step 3"):
+        run(deformation)
+    assert deformation.step == 2
