@@ -282,14 +282,17 @@ _PAPER: dict[str, Any] = {
     "timestep_max": 0.98,
     "timestep_max_end": 0.98,
     "guidance_weight": 1.0,
-    "jacobian_reg_weight": 1e-3,
-    "laplacian_weight": 1e-5,
-    "normal_weight": 0.1,
+    "jacobian_reg_weight": 16.0,
+    "laplacian_weight": 0.16,
+    "normal_weight": 1600.0,
     "elevation_min_deg": 0.0,
     "elevation_max_deg": 30.0,
     "fov_min_deg": 30.0,
     "fov_max_deg": 45.0,
 }
+
+# A difference of pictures is a mean over pixels, score distillation a sum over 16,384 latents.
+_TARGET: dict[str, Any] = {"jacobian_reg_weight": 1e-3, "laplacian_weight": 1e-5, "normal_weight": 0.1}
 
 _Family = Literal["builtin", "sd", "target"]
 
@@ -313,9 +316,9 @@ _OVERRIDES: dict[tuple[_Family, Preset], dict[str, Any]] = {
     ("sd", Preset.PAPER): {},
     ("sd", Preset.BALANCED): {"steps": 2000, "learning_rate": 0.005, "translation_rate": 1.0, "timestep_max_end": 0.5},
     ("sd", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01, "translation_rate": 1.0, "timestep_max_end": 0.5},
-    ("target", Preset.PAPER): {},
-    ("target", Preset.BALANCED): {"steps": 600, "learning_rate": 0.01},
-    ("target", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01},
+    ("target", Preset.PAPER): _TARGET,
+    ("target", Preset.BALANCED): {**_TARGET, "steps": 600, "learning_rate": 0.01, "translation_rate": 1.0},
+    ("target", Preset.PREVIEW): {**_TARGET, "steps": 300, "learning_rate": 0.01, "translation_rate": 1.0},
 }
 
 
