@@ -5,6 +5,7 @@ All are +Y up, centred at the origin unless said otherwise, in object units, and
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -101,7 +102,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int = 32) -> Triangl
         verts.append(ring)
         count += len(ring)
     faces = []
-    for low, high in zip(rings[:-1], rings[1:], strict=True):
+    for low, high in itertools.pairwise(rings):
         after = np.roll(low, -1), np.roll(high, -1)
         faces.append(_quads_to_faces(low, after[0], after[1], high))
     joined = np.concatenate(faces)
