@@ -1,9 +1,4 @@
-"""Per-face Jacobians of a deformation: from positions, and completed to full rank for what needs a normal direction.
-
-A piecewise-linear map of a surface says how edges map; what happens along the normal is free. `jacobians_from_verts`
-gives the map's own Jacobian, which sends the rest normal to zero. The optimisation's variables are full 3x3 matrices
-that start as identities; the Poisson solve reads only their tangential part. `completed_jacobians` sends the rest unit
-normal to the deformed unit normal times the square root of the area ratio, so that a scaling by c comes out as c I.
+"""Per-face Jacobians of the piecewise-linear map rest -> deformed.
 
 Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
 """
@@ -11,21 +6,21 @@ Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
 from __future__ import annotations
 
 import torch
+from scipy import sparse
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
 from meshdeform.mesh import face_areas, face_normals
-from meshdeform.operators import gradient_operator
 
 __all__ = ["completed_jacobians", "identity_jacobians", "jacobians_from_verts"]
 
 
 def identity_jacobians(n_faces: int) -> Tensor:
-    """Jacobians (F, 3, 3) float64 of the rest mesh itself: where the optimisation starts."""
+    """The Jacobians of the map that moves nothing, (F, 3, 3) float64."""
     return torch.eye(3, dtype=torch.float64).repeat(n_faces, 1, 1)
 
 
-def jacobians_from_verts(gradient_operator: Tensor, verts: Tensor) -> Tensor:
+def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
     """Per-face Jacobians of the piecewise-linear map rest -> verts.
 
     Parameters
@@ -37,40 +32,43 @@ def jacobians_from_verts(gradient_operator: Tensor, verts: Tensor) -> Tensor:
 
     Returns
     -------
-    (F, 3, 3) float64, dimensionless: `edge_new = J @ edge_old`, and J @ rest_normal = 0. Differentiable in `verts`.
+    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. The map says nothing
+    along the rest normal, where ``J @ n = 0``; `completed_jacobians` fills that direction.
 
     Raises
     ------
     ShapeError
         `verts` has not as many rows as the operator has columns.
-
-    Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
     """
-    if verts.ndim != 2 or verts.shape != (gradient_operator.shape[1], 3):
+    if verts.shape != (gradient_operator.shape[1], 3):
         raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
-    return (gradient_operator @ verts).view(-1, 3, 3).mT
+    gradients = torch.from_numpy(gradient_operator @ verts.detach().numpy())
+    return gradients.view(-1, 3, 3).mT.contiguous()
 
 
-def completed_jacobians(rest_verts: Tensor, faces: Tensor, new_verts: Tensor) -> Tensor:
-    """Full-rank Jacobians of the deformation rest_verts -> new_verts.
+def completed_jacobians(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> Tensor:
+    """Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
+
+    ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
+    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. The identity where a face has no
+    area before or after.
 
     Parameters
     ----------
-    rest_verts, new_verts : (V, 3) float64
+    rest_verts, verts : (V, 3) float64
     faces : (F, 3) int64
-
-    Returns
-    -------
-    (F, 3, 3) float64. Tangential part exact: `edge_new = J @ edge_old`. The rest unit normal goes to the deformed unit
-    normal times sqrt(new area / rest area): the mean tangential stretch, so similarities come out exactly (a rotation R
-    as R, a scaling by c as c I) and the completion never stretches more than the surface does. Faces without rest
-    area, for which nothing of this is defined, get the identity; faces that collapsed get no normal part.
     """
-    tangential = jacobians_from_verts(gradient_operator(rest_verts, faces), new_verts)
-    rest_area, new_area = face_areas(rest_verts, faces), face_areas(new_verts, faces)
-    rest_normal, new_normal = face_normals(rest_verts, faces), face_normals(new_verts, faces)
-    usable = rest_area > 0
-    stretch = torch.sqrt(new_area / torch.where(usable, rest_area, 1.0))
-    normal_part = (stretch[:, None] * new_normal)[:, :, None] * rest_normal[:, None, :]
-    identity = torch.eye(3, dtype=torch.float64)
-    return torch.where(usable[:, None, None], tangential + normal_part, identity)
+    old = torch.stack(
+        [rest_verts[faces[:, 1]] - rest_verts[faces[:, 0]], rest_verts[faces[:, 2]] - rest_verts[faces[:, 0]]], 2
+    )
+    new = torch.stack([verts[faces[:, 1]] - verts[faces[:, 0]], verts[faces[:, 2]] - verts[faces[:, 0]]], 2)
+    area_old, area_new = face_areas(rest_verts, faces), face_areas(verts, faces)
+    n_old, n_new = face_normals(rest_verts, faces), face_normals(verts, faces)
+    solid = (area_old > 1e-14 * area_old.mean()) & (area_new > 1e-14 * area_new.mean())
+    stretch = torch.where(solid, area_new / torch.where(solid, area_old, 1.0), 1.0).sqrt()
+    frame_old = torch.cat([old, n_old[:, :, None]], 2)
+    frame_new = torch.cat([new, (stretch[:, None] * n_new)[:, :, None]], 2)
+    identity = torch.eye(3, dtype=verts.dtype).expand_as(frame_old)
+    frame_old = torch.where(solid[:, None, None], frame_old, identity)
+    frame_new = torch.where(solid[:, None, None], frame_new, identity)
+    return torch.linalg.solve(frame_old.mT, frame_new.mT).mT

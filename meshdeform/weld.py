@@ -1,7 +1,7 @@
-"""Weld the vertices that a file splits at texture and normal seams, and carry the result back to every one of them.
+"""Welding: one vertex for all the vertices that an asset splits at UV and normal seams, and the way back.
 
-glTF stores one vertex for every combination of position, normal and texture coordinate. Solved as it stands, the
-surface would tear along every seam. The rest mesh is therefore welded by position, deformed, and scattered back.
+The solve needs a connected surface; the file needs every one of its own vertices. `weld` merges vertices that
+lie at the same place (within a millionth of the diagonal) and remembers where each came from.
 """
 
 from __future__ import annotations
@@ -10,155 +10,130 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.errors import ShapeError
-from meshdeform.mesh import TriangleMesh, edges_of, face_areas
+from meshdeform.errors import AssetEmptyError
+from meshdeform.mesh import TriangleMesh, edges_of
+from meshdeform.operators import effective_face_areas
 
 __all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
 
 WELD_TOLERANCE = 1e-6
-"""Vertices nearer than this fraction of the bounding box's diagonal are one."""
 
 
 @dataclass(frozen=True)
 class WeldedMesh:
-    """A mesh without seams, and where its parts came from.
+    """The rest mesh and its relation to the source.
 
     Attributes
     ----------
-    verts : (V, 3) float64
-        Each the position of the first source vertex that was welded into it, unchanged.
-    faces : (F, 3) int64
-        Triangles with three different welded vertices, in source order.
+    mesh : TriangleMesh
+        Welded vertices that faces use, and the faces.
     vertex_map : (N,) int64
-        Welded vertex of each source vertex, -1 for source vertices that no triangle refers to.
+        Welded vertex of each source vertex; -1 for source vertices that no face uses.
     face_source : (F,) int64
         Source triangle of each face.
-    skipped : dict of str to int
-        `degenerate_faces` (left out of the mesh: two corners are one vertex) and `unreferenced_verts` (keep their
-        place). What is kept but is no clean manifold: `zero_area_faces` (no weight in the solve), `duplicate_faces`,
-        `border_edges`, `nonmanifold_edges`. And `welded_verts`, how many source vertices were merged away.
+    skipped : dict
+        How many of each kind the solve leaves out or treats specially: `unreferenced_vertices`,
+        `degenerate_faces` (two corners weld together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
     """
 
-    verts: Tensor
-    faces: Tensor
-    vertex_map: Tensor
-    face_source: Tensor
+    mesh: TriangleMesh
+    vertex_map: NDArray[np.int64]
+    face_source: NDArray[np.int64]
     skipped: dict[str, int]
 
-    @property
-    def mesh(self) -> TriangleMesh:
-        """The rest mesh."""
-        return TriangleMesh(self.verts, self.faces)
+    def scatter(self, verts: Tensor, source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put deformed vertices back at every source vertex; the others keep their place.
 
-    def scatter(self, new_verts: Tensor, positions: ArrayLike) -> NDArray[np.float64]:
-        """Move every source vertex as its welded vertex moved.
+        Each source vertex takes its welded vertex's displacement, so that vertices which were a rounding error apart
+        stay so, and a deformation that moves nothing gives the source's numbers back exactly.
 
         Parameters
         ----------
-        new_verts : (V, 3) float64
-            Deformed welded positions.
-        positions : (N, 3)
-            The source positions that were welded.
+        verts : (V, 3) float64
+            Deformed positions of the welded vertices.
+        source_positions : (N, 3) float64
 
         Returns
         -------
-        (N, 3) float64. Unreferenced vertices keep their place; offsets below the weld tolerance survive, so an
-        undeformed mesh comes back bit for bit.
+        (N, 3) float64
         """
-        if new_verts.shape != self.verts.shape:
-            raise ShapeError(f"expected new_verts {tuple(self.verts.shape)}, got {tuple(new_verts.shape)}")
-        source = np.array(positions, np.float64)
-        target = self.vertex_map.numpy()
-        referenced = target >= 0
-        index = target[referenced]
-        rest, moved = self.verts.numpy()[index], new_verts.detach().cpu().numpy()[index]
-        offset = source[referenced] - rest
-        source[referenced] = moved + offset
-        return source
+        moved = (verts.detach() - self.mesh.verts).numpy()
+        out = source_positions.copy()
+        used = self.vertex_map >= 0
+        out[used] += moved[self.vertex_map[used]]
+        return out
 
 
 def weld(
-    positions: ArrayLike | Tensor, triangles: ArrayLike | Tensor, *, tolerance: float = WELD_TOLERANCE
+    positions: NDArray[np.float64], triangles: NDArray[np.int64], *, tolerance: float = WELD_TOLERANCE
 ) -> WeldedMesh:
-    """Merge vertices at the same place.
-
-    Exact duplicates are merged first. Of the rest, each vertex joins the earliest kept vertex within the tolerance;
-    since only kept vertices attract, chains of near vertices do not collapse a fine detail into one point.
+    """Merge vertices that coincide, drop faces that collapse, keep the rest in order.
 
     Parameters
     ----------
-    positions : (N, 3)
-        Finite source positions, object units.
-    triangles : (T, 3)
-        Source corner indices.
+    positions : (N, 3) float64
+        Finite, in object units.
+    triangles : (T, 3) int64
     tolerance : float
-        Fraction of the diagonal of the referenced vertices' bounding box.
+        Share of the bounding box diagonal within which vertices are one.
 
     Raises
     ------
-    ShapeError
-        Wrong shapes, an index out of range, or positions that are not finite.
+    AssetEmptyError
+        No triangle is left that has an area.
     """
-    points = np.ascontiguousarray(positions, np.float64)
-    corners = np.ascontiguousarray(triangles, np.int64).reshape(-1, 3)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(f"expected positions (N, 3), got {points.shape}")
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise ShapeError(f"triangles name vertices outside 0..{len(points) - 1}")
-    referenced = np.unique(corners)
-    used = points[referenced]
-    if not np.isfinite(used).all():
-        raise ShapeError("positions must be finite; drop or repair the NaN and infinite rows first")
-    keeper = _keepers(used, tolerance)
-    kept, label = np.unique(keeper, return_inverse=True)
-    vertex_map = np.full(len(points), -1, np.int64)
-    vertex_map[referenced] = label.reshape(-1)
-    all_faces = vertex_map[corners]
-    a, b, c = all_faces.T
-    distinct = (a != b) & (b != c) & (c != a)
-    faces = torch.from_numpy(all_faces[distinct])
-    verts = torch.from_numpy(used[kept])
-    edges = edges_of(faces)
+    used = np.unique(triangles)
+    if not len(used):
+        raise AssetEmptyError("The asset has no triangles.")
+    points = positions[used]
+    representative = _merge(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
+    merged = np.full(len(positions), -1, np.int64)
+    merged[used] = representative
+    corners = merged[triangles]
+    solid = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
+    kept, faces = np.unique(corners[solid], return_inverse=True)
+    renumber = np.full(len(points), -1, np.int64)
+    renumber[kept] = np.arange(len(kept))
+    vertex_map = np.where(merged >= 0, renumber[np.maximum(merged, 0)], -1)
+    mesh = TriangleMesh(
+        torch.from_numpy(points[kept].astype(np.float64)), torch.from_numpy(faces.reshape(-1, 3).astype(np.int64))
+    )
+    areas = effective_face_areas(mesh)
+    if not (areas > 0).any():
+        raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
+    counts = edges_of(mesh.faces).counts
     skipped = {
-        "degenerate_faces": int((~distinct).sum()),
-        "zero_area_faces": int((face_areas(verts, faces) == 0).sum()),
-        "duplicate_faces": len(faces) - len(np.unique(np.sort(faces.numpy(), axis=1), axis=0)),
-        "unreferenced_verts": len(points) - len(referenced),
-        "welded_verts": len(referenced) - len(kept),
-        "border_edges": int((edges.counts == 1).sum()),
-        "nonmanifold_edges": int((edges.counts > 2).sum()),
+        "unreferenced_vertices": int((vertex_map < 0).sum()),
+        "degenerate_faces": int((~solid).sum()),
+        "zero_area_faces": int((areas == 0).sum()),
+        "non_manifold_edges": int((counts > 2).sum()),
+        "border_edges": int((counts == 1).sum()),
     }
-    return WeldedMesh(verts, faces, torch.from_numpy(vertex_map), torch.from_numpy(np.flatnonzero(distinct)), skipped)
+    return WeldedMesh(mesh, vertex_map.astype(np.int64), np.flatnonzero(solid).astype(np.int64), skipped)
 
 
-def _keepers(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
-    """For each point the index of the point that it is merged into (itself where it is kept)."""
-    if not len(points):
-        return np.empty(0, np.int64)
-    keeper = _first_of_each(points + 0.0)  # + 0.0: -0 and 0 are the same place
-    reach = tolerance * float(np.linalg.norm(np.ptp(points, axis=0)))
-    if reach <= 0 or not np.isfinite(reach):
-        return keeper
-    # One point a cell first: it bounds the number of pairs that the tree can find, whatever the input.
-    cell = np.rint((points - points.min(0)) / reach)
-    keeper = _first_of_each(cell)[keeper]
-    kept = np.unique(keeper)
-    pairs = cKDTree(points[kept]).query_pairs(reach, output_type="ndarray")
-    if not len(pairs):
-        return keeper
-    moved = np.arange(len(points))
-    for low, high in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]:
-        i, j = kept[low], kept[high]
-        if moved[i] == i and moved[j] == j:
-            moved[j] = i
-    return moved[keeper]
+def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
+    """Index of each point's representative: the first of its cluster."""
+    _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    label: NDArray[np.int64] = first[inverse.reshape(-1)].astype(np.int64)
+    unique = np.unique(label)
+    pairs = (
+        cKDTree(points[unique]).query_pairs(distance, output_type="ndarray") if distance > 0 else np.empty((0, 2), int)
+    )
+    if len(pairs):
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
 
-
-def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Index of the first row equal to each row."""
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return first[inverse.reshape(-1)]
+        n = len(unique)
+        graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+        _, cluster = connected_components(graph, directed=False)
+        _, lowest = np.unique(cluster, return_index=True)
+        target = unique[lowest[cluster]]
+        lookup = np.zeros(len(points), np.int64)
+        lookup[unique] = target
+        label = lookup[label]
+    return label
