@@ -186,7 +186,7 @@ class ModelError(MeshdeformError):
     status = 422
     code = "model_unavailable"
     advice = (
-        "Download it once where there is a network (huggingface-cli download ID --local-dir FOLDER) "
+        "Download it once where there is a network (hf download ID --local-dir FOLDER) "
         "and set MESHDEFORM_MODEL to the folder, or use the builtin demonstration prior (model: builtin)."
     )
 

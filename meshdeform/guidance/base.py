@@ -44,21 +44,15 @@ class StepContext:
 
 
 class Guidance(Protocol):
-    """Pulls the rendered views.
-
-    Attributes
-    ----------
-    style : RenderStyle
-        How it wants the views drawn.
-    identity : dict of str to str
-        What it is, for the report: `id`, `revision`, `sha256`.
-    """
+    """Pulls the rendered views."""
 
     @property
-    def style(self) -> RenderStyle: ...
+    def style(self) -> RenderStyle:
+        """How views must look."""
 
     @property
-    def identity(self) -> dict[str, str]: ...
+    def identity(self) -> dict[str, str]:
+        """`id`, `revision` and `sha256`, for the report."""
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Say how far the views are from what they should be.

@@ -56,7 +56,7 @@ class ScoreDistillation:
     Raises
     ------
     PromptError, ParameterError
-        The prior cannot use this text, or the timestep bounds are not 0 <= min < max <= 1.
+        The prior cannot use this text, or the timestep bounds are not 0 <= min <= max <= 1.
     """
 
     def __init__(
@@ -70,9 +70,9 @@ class ScoreDistillation:
         timestep_max: float = 0.98,
         timestep_max_end: float = 0.98,
     ) -> None:
-        if not 0 <= timestep_min < min(timestep_max, timestep_max_end) <= max(timestep_max, timestep_max_end) <= 1:
+        if not 0 <= timestep_min <= min(timestep_max, timestep_max_end) <= max(timestep_max, timestep_max_end) <= 1:
             raise ParameterError(
-                f"Timesteps must have 0 <= timestep_min ({timestep_min}) < timestep_max ({timestep_max}) and "
+                f"Timesteps must have 0 <= timestep_min ({timestep_min}) <= timestep_max ({timestep_max}) and "
                 f"timestep_max_end ({timestep_max_end}) <= 1."
             )
         self._prior = prior
@@ -100,9 +100,9 @@ class ScoreDistillation:
 
         Returns
         -------
-        ``k (1 - abar_t) / 2 ||eps_hat - eps||^2``, the weighted denoising error, whose gradient with respect to z0 is the
-        one above; and `sds_mse`, the mean of ``(eps_hat - eps)^2``, `sds_gradient_norm`, the length of the gradient on z0,
-        and `timestep`. The error falls with t as well as with progress: compare averages over many steps.
+        ``k (1 - abar_t) / 2 ||eps_hat - eps||^2``, the weighted denoising error, whose gradient with respect to z0 is
+        the one above; and for the log `sds_mse`, the mean of ``(eps_hat - eps)^2``, `sds_gradient_norm`, the length of
+        the gradient on z0, and `timestep`. The error depends on t as much as on progress: compare averages.
 
         Raises
         ------

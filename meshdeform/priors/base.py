@@ -15,41 +15,31 @@ __all__ = ["Prior"]
 
 
 class Prior(Protocol):
-    """A diffusion model: loaded once in a worker, used by many jobs.
-
-    Attributes
-    ----------
-    style : RenderStyle
-        How views must look for this model: their size, shading and background.
-    num_timesteps : int
-        T.
-    alphas_cumprod : (T,) float32 on `device`
-        abar_t, the signal's share of the variance of z_t.
-    identity : dict of str to str
-        `id`, `revision` and `sha256` of the weights, for the report.
-    device : torch.device
-        Where it computes.
-    dtype : torch.dtype
-        What it computes in. Whatever that is, z0 and the predicted noise are float32.
-    """
+    """A diffusion model: loaded once in a worker, used by many jobs."""
 
     @property
-    def style(self) -> RenderStyle: ...
+    def style(self) -> RenderStyle:
+        """How views must look."""
 
     @property
-    def num_timesteps(self) -> int: ...
+    def num_timesteps(self) -> int:
+        """T."""
 
     @property
-    def alphas_cumprod(self) -> Tensor: ...
+    def alphas_cumprod(self) -> Tensor:
+        """(T,) float32 on `device`: abar_t, the signal's share of the variance of z_t."""
 
     @property
-    def identity(self) -> dict[str, str]: ...
+    def identity(self) -> dict[str, str]:
+        """`id`, `revision` and `sha256`, for the report."""
 
     @property
-    def device(self) -> torch.device: ...
+    def device(self) -> torch.device:
+        """Where it computes."""
 
     @property
-    def dtype(self) -> torch.dtype: ...
+    def dtype(self) -> torch.dtype:
+        """What it computes in; z0 and the predicted noise are float32 all the same."""
 
     def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Any:
         """Turn text into what `predict_noise` takes; called once a job.
