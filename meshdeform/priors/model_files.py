@@ -1,0 +1,187 @@
+"""Where a Stable Diffusion checkpoint's files are on this machine, and whether all of them are there. Torch-free.
+
+A checkpoint is a folder in diffusers' layout; a hub id stands for its snapshot in the local Hugging Face cache::
+
+    model_index.json          says StableDiffusionPipeline
+    unet/  vae/  text_encoder/    config.json and *.safetensors (several with an index, or an fp16 variant)
+    tokenizer/  scheduler/
+
+Weights are read from safetensors only: a .bin or .ckpt file is a pickle, which runs code when it is opened.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from meshdeform.errors import DependencyError, ModelError
+
+__all__ = ["ModelFiles", "PartFiles", "check", "find"]
+
+_STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
+_VARIANTS = ("", "fp16")
+_TOKENIZER_FILES = (("tokenizer.json",), ("vocab.json", "merges.txt"))
+_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?")
+_LFS_POINTER = b"version https://git-lfs"
+_LAYOUT_ADVICE = (
+    "Use a folder in diffusers' layout with safetensors weights, as `hf download ID --local-dir FOLDER` writes it "
+    "(a .bin or .ckpt checkpoint can be converted once with diffusers: "
+    "StableDiffusionPipeline.from_single_file(...).save_pretrained(FOLDER))."
+)
+
+
+@dataclass(frozen=True)
+class PartFiles:
+    """The weights of one network of a checkpoint: its files, and the variant in their names ("" for none)."""
+
+    variant: str
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """A complete checkpoint on this machine.
+
+    Attributes
+    ----------
+    model : str
+        The hub id or folder as it was asked for.
+    revision : str
+        The commit, where the files lie in the Hugging Face cache; else what was asked for.
+    folder : Path
+    parts : dict of str to PartFiles
+        `text_encoder`, `unet` and `vae`.
+    """
+
+    model: str
+    revision: str
+    folder: Path
+    parts: dict[str, PartFiles]
+
+    def sha256(self) -> str:
+        """SHA-256 over the bytes of the weights: text encoder, U-Net and VAE, files in the order of their names.
+
+        The same as ``cat text_encoder/*.safetensors unet/*.safetensors vae/*.safetensors | sha256sum``.
+        """
+        digest = hashlib.sha256()
+        for part in sorted(self.parts):
+            for path in self.parts[part].files:
+                with path.open("rb") as file:
+                    while block := file.read(2**20):
+                        digest.update(block)
+        return digest.hexdigest()
+
+
+def check(model: str, revision: str = "") -> None:
+    """Find the checkpoint if this environment is one that runs models; see `meshdeform.priors.check_model`."""
+    if importlib.util.find_spec("torch") is None:
+        return
+    find(model, revision)
+
+
+def find(model: str, revision: str = "") -> ModelFiles:
+    """Find a checkpoint's folder and the weights in it.
+
+    Raises
+    ------
+    ModelError
+        It is not on this machine, not complete, or not a Stable Diffusion 1 or 2 checkpoint in safetensors.
+    DependencyError
+        diffusers or transformers is not installed.
+    """
+    missing = [name for name in ("diffusers", "transformers") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise DependencyError(
+            f"The model {model!r} needs {' and '.join(missing)}.",
+            advice='Install the extra on the machine that runs the worker: pip install "meshdeform[sd]".',
+        )
+    folder = Path(model).expanduser()
+    if folder.is_dir():
+        commit = revision
+    else:
+        folder = _cached_snapshot(model, revision)
+        commit = folder.name
+    index = _read_json(folder / "model_index.json", model)
+    if index.get("_class_name") != "StableDiffusionPipeline":
+        raise ModelError(
+            f"The model {model!r} is a {index.get('_class_name', 'pipeline of no known kind')}.",
+            advice="Use a text-to-image checkpoint of the Stable Diffusion 1 or 2 family.",
+        )
+    _read_json(folder / "scheduler" / "scheduler_config.json", model)
+    if not any(all((folder / "tokenizer" / name).is_file() for name in names) for names in _TOKENIZER_FILES):
+        raise ModelError(f"The model {model!r} has no tokenizer.", advice=_LAYOUT_ADVICE)
+    return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model) for part in _STEMS})
+
+
+def _cached_snapshot(model: str, revision: str) -> Path:
+    if not _HUB_ID.fullmatch(model):
+        raise ModelError(
+            f"There is no folder {model!r} on the machine that runs the worker.",
+            advice="Set params.model (or MESHDEFORM_MODEL) to a folder that is there, or to a hub id like owner/name.",
+        )
+    from huggingface_hub import try_to_load_from_cache
+
+    cached = try_to_load_from_cache(model, "model_index.json", revision=revision or None)
+    if isinstance(cached, str):
+        return Path(cached).parent
+    at = f" --revision {revision}" if revision else ""
+    command = f'hf download {model}{at} --include "*.json" --include "*.txt" --include "*/*.safetensors"'
+    raise ModelError(
+        f"The model {model!r}{f' at revision {revision}' if revision else ''} is not on this machine, and Meshdeform "
+        "downloads nothing by itself.",
+        advice=f"Download it once: {command} . For a machine without a network, add --local-dir FOLDER, copy "
+        "the folder there and set MESHDEFORM_MODEL (or params.model) to it. "
+        "Or use the builtin demonstration prior (model: builtin).",
+    )
+
+
+def _find_part(folder: Path, part: str, model: str) -> PartFiles:
+    stem = _STEMS[part]
+    _read_json(folder / part / "config.json", model)
+    for variant in _VARIANTS:
+        suffix = f".{variant}" if variant else ""
+        single = folder / part / f"{stem}{suffix}.safetensors"
+        index = folder / part / f"{stem}.safetensors.index{suffix}.json"
+        if single.is_file():
+            files: tuple[Path, ...] = (single,)
+        elif index.is_file():
+            shards = _read_json(index, model).get("weight_map", {})
+            files = tuple(folder / part / name for name in sorted(set(shards.values())))
+        else:
+            continue
+        for path in files:
+            _check_weights(path, model)
+        return PartFiles(variant, files)
+    pickled = [path.name for pattern in ("*.bin", "*.ckpt", "*.pt") for path in (folder / part).glob(pattern)]
+    reason = f"only {', '.join(pickled)}, which Meshdeform does not open" if pickled else "no weights"
+    raise ModelError(f"The model {model!r} has {reason} in {part}/; it needs safetensors.", advice=_LAYOUT_ADVICE)
+
+
+def _check_weights(path: Path, model: str) -> None:
+    if not path.is_file():
+        raise ModelError(f"The model {model!r} lacks {path.parent.name}/{path.name}.", advice=_LAYOUT_ADVICE)
+    with path.open("rb") as file:
+        if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
+            raise ModelError(
+                f"The model {model!r} has a git-lfs pointer in place of {path.parent.name}/{path.name}.",
+                advice="Fetch the real files: run `git lfs pull` in that folder.",
+            )
+
+
+def _read_json(path: Path, model: str) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise ModelError(
+            f"The model {model!r} lacks {path.name} (looked in {path.parent}).", advice=_LAYOUT_ADVICE
+        ) from None
+    except (OSError, ValueError) as error:
+        raise ModelError(f"The model {model!r} has an unreadable {path.name}: {error}.") from error
+    if not isinstance(document, dict):
+        raise ModelError(f"The model {model!r} has a {path.name} that is no JSON object.", advice=_LAYOUT_ADVICE)
+    return document
