@@ -31,7 +31,8 @@ def preview_png(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> bytes:
     A PNG of 1024 x 512 pixels: front, left, back and right of the source above, of the result below.
     """
     both = torch.cat([rest_verts, verts]).double()
-    used = torch.cat([rest_verts[faces.unique()], verts[faces.unique()]]).double()
+    corners = faces.reshape(-1)
+    used = torch.cat([rest_verts[corners], verts[corners]]).double()
     centre = (used.amin(0) + used.amax(0)) / 2
     scale = 1 / (used - centre).norm(dim=1).max().clamp_min(1e-12)
     placed = (both - centre) * scale

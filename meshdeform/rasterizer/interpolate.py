@@ -39,7 +39,7 @@ def interpolate(
     (P, C) float32
     """
     if clip.device.type == "cpu":
-        result: Tensor = _Interpolate.apply(clip, values, faces, pixels, face_of_pixel, height, width)  # type: ignore[no-untyped-call]
+        result: Tensor = _Interpolate.apply(clip, values, faces, pixels, face_of_pixel, height, width)
         return result
     return interpolate_torch(clip, values, faces, pixels, face_of_pixel, height, width)
 
@@ -63,7 +63,7 @@ def interpolate_torch(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):  # type: ignore[no-untyped-def]
+def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):
     for n in range(len(pixels)):
         b, within = divmod(pixels[n], height * width)
         row, column = divmod(within, width)
@@ -80,7 +80,7 @@ def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights,
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
+def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):
     x = np.empty(3)
     y = np.empty(3)
     g = np.empty(3)
