@@ -19,8 +19,8 @@ __all__ = ["intersecting_faces"]
 _EPSILON = 1e-9
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _segment_cuts(p, q, a, b, c):
+@numba.njit(cache=True, nogil=True)
+def _segment_cuts(p, q, a, b, c):  # type: ignore[no-untyped-def]
     """Whether the open segment p q crosses the inside of the triangle a b c."""
     d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -43,8 +43,8 @@ def _segment_cuts(p, q, a, b, c):
     return _EPSILON < t < 1.0 - _EPSILON
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _pair_cuts(verts, f, g):
+@numba.njit(cache=True, nogil=True)
+def _pair_cuts(verts, f, g):  # type: ignore[no-untyped-def]
     shared = 0
     at_f = -1
     at_g = -1
@@ -69,8 +69,8 @@ def _pair_cuts(verts, f, g):
     return False
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _sweep(verts, faces, low, high, order, first, second, hit):
+@numba.njit(cache=True, nogil=True)
+def _sweep(verts, faces, low, high, order, first, second, hit):  # type: ignore[no-untyped-def]
     n = len(order)
     for i in range(n):
         f = order[i]

@@ -39,7 +39,7 @@ def interpolate(
     (P, C) float32
     """
     if clip.device.type == "cpu":
-        result: Tensor = _Interpolate.apply(clip, values, faces, pixels, face_of_pixel, height, width)
+        result: Tensor = _Interpolate.apply(clip, values, faces, pixels, face_of_pixel, height, width)  # type: ignore[no-untyped-call]
         return result
     return interpolate_torch(clip, values, faces, pixels, face_of_pixel, height, width)
 
@@ -62,8 +62,8 @@ def interpolate_torch(
     return (corner * weights[..., None]).sum(1)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):
+@numba.njit(cache=True, nogil=True)
+def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):  # type: ignore[no-untyped-def]
     for n in range(len(pixels)):
         b, within = divmod(pixels[n], height * width)
         row, column = divmod(within, width)
@@ -79,8 +79,8 @@ def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights,
             out[n, c] = (a0 * values[b, f[0], c] + a1 * values[b, f[1], c] + a2 * values[b, f[2], c]) * inverse
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):
+@numba.njit(cache=True, nogil=True)
+def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
     x = np.empty(3)
     y = np.empty(3)
     g = np.empty(3)
@@ -129,7 +129,7 @@ class _Interpolate(torch.autograd.Function):
         return torch.from_numpy(out)
 
     @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
+    @once_differentiable
     def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor | None, ...]:
         arrays, height, width, weights = ctx.saved  # type: ignore[attr-defined]
         d_clip, d_values = np.zeros(arrays[0].shape), np.zeros(arrays[1].shape)
