@@ -17,6 +17,8 @@ Salimans & Ho 2022, appendix D (v-prediction).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -85,11 +87,14 @@ class StableDiffusionPrior:
                 advice='Install the extra: pip install "meshdeform[sd]".',
             ) from error
         try:
-            self._unet = self._network(UNet2DConditionModel, files, "unet")
-            self._vae = self._network(AutoencoderKL, files, "vae")
-            self._text_encoder = self._network(CLIPTextModel, files, "text_encoder")
+            with _no_progress_bar():
+                self._unet = self._network(UNet2DConditionModel, files, "unet")
+                self._vae = self._network(AutoencoderKL, files, "vae")
+                self._text_encoder = self._network(CLIPTextModel, files, "text_encoder")
             self._tokenizer = CLIPTokenizer.from_pretrained(files.folder / "tokenizer", local_files_only=True)
             scheduler = DDPMScheduler.from_pretrained(files.folder / "scheduler", local_files_only=True)
+        except ModelError:
+            raise
         except Exception as error:  # whatever a broken file makes diffusers, transformers or safetensors raise
             raise ModelError(
                 f"The model {files.model!r} cannot be read: {error}",
@@ -111,13 +116,20 @@ class StableDiffusionPrior:
         )
 
     def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
-        network = kind.from_pretrained(
+        network, report = kind.from_pretrained(
             files.folder / part,
             variant=files.parts[part].variant or None,
             use_safetensors=True,
             local_files_only=True,
             dtype=self.dtype,
+            output_loading_info=True,
         )
+        # diffusers and transformers only log this, and go on with random numbers in place of what is missing.
+        if lacking := [*report["missing_keys"], *(str(entry) for entry in report["mismatched_keys"])]:
+            raise ModelError(
+                f"The weights in {part}/ of {files.model!r} lack {len(lacking)} tensors, such as {min(lacking)}.",
+                advice="Download it again; its config.json and its weights do not belong together.",
+            )
         return network.to(self.device).eval().requires_grad_(requires_grad=False)
 
     @torch.no_grad()
@@ -195,3 +207,17 @@ class StableDiffusionPrior:
         # v -> eps is affine in v, so it may come after the combination of the two branches.
         level = self.alphas_cumprod[steps].view(1, 1, 1, 1)
         return level.sqrt() * predicted + (1 - level).sqrt() * z_t.to(self.device)
+
+
+@contextmanager
+def _no_progress_bar() -> Iterator[None]:
+    """Keep transformers from drawing its own progress on our standard error."""
+    from transformers.utils import logging
+
+    shown = logging.is_progress_bar_enabled()
+    logging.disable_progress_bar()
+    try:
+        yield
+    finally:
+        if shown:
+            logging.enable_progress_bar()

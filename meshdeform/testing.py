@@ -1,0 +1,180 @@
+"""Fakes for tests, of Meshdeform and of programs built on it.
+
+`FakePrior` is a diffusion prior that costs next to nothing and whose optimum is known.
+`build_tiny_stable_diffusion` writes a Stable Diffusion checkpoint of the real classes with random weights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import torch
+from torch import Tensor
+
+from meshdeform.mesh import TriangleMesh
+from meshdeform.shading import Renderer, RenderStyle, combine_views
+from meshdeform.shapes import icosphere
+
+if TYPE_CHECKING:
+    from meshdeform.cameras import Cameras
+
+__all__ = ["FakePrior", "build_tiny_stable_diffusion"]
+
+
+class FakePrior:
+    """A pixel prior that knows exactly one picture a camera: the ideal denoiser of a distribution with one member.
+
+    For the picture x (scaled to [-1, 1]) the best noise prediction is ``(z_t - sqrt(abar) x) / sqrt(1 - abar)``. The
+    gradient of score distillation is then ``sqrt(abar (1 - abar)) (z0 - x)``, whatever noise was drawn: it vanishes at
+    x alone and points away from it everywhere, so a loop that descends reaches x. The prompt and the guidance scale
+    change nothing (both branches know the same picture).
+
+    Parameters
+    ----------
+    optimum : TriangleMesh, or (1, 3, S, S) float32 in [0, 1], optional
+        A mesh, whose renders are the pictures, in the frame where the cameras see the unit sphere; or one picture for
+        every camera. Unless given, an upright spheroid, 0.5 wide and 1 tall.
+    view_size : int
+        Side of a view in pixels, for a mesh.
+
+    Attributes
+    ----------
+    prompts : list of (prompt, negative_prompt)
+        Every call of `encode_prompt`.
+    timesteps : list of int
+        The timestep of every call of `predict_noise`.
+    """
+
+    num_timesteps = 1000
+    device = torch.device("cpu")
+    dtype = torch.float32
+
+    def __init__(self, optimum: TriangleMesh | Tensor | None = None, *, view_size: int = 24) -> None:
+        if optimum is None:
+            sphere = icosphere(3)
+            width = torch.tensor([0.5, 1.0, 0.5], dtype=torch.float64)
+            optimum = TriangleMesh(sphere.verts * width, sphere.faces)
+        self._optimum = optimum
+        if isinstance(optimum, Tensor):
+            view_size = optimum.shape[-1] // 2
+            content = optimum.numpy().tobytes()
+        else:
+            content = optimum.verts.numpy().tobytes() + optimum.faces.numpy().tobytes()
+        self.style = RenderStyle(view_size=view_size, supersample=1, shading="normals")
+        self.alphas_cumprod = torch.linspace(0.999, 0.001, self.num_timesteps)
+        self.identity = {"id": "fake", "revision": "", "sha256": hashlib.sha256(content).hexdigest()}
+        self.prompts: list[tuple[str, str]] = []
+        self.timesteps: list[int] = []
+
+    def picture(self, cameras: Cameras) -> Tensor:
+        """The optimum as the cameras see it: (1, 3, S, S) float32 in [0, 1]."""
+        if isinstance(self._optimum, Tensor):
+            return self._optimum
+        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.style)
+        with torch.no_grad():
+            return combine_views(renderer.render(self._optimum.verts, cameras))
+
+    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> None:
+        """Note the call; the text changes nothing."""
+        self.prompts.append((prompt, negative_prompt))
+
+    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
+        """Scale from [0, 1] to [-1, 1]."""
+        return image * 2.0 - 1.0
+
+    @torch.no_grad()
+    def predict_noise(
+        self,
+        z_t: Tensor,
+        timestep: Tensor,
+        embedding: None,  # noqa: ARG002
+        guidance_scale: float,  # noqa: ARG002
+        cameras: Cameras,
+    ) -> Tensor:
+        """The noise that leads back to the optimum."""
+        self.timesteps.append(int(timestep))
+        level = self.alphas_cumprod[timestep].view(1, 1, 1, 1)
+        return (z_t - level.sqrt() * self.encode_image(self.picture(cameras))) / (1 - level).sqrt()
+
+
+def build_tiny_stable_diffusion(
+    folder: str | Path,
+    *,
+    prediction_type: Literal["epsilon", "v_prediction"] = "epsilon",
+    sample_size: int = 16,
+    seed: int = 0,
+) -> Path:
+    """Write a checkpoint of Stable Diffusion's own classes with random weights, about 4 MB.
+
+    Needs the extra `sd`. The tokenizer is CLIP's, over single bytes. Encoding and prediction cost milliseconds; what it
+    predicts means nothing.
+
+    Parameters
+    ----------
+    folder : str or pathlib.Path
+        Where to write, in diffusers' layout with safetensors weights.
+    prediction_type : "epsilon" or "v_prediction"
+        What the scheduler says that the U-Net predicts; the weights are the same.
+    sample_size : int
+        Side of the latents; pictures have eight times that (Stable Diffusion: 64 and 512).
+    seed : int
+        Of the weights. The caller's random state stays as it is.
+    """
+    from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
+    from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
+
+    with tempfile.TemporaryDirectory() as scratch:
+        vocabulary = _write_byte_tokenizer(Path(scratch))
+        tokenizer = CLIPTokenizer.from_pretrained(scratch, model_max_length=77)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        text_encoder = CLIPTextModel(
+            CLIPTextConfig(
+                vocab_size=len(vocabulary), hidden_size=32, intermediate_size=37, num_hidden_layers=2,
+                num_attention_heads=4, projection_dim=32, max_position_embeddings=77,
+                bos_token_id=vocabulary[_START], eos_token_id=vocabulary[_END], pad_token_id=vocabulary[_END],
+            )
+        )  # fmt: skip
+        unet = UNet2DConditionModel(
+            sample_size=sample_size, in_channels=4, out_channels=4, block_out_channels=(32, 64), layers_per_block=1,
+            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
+            up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
+            cross_attention_dim=32, attention_head_dim=8, norm_num_groups=8,
+        )  # fmt: skip
+        vae = AutoencoderKL(
+            down_block_types=("DownEncoderBlock2D",) * 4, up_block_types=("UpDecoderBlock2D",) * 4,
+            block_out_channels=(8, 8, 16, 16), layers_per_block=1, norm_num_groups=4, latent_channels=4,
+            sample_size=8 * sample_size,
+        )  # fmt: skip
+    scheduler = DDIMScheduler(
+        beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False,
+        set_alpha_to_one=False, steps_offset=1, prediction_type=prediction_type,
+    )  # fmt: skip
+    folder = Path(folder)
+    parts = {"scheduler": scheduler, "text_encoder": text_encoder, "tokenizer": tokenizer, "unet": unet, "vae": vae}
+    index: dict[str, object] = {"_class_name": "StableDiffusionPipeline", "requires_safety_checker": False}
+    for name, part in parts.items():
+        part.save_pretrained(folder / name)
+        index[name] = [type(part).__module__.partition(".")[0], type(part).__name__]
+    index |= {name: [None, None] for name in ("safety_checker", "feature_extractor", "image_encoder")}
+    (folder / "model_index.json").write_text(json.dumps(index, indent=2))
+    return folder
+
+
+_START, _END = "<|startoftext|>", "<|endoftext|>"
+
+
+def _write_byte_tokenizer(folder: Path) -> dict[str, int]:
+    """Write CLIP's vocabulary of single bytes, within and at the end of a word, without merges."""
+    printable = [*range(33, 127), *range(161, 173), *range(174, 256)]
+    others = [byte for byte in range(256) if byte not in printable]
+    letters = [chr(byte) for byte in printable] + [chr(256 + n) for n in range(len(others))]
+    words = [*letters, *(letter + "</w>" for letter in letters), _START, _END]
+    vocabulary = {word: number for number, word in enumerate(words)}
+    (folder / "vocab.json").write_text(json.dumps(vocabulary))
+    (folder / "merges.txt").write_text("#version: 0.2\n")
+    return vocabulary
