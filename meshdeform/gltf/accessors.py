@@ -16,7 +16,7 @@ from meshdeform.gltf.document import Document
 from meshdeform.gltf.json_text import Json
 from meshdeform.gltf.storage import BYTE, FLOAT, SHORT, TYPE_COMPONENTS, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
 
-__all__ = ["DTYPES", "read_accessor", "read_floats", "read_indices"]
+__all__ = ["DTYPES", "read_accessor", "read_floats", "read_indices", "refresh_bounds"]
 
 DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 
@@ -62,6 +62,17 @@ def _with_sparse(document: Document, sparse: Json, values: NDArray[Any], where: 
         raise AssetError(f"{where} names element {rows.max()}, the accessor has {len(values)}.")
     values[rows] = _packed(document, sparse["values"], (count, values.shape[1]), values.dtype)
     return values
+
+
+def refresh_bounds(document: Document, accessor: int) -> None:
+    """Set an accessor's `min` and `max`, where it has them, to those of its data: what lossy decoding gives differs."""
+    description = document.root["accessors"][accessor]
+    if not {"min", "max"} & description.keys():
+        return
+    values = read_accessor(document, accessor)
+    for key, bound in (("min", values.min(axis=0)), ("max", values.max(axis=0))):
+        if key in description:
+            description[key] = bound.tolist()
 
 
 def read_floats(document: Document, accessor: int) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
-from meshdeform.gltf.accessors import DTYPES
+from meshdeform.gltf.accessors import DTYPES, refresh_bounds
 from meshdeform.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.gltf.json_text import Json
 from meshdeform.gltf.scenegraph import DRACO, TRIANGLE_STRIP, TRIANGLES, instances_of
@@ -71,6 +71,7 @@ def _decode_primitive(document: Document, primitive: Json, where: str) -> None:
         at = _fillable(document, attributes[name])
         rows = _attribute_rows(stream, unique_id, accessors[at], f"{where}: {name}")
         accessors[at]["bufferView"] = _append_vertex_rows(document, rows, accessors[at])
+        refresh_bounds(document, at)
         attributes[name] = at
     _write_indices(document, primitive, np.asarray(stream.faces).reshape(-1), where)
 

@@ -88,6 +88,11 @@ def read_surface(document: Document) -> tuple[Surface, list[Block]]:
     AssetError
         An index is out of range.
     """
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and is told as that
+        return _read_surface(document)
+
+
+def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
     worlds = world_matrices(document.root.get("nodes", []))
     blocks: list[Block] = []
     triangles: list[NDArray[np.int64]] = []

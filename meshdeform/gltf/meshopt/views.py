@@ -7,6 +7,7 @@ buffer are decoded and appended; the placeholders go, with the extension.
 from __future__ import annotations
 
 from meshdeform.errors import AssetError
+from meshdeform.gltf.accessors import refresh_bounds
 from meshdeform.gltf.document import Document
 from meshdeform.gltf.draco import drop_extension
 from meshdeform.gltf.json_text import Json
@@ -38,9 +39,13 @@ def decode_meshopt(document: Document) -> None:
     if not any(name in root.get("extensionsUsed", []) for name in MESHOPT_EXTENSIONS) and not _mentions(root):
         return
     placeholders = {i for i in range(len(root.get("buffers", []))) if is_placeholder(root, i, document.binary_length)}
+    filtered = set()
     for i, view in enumerate(root.get("bufferViews", [])):
-        if view["buffer"] in placeholders:
-            _decode_in_place(document, i, view)
+        if view["buffer"] in placeholders and _decode_in_place(document, i, view) != "NONE":
+            filtered.add(i)
+    for i, accessor in enumerate(root.get("accessors", [])):
+        if accessor.get("bufferView") in filtered:
+            refresh_bounds(document, i)
     for buffer in placeholders:
         _drop(root["buffers"][buffer])
     _remove_buffers(root, placeholders - {0})
@@ -55,7 +60,8 @@ def _mentions(root: Json) -> bool:
     )
 
 
-def _decode_in_place(document: Document, i: int, view: Json) -> None:
+def _decode_in_place(document: Document, i: int, view: Json) -> str:
+    """Make one view plain; return the filter that was applied, which is lossy."""
     found = compressed_view(document.root, i)
     assert found is not None  # checked: a view into a placeholder is compressed
     name, compressed = found
@@ -67,6 +73,7 @@ def _decode_in_place(document: Document, i: int, view: Json) -> None:
         raise AssetError(f"bufferViews[{i}]: {error.detail}", advice=error.advice_text) from error
     view["buffer"], view["byteOffset"] = 0, document.append_bytes(plain)
     _drop(view, name)
+    return compressed.filter
 
 
 def _drop(holder: Json, *names: str) -> None:

@@ -33,13 +33,13 @@ def rich() -> Builder:
     """A document with something of everything that must survive."""
     builder = Builder()
     primitive = builder.primitive(NORMAL=QUAD_NORMALS, TANGENT=QUAD_TANGENTS, TEXCOORD_0=QUAD_VERTS[:, :2].copy())
-    primitive |= {"material": 0, "extras": {"p": 1.50}, "extensions": {"KHR_materials_variants": {"mappings": []}}}
+    primitive |= {"material": 0, "extras": {"p": 1.50}, "extensions": {"X_variants": {"mappings": [{"material": 0}]}}}
     builder.node(
         builder.mesh(primitive, name="m", extras=[1.0, {"x": 0.1000}]), name="n", extensions={"X_unknown": {"k": [1]}}
     )
     builder.root["asset"] |= {"extras": {"author": "é"}, "generator": "hand"}
     builder.root["materials"] = [{"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.10, 0, 1]}}]
-    builder.root["extensionsUsed"] = ["X_unknown", "KHR_materials_variants"]
+    builder.root["extensionsUsed"] = ["X_unknown", "X_variants"]
     builder.root["X_top"] = {"order": [3, 1, 2]}
     return builder
 
