@@ -1,0 +1,67 @@
+"""The Khronos validator finds no new error in what we write."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.gltf import load_asset
+from tests.unit.gltf.builders import QUAD_NORMALS, Builder
+from tests.unit.gltf.test_compressed import draco_asset, draco_stream, meshopt_asset
+from tests.unit.gltf.test_convert import OBJ, PLY, stl
+from tests.unit.gltf.test_fuzz import kitchen_sink
+from tests.unit.gltf.test_morph import with_targets
+from tests.unit.gltf.test_replace import rich
+
+Validate = Callable[[bytes], dict[str, Any]]
+
+
+def errors(report: dict[str, Any]) -> Counter[str]:
+    return Counter(issue["code"] for issue in report["issues"]["messages"] if issue["severity"] == 0)
+
+
+def normals_only() -> Builder:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive(NORMAL=QUAD_NORMALS)))
+    builder.node(0, translation=[3, 0, 0], scale=[1, -2, 1])
+    return builder
+
+
+def animated_weights() -> Builder:
+    builder = with_targets(2)
+    node = builder.node(0)
+    builder.root["meshes"][0]["primitives"].append({**builder.primitive(), "targets": [{}, {}], "mode": 0})
+    times = builder.accessor(np.array([0, 1], np.float32), bounds=True)
+    sampler = {"input": times, "output": builder.accessor(np.array([0, 0.5, 1, 0.25], np.float32))}
+    channel = {"sampler": 0, "target": {"node": node, "path": "weights"}}
+    builder.root["animations"] = [{"samplers": [sampler], "channels": [channel]}]
+    return builder
+
+
+ASSETS: dict[str, Callable[[], tuple[bytes, str]]] = {
+    "rich": lambda: (rich().glb(), ""),
+    "instances": lambda: (normals_only().glb(), ""),
+    "skin, strip, sparse, targets": lambda: (kitchen_sink(), ""),
+    "animated weights": lambda: (animated_weights().glb(), ""),
+    "draco": lambda: (draco_asset(draco_stream()).glb(), ""),
+    "meshopt": lambda: (meshopt_asset().glb(), ""),
+    "obj": lambda: (OBJ, "a.obj"),
+    "ply": lambda: (PLY, "a.ply"),
+    "stl": lambda: (stl(), "a.stl"),
+}
+
+
+@pytest.mark.parametrize("name", list(ASSETS))
+@pytest.mark.parametrize("morph", [False, True])
+def test_no_new_error(validate_glb: Validate, name: str, morph: bool) -> None:
+    data, filename = ASSETS[name]()
+    asset = load_asset(data, filename)
+    surface = asset.surface
+    moved = surface.positions + np.sin(surface.positions[:, [1, 2, 0]])
+    written = asset.replace(moved, surface.normals[:, [1, 2, 0]], surface.tangents, morph=morph)
+    before, after = errors(validate_glb(asset.to_bytes())), errors(validate_glb(written))
+    assert not after - before
