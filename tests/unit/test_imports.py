@@ -58,7 +58,7 @@ def loaded_by(module: str, *, before: str = "") -> set[str]:
     """Return the top-level names that a fresh interpreter has loaded after importing the module."""
     probe = [sys.executable, "-c", before + _PROBE, module]
     result = subprocess.run(probe, check=False, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
+    assert result.returncode == 0, f"{module} cannot be imported: {result.stderr.splitlines()[-1]}"
     return set(json.loads(result.stdout))
 
 
