@@ -1,0 +1,209 @@
+"""The database under the record: SQLite on one machine, PostgreSQL for several, one code path above."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+import ssl
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+import sqlalchemy.exc
+from sqlalchemy import event
+
+from meshdeform.errors import DependencyError, UnavailableError
+from meshdeform.jobs.tables import HEAD, UtcDateTime
+
+__all__ = ["Database"]
+
+_log = logging.getLogger(__name__)
+_BUSY_TIMEOUT_S = 30.0
+_CONNECT_TIMEOUT_S = 30.0
+_MIGRATION_LOCK = 0x6D657368  # any number that no other program takes
+_MIGRATIONS = Path(__file__).parent / "migrations"
+_READ_ONLY = "meshdeform_read_only"
+
+
+class Database:
+    """Transactions, the clock, and the schema.
+
+    Parameters
+    ----------
+    url : str
+        An SQLAlchemy URL. `postgresql://` and `postgres://` mean the driver pg8000; `?sslmode=` is understood.
+
+    Raises
+    ------
+    UnavailableError
+        It does not answer, or a newer Meshdeform made it.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._engine = _engine(url)
+        self.is_sqlite = self._engine.dialect.name == "sqlite"
+        self._migrate()
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._engine.dispose()
+
+    @contextmanager
+    def read(self) -> Iterator[sa.Connection]:
+        """One consistent view."""
+        with _answers(), self._engine.connect() as connection:
+            connection = connection.execution_options(**{_READ_ONLY: True})
+            with connection.begin():
+                yield connection
+
+    @contextmanager
+    def write(self) -> Iterator[sa.Connection]:
+        """One transaction; on SQLite the only one that writes, from its first statement on."""
+        with _answers(), self._engine.begin() as connection:
+            yield connection
+
+    def now(self, later_s: float = 0.0) -> Any:
+        """The instant that it is, or one so many seconds later, by the clock that all processes share.
+
+        With PostgreSQL that is the server's clock: hosts whose clocks differ still agree on whether a lease is over.
+        """
+        if self.is_sqlite:
+            return datetime.now(UTC) + timedelta(seconds=later_s)
+        clock = sa.func.clock_timestamp(type_=sa.DateTime(timezone=True))
+        return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
+
+    def upsert(self, table: sa.Table) -> Any:
+        """`INSERT ... ON CONFLICT`, which both databases spell alike and SQLAlchemy keeps apart."""
+        if self.is_sqlite:
+            from sqlalchemy.dialects import sqlite
+
+            return sqlite.insert(table)
+        from sqlalchemy.dialects import postgresql
+
+        return postgresql.insert(table)
+
+    def _migrate(self) -> None:
+        with self.write() as connection:
+            # The lock ends with the transaction, and so do half-made tables: DDL is transactional in both.
+            if not self.is_sqlite:
+                connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
+            if _version(connection) != HEAD:
+                _upgrade(connection)
+
+
+def _engine(url: str) -> sa.Engine:
+    try:
+        parsed = sa.make_url(url)
+    except sqlalchemy.exc.ArgumentError as error:
+        raise DependencyError(
+            "MESHDEFORM_DATABASE_URL is no database URL.",
+            advice="Write sqlite:////path/to/file or postgresql://user:password@host/database.",
+        ) from error
+    if parsed.drivername in ("postgresql", "postgres"):
+        parsed = parsed.set(drivername="postgresql+pg8000")
+    if parsed.get_backend_name() == "sqlite":
+        return _sqlite_engine(parsed)
+    arguments: dict[str, Any] = {}
+    if parsed.drivername == "postgresql+pg8000":
+        arguments["timeout"] = _CONNECT_TIMEOUT_S
+        if mode := parsed.query.get("sslmode"):
+            parsed = parsed.difference_update_query(["sslmode"])
+            if context := _ssl_context(str(mode)):
+                arguments["ssl_context"] = context
+    try:
+        return sa.create_engine(parsed, connect_args=arguments, pool_pre_ping=True)
+    except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
+        raise DependencyError(
+            f"The database driver {parsed.drivername} is not installed.",
+            advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
+        ) from error
+
+
+def _ssl_context(mode: str) -> ssl.SSLContext | None:
+    """What libpq's `sslmode` means to a driver that takes a context."""
+    if mode in ("disable", "allow", "prefer"):
+        return None
+    context = ssl.create_default_context()
+    if mode != "verify-full":
+        context.check_hostname = False
+    if mode == "require":
+        context.verify_mode = ssl.CERT_NONE
+    return context
+
+
+def _sqlite_engine(url: sa.URL) -> sa.Engine:
+    if not url.database or url.database == ":memory:":
+        raise DependencyError(
+            "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
+        )
+    Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+    engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S, "check_same_thread": False})
+    event.listen(engine, "connect", _prepare_sqlite)
+    event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+    # sqlite3's own idea of when a transaction begins is too late for a lock: `_begin_sqlite` says it.
+    connection.isolation_level = None
+    deadline = time.monotonic() + _BUSY_TIMEOUT_S
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            break
+        except sqlite3.OperationalError:
+            # The change to WAL, once in a file's life, does not wait for other connections by itself.
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.01)
+    connection.execute("PRAGMA synchronous=FULL")
+    connection.execute("PRAGMA foreign_keys=ON")
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    # A transaction that reads first and writes later could find itself out of date: take the write lock at once.
+    reads = connection.get_execution_options().get(_READ_ONLY, False)
+    connection.exec_driver_sql("BEGIN" if reads else "BEGIN IMMEDIATE")
+
+
+@contextmanager
+def _answers() -> Iterator[None]:
+    """Say in one way that the database is away, whichever way the driver says it."""
+    away = (sqlalchemy.exc.OperationalError, sqlalchemy.exc.InterfaceError, sqlalchemy.exc.TimeoutError)
+    try:
+        yield
+    except away as error:
+        _log.warning("the record does not answer: %s", error)
+        raise UnavailableError("The record does not answer.") from error
+    except sqlalchemy.exc.DBAPIError as error:
+        if not error.connection_invalidated:
+            raise
+        _log.warning("the record closed the connection: %s", error)
+        raise UnavailableError("The record closed the connection.") from error
+
+
+def _version(connection: sa.Connection) -> str | None:
+    if not sa.inspect(connection).has_table("alembic_version"):
+        return None
+    version: str | None = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
+    return version
+
+
+def _upgrade(connection: sa.Connection) -> None:
+    # Alembic only where there is something to do: a start that finds the schema in place does not load it.
+    import alembic.command
+    import alembic.config
+    import alembic.util
+
+    config = alembic.config.Config(attributes={"connection": connection})
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    try:
+        alembic.command.upgrade(config, "head")
+    except alembic.util.CommandError as error:
+        raise UnavailableError(
+            "The record was made by a newer Meshdeform.", advice="Install that version or a newer one."
+        ) from error
