@@ -100,7 +100,7 @@ def asset_format(data: Data, filename: str) -> str:
         Neither says glTF, OBJ, PLY or STL.
     """
     head = bytes(data[:64])
-    ending = filename.lower().rpartition(".")[2]
+    ending = filename.lower().rpartition(".")[2] if "." in filename else ""
     if head.startswith(GLB_MAGIC):
         return "glb"
     if head.startswith((b"ply\n", b"ply\r")):
@@ -129,7 +129,7 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
     if not isinstance(used, list) or not all(isinstance(name, str) for name in used):
         raise AssetError("extensionsUsed must be an array of names.")
     check_extensions(root)
-    check_storage(root, binary_length, limits, check_meshes(root))
+    check_storage(root, binary_length, limits, *check_meshes(root))
     check_nodes(root)
     check_geometry(root)
     return _summary(root, limits, kind, tuple(used))

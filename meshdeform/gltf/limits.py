@@ -27,7 +27,7 @@ class Limits:
     max_triangles : int
         Triangles to deform, every instance counted.
     max_bare_elements : int
-        `count` of an accessor that has no data in the file (its elements are zeros by definition).
+        `count` of a vertex or index accessor that has no data in the file (its elements are zeros by definition).
     max_json_values, max_json_depth : int
         Values in the JSON (Python objects cost up to 100 times their text), and how deep they nest.
     """
@@ -36,8 +36,8 @@ class Limits:
     max_json_bytes: int = 16 * 2**20
     max_accessor_elements: int = 20_000_000
     max_triangles: int = 500_000
-    max_bare_elements: int = 1_000_000
-    max_json_values: int = 1_000_000
+    max_bare_elements: int = 250_000
+    max_json_values: int = 500_000
     max_json_depth: int = 128
 
     @property

@@ -103,9 +103,15 @@ def _refuse_cycles(parents: dict[int, int], count: int) -> None:
             rooted[step] = True
 
 
-def check_meshes(root: Json) -> set[int]:
-    """Check meshes and their primitives; return the accessors that only a Draco stream fills."""
-    accessors, from_draco = objects(root, "accessors"), set()
+def check_meshes(root: Json) -> tuple[set[int], set[int]]:
+    """Check meshes and their primitives.
+
+    Returns
+    -------
+    The accessors that only a Draco stream fills, and those of morph targets alone, which are never read.
+    """
+    accessors, from_draco = objects(root, "accessors"), set[int]()
+    of_targets, read = set[int](), set[int]()
     for m, mesh in enumerate(objects(root, "meshes")):
         numbers(mesh, "weights", None, f"meshes[{m}]")
         for p, primitive in enumerate(objects(mesh, "primitives", f"meshes[{m}].")):
@@ -113,11 +119,12 @@ def check_meshes(root: Json) -> set[int]:
             attributes = member(primitive, "attributes", where)
             used = [index(attributes, name, len(accessors), f"{where}.attributes") for name in attributes]
             used.append(index(primitive, "indices", len(accessors), where))
+            read |= {at for at in used if at is not None}
             integer(primitive, "mode", where, default=TRIANGLES, maximum=6)
             targets = objects(primitive, "targets", f"{where}.")
             for t, target in enumerate(targets):
                 for name in target:
-                    index(target, name, len(accessors), f"{where}.targets[{t}]")
+                    of_targets.add(index(target, name, len(accessors), f"{where}.targets[{t}]") or 0)
             draco = extension(primitive, DRACO, where)
             if draco is not None:
                 where = f"{where}.extensions.{DRACO}"
@@ -129,7 +136,7 @@ def check_meshes(root: Json) -> set[int]:
                 from_draco |= {
                     at for at in used if at is not None and not {"bufferView", "sparse"} & accessors[at].keys()
                 }
-    return from_draco
+    return from_draco, of_targets - read
 
 
 def check_geometry(root: Json) -> None:

@@ -56,7 +56,9 @@ class CompressedView:
     filter: str
 
 
-def check_storage(root: Json, binary_length: int | None, limits: Limits, decoded_later: set[int]) -> None:
+def check_storage(
+    root: Json, binary_length: int | None, limits: Limits, decoded_later: set[int], unread: set[int]
+) -> None:
     """Check buffers, buffer views and accessors.
 
     Parameters
@@ -69,6 +71,8 @@ def check_storage(root: Json, binary_length: int | None, limits: Limits, decoded
         What is allowed.
     decoded_later : set of int
         Accessors that a Draco stream fills.
+    unread : set of int
+        Accessors that nobody decodes.
 
     Raises
     ------
@@ -89,7 +93,14 @@ def check_storage(root: Json, binary_length: int | None, limits: Limits, decoded
     views = objects(root, "bufferViews")
     decoded = sum(_check_view(root, i, binary_length) for i in range(len(views)))
     for i in range(len(objects(root, "accessors"))):
-        decoded += _check_accessor(root, i, limits, i in decoded_later)
+        bare = _check_accessor(root, i, limits)
+        if i in decoded_later:
+            decoded += bare
+        elif bare and i not in unread and root["accessors"][i]["count"] > limits.max_bare_elements:
+            raise AssetTooLargeError(
+                f"accessors[{i}] declares {root['accessors'][i]['count']} elements without data; "
+                f"the limit is {limits.max_bare_elements}."
+            )
     if decoded > limits.max_bytes:
         raise AssetTooLargeError(
             f"The compressed parts decode to {decoded} bytes; the limit is {limits.max_bytes} "
@@ -188,8 +199,8 @@ def _check_view(root: Json, i: int, binary_length: int | None) -> int:
     return length
 
 
-def _check_accessor(root: Json, i: int, limits: Limits, decoded_later: bool) -> int:
-    """Check one accessor; return how many bytes have to be decoded for it."""
+def _check_accessor(root: Json, i: int, limits: Limits) -> int:
+    """Check one accessor; return how many bytes it declares that are not in the file."""
     accessor, where = root["accessors"][i], f"accessors[{i}]"
     count = integer(accessor, "count", where, minimum=1)
     if count > limits.max_accessor_elements:
@@ -208,15 +219,7 @@ def _check_accessor(root: Json, i: int, limits: Limits, decoded_later: bool) -> 
         _check_fits(root, accessor, where, count, size)
     if "sparse" in accessor:
         _check_sparse(root, accessor, where, count, size)
-    if "bufferView" in accessor:
-        return 0
-    if decoded_later:
-        return count * size
-    if count > limits.max_bare_elements:
-        raise AssetTooLargeError(
-            f"{where} declares {count} elements without data; the limit is {limits.max_bare_elements}."
-        )
-    return 0
+    return 0 if "bufferView" in accessor else count * size
 
 
 def _check_fits(root: Json, holder: Json, where: str, count: int, size: int, *, strided: bool = True) -> None:

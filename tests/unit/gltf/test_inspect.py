@@ -50,6 +50,17 @@ def test_a_tiny_file_that_declares_millions_costs_nothing(count: int) -> None:
     assert peak < 2**20
 
 
+def test_an_empty_morph_target_may_be_as_large_as_its_mesh() -> None:
+    builder = Builder()
+    primitive = builder.primitive()
+    builder.root["accessors"].append({"componentType": 5126, "count": 1_000_000, "type": "VEC3"})
+    builder.node(builder.mesh({**primitive, "targets": [{"POSITION": 2}]}))
+    inspect_asset(builder.glb())  # nobody reads it
+    primitive["attributes"]["TEXCOORD_0"] = 2
+    with pytest.raises(AssetTooLargeError, match="without data"):
+        inspect_asset(builder.glb())
+
+
 def test_the_message_names_the_limit() -> None:
     with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_ACCESSOR_ELEMENTS"):
         inspect_asset(bomb())
