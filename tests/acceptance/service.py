@@ -1,0 +1,182 @@
+"""A real `meshdeform serve` for the tests: started, asked over HTTP, hit by real signals, and always cleaned up."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import httpx
+import psutil
+
+T = TypeVar("T")
+DEADLINE_S = 120.0
+TERMINAL = {"succeeded", "failed", "canceled", "expired"}
+
+
+def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADLINE_S) -> T:
+    """Return the first true value, or fail saying what did not happen."""
+    deadline = time.monotonic() + deadline_s
+    while not (result := value()):
+        assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
+        time.sleep(0.02)
+    return result
+
+
+class Service:
+    """One `meshdeform serve` with its children.
+
+    Parameters
+    ----------
+    data_dir : Path
+    environment : mapping
+        Settings for it.
+    """
+
+    def __init__(self, data_dir: Path, environment: Mapping[str, str]) -> None:
+        self.output: list[str] = []
+        self.errors: list[str] = []
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir)],
+            env={**os.environ, "MESHDEFORM_THREADS": "1", "MESHDEFORM_LEASE_S": "5", **environment},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.pid = self._process.pid
+        for stream, lines in ((self._process.stdout, self.output), (self._process.stderr, self.errors)):
+            threading.Thread(target=lambda s=stream, to=lines: to.extend(iter(s.readline, "")), daemon=True).start()
+        self._seen: set[psutil.Process] = set()
+        try:
+            url = until("serve says where it listens", self._url)
+        except AssertionError:
+            self.clean_up()
+            raise AssertionError(f"serve did not get ready:\n{self.log}") from None
+        self.http = httpx.Client(base_url=url, timeout=30.0)
+
+    @property
+    def log(self) -> str:
+        """What it printed, for a failing test."""
+        return "".join([*self.output, *self.errors])
+
+    def _url(self) -> str | None:
+        assert self._process.poll() is None, self.log
+        found = re.search(r"http://\S+:\d+", "".join(self.output))
+        return found.group() if found else None
+
+    def family(self) -> set[psutil.Process]:
+        """Every process below serve that has been seen and still lives."""
+        with contextlib.suppress(psutil.NoSuchProcess):
+            self._seen |= set(psutil.Process(self.pid).children(recursive=True))
+        return {process for process in self._seen if _lives(process)}
+
+    def part(self, *words: str) -> psutil.Process:
+        """The process whose command line ends like this, as soon as there is one."""
+
+        def find() -> psutil.Process | None:
+            for process in self.family():
+                with contextlib.suppress(psutil.Error):
+                    if tuple(process.cmdline()[-len(words) :]) == words:
+                        return process
+            return None
+
+        return until(f"a process {' '.join(words)}", find)
+
+    def submit(self, asset: Path, request: Mapping[str, Any], target: Path | None = None) -> str:
+        """Post a job and return its id."""
+        answer = self.post(asset.read_bytes(), asset.name, request, target)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["id"])
+
+    def post(
+        self, asset: bytes, filename: str, request: Mapping[str, Any], target: Path | None = None
+    ) -> httpx.Response:
+        """Post a job."""
+        files: dict[str, Any] = {"asset": (filename, asset)}
+        if target is not None:
+            files["target"] = (target.name, target.read_bytes())
+        return self.http.post("/v1/jobs", files=files, data={"request": json.dumps(request)})
+
+    def job(self, job_id: str) -> dict[str, Any]:
+        """The job as it stands."""
+        answer = self.http.get(f"/v1/jobs/{job_id}")
+        assert answer.status_code == 200, answer.text
+        return dict(answer.json())
+
+    def when(self, job_id: str, what: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the job as soon as the condition is true of it."""
+
+        def look() -> dict[str, Any] | None:
+            job = self.job(job_id)
+            return job if condition(job) else None
+
+        try:
+            return until(what, look)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; the job: {self.job(job_id)}\n{self.log}") from None
+
+    def at_step(self, job_id: str, step: int) -> dict[str, Any]:
+        """Return the job once it has done so many steps, in whatever attempt; it must not have ended before."""
+        job = self.when(
+            job_id,
+            f"step {step}",
+            lambda job: job["state"] in TERMINAL or job["progress"]["step"] >= step,
+        )
+        assert job["state"] == "running", f"too late: {job}"
+        return job
+
+    def finished(self, job_id: str) -> dict[str, Any]:
+        """Return the job once it is in a terminal state."""
+        return self.when(job_id, "a terminal state", lambda job: job["state"] in TERMINAL)
+
+    def artifact(self, job_id: str, name: str) -> bytes:
+        """Download an artifact."""
+        answer = self.http.get(f"/v1/jobs/{job_id}/artifacts/{name}")
+        assert answer.status_code == 200, answer.text
+        return answer.content
+
+    def send(self, number: signal.Signals) -> None:
+        """Send serve a signal; remembers its family first."""
+        self.family()
+        os.kill(self.pid, number)
+
+    def wait(self) -> int:
+        """Return serve's exit code."""
+        return self._process.wait(timeout=DEADLINE_S)
+
+    def clean_up(self) -> None:
+        """End everything, whatever the test left."""
+        family = self.family()
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=60.0)
+        for process in [*family, psutil.Process(self.pid)] if self._process.poll() is None else family:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
+        self._process.wait()
+
+
+def _lives(process: psutil.Process) -> bool:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+@contextlib.contextmanager
+def serving(data_dir: Path, **environment: str) -> Iterator[Service]:
+    """A service for the block."""
+    service = Service(data_dir, environment)
+    try:
+        yield service
+    finally:
+        service.clean_up()

@@ -1,0 +1,194 @@
+"""A worker apart from `serve`, as `meshdeform worker` runs it: real supervisor, real RQ, real signals."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import Job, JobState, StoredFile
+from meshdeform.jobs.queue import JobQueue
+from meshdeform.jobs.record import JobRecord
+from meshdeform.storage import ObjectStore
+from tests.acceptance.meshes import write_ellipsoid
+from tests.acceptance.service import until
+
+pytestmark = pytest.mark.acceptance
+
+STEPS, EVERY = 200, 20
+
+
+class Deployment:
+    """Record, store and queue that a test shares with the workers it starts."""
+
+    def __init__(self, folder: Path, redis_url: str) -> None:
+        self.environment = {
+            "MESHDEFORM_DATA_DIR": str(folder),
+            "MESHDEFORM_REDIS_URL": redis_url,
+            "MESHDEFORM_THREADS": "1",
+            "MESHDEFORM_LEASE_S": "5",
+        }
+        self.record = JobRecord(f"sqlite:///{folder / 'meshdeform.sqlite'}")
+        self.store = ObjectStore(str(folder / "objects"))
+        self.queue = JobQueue(redis_url, "meshdeform")
+        self._files = [self._upload(write_ellipsoid(folder / f"{h}.obj", h)) for h in (1.0, 1.6)]
+        self.logs: list[str] = []
+
+    def _upload(self, path: Path) -> StoredFile:
+        stored = self.store.put(f"assets/{path.name}", path.read_bytes(), "model/obj")
+        return StoredFile(key=f"assets/{path.name}", filename=path.name, size=stored.size, sha256=stored.sha256)
+
+    def submit(self, **params: Any) -> str:
+        """Record a job and tell the queue."""
+        params = {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, **params}
+        job = self.record.create(JobRequest.model_validate({"params": params}), *self._files)
+        self.queue.enqueue(job.id)
+        return job.id
+
+    @contextlib.contextmanager
+    def worker(self) -> Iterator[psutil.Popen]:
+        """`meshdeform worker`, ended with the block; its worker process too."""
+        process = psutil.Popen(
+            [sys.executable, "-P", "-m", "meshdeform", "worker"],
+            env={**os.environ, **self.environment},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        threading.Thread(target=lambda: self.logs.extend(iter(process.stderr.readline, "")), daemon=True).start()
+        try:
+            yield process
+        finally:
+            family = process.children(recursive=True) if process.is_running() else []
+            process.kill()
+            process.wait()
+            for child in family:
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    child.kill()
+
+    def when(self, job_id: str, what: str, condition: Callable[[Job], bool]) -> Job:
+        """Return the job as soon as the condition is true of it."""
+
+        def look() -> Job | None:
+            job = self.record.get(job_id)
+            return job if condition(job) else None
+
+        try:
+            return until(what, look)
+        except AssertionError as error:
+            raise AssertionError(f"{error}: {self.record.get(job_id)}\n{''.join(self.logs)}") from None
+
+    def at_step(self, job_id: str, step: int) -> Job:
+        """Return the job once it has done so many steps and still runs."""
+        job = self.when(job_id, f"step {step}", lambda job: job.state.terminal or job.progress.step >= step)
+        assert job.state is JobState.RUNNING, f"too late: {job}"
+        return job
+
+    def finished(self, job_id: str) -> Job:
+        """Return the job once it is over."""
+        return self.when(job_id, "the end", lambda job: job.state.terminal)
+
+    def result(self, job_id: str) -> bytes:
+        """The bytes of result.glb."""
+        (key,) = [a.key for a in self.record.artifacts(job_id) if a.name == "result.glb"]
+        return self.store.get(key)
+
+
+@pytest.fixture
+def deployment(tmp_path: Path, redis_url: str) -> Iterator[Deployment]:
+    deployment = Deployment(tmp_path, redis_url)
+    yield deployment
+    deployment.queue.close()
+    deployment.record.close()
+
+
+def worker_process(supervisor: psutil.Popen) -> psutil.Process:
+    return until("a worker process", lambda: next(iter(supervisor.children()), None))
+
+
+def gone(process: psutil.Process) -> bool:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    return True
+
+
+def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_bytes(deployment: Deployment) -> None:
+    whole, job = deployment.submit(), deployment.submit()
+    with deployment.worker() as first:
+        assert deployment.finished(whole).state is JobState.SUCCEEDED
+        deployment.at_step(job, EVERY + 1)
+        first.terminate()
+        assert first.wait(timeout=60) == 0, "".join(deployment.logs)
+    handed_back = deployment.record.get(job)
+    assert (handed_back.state, handed_back.attempt) == (JobState.QUEUED, 1)
+    newest = deployment.record.checkpoint(job)
+    assert newest is not None
+    assert newest.step >= handed_back.progress.step  # where it stopped, not where the last interval ended
+    with deployment.worker():
+        done = deployment.finished(job)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
+    assert deployment.result(job) == deployment.result(whole)
+
+
+def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployment: Deployment) -> None:
+    job = deployment.submit()
+    with deployment.worker() as first:
+        deployment.at_step(job, EVERY + 1)
+        process = worker_process(first)
+        first.kill()
+        until("the worker process ends", lambda: gone(process))
+    with deployment.worker():
+        assert deployment.finished(job).state is JobState.SUCCEEDED
+
+
+def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing_more(deployment: Deployment) -> None:
+    job = deployment.submit(steps=400)
+    with deployment.worker() as first:
+        deployment.at_step(job, EVERY + 1)
+        frozen = worker_process(first)
+        frozen.send_signal(signal.SIGSTOP)
+        # The supervisor's reconciler takes the job back; another worker runs it.
+        deployment.when(job, "the job is taken back", lambda job: job.state is JobState.QUEUED)
+        with deployment.worker():
+            deployment.when(job, "attempt 2 runs", lambda job: job.attempt == 2)
+            frozen.send_signal(signal.SIGCONT)
+            done = deployment.finished(job)
+            assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
+            assert {a.key.split("/")[2] for a in deployment.record.artifacts(job)} == {"2"}
+            # The first worker noticed, and is free for the next job.
+            assert deployment.finished(deployment.submit(steps=2)).state is JobState.SUCCEEDED
+        assert frozen.is_running()
+
+
+def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> None:
+    job = deployment.submit(steps=50_000)
+    with deployment.worker() as supervisor:
+        for attempt in (1, 2, 3):
+            deployment.when(
+                job, f"attempt {attempt}", lambda job, n=attempt: job.attempt == n and job.progress.step > 0
+            )
+            worker_process(supervisor).kill()
+        done = deployment.finished(job)
+    assert done.error is not None
+    assert (done.state, done.error.code) == (JobState.FAILED, "worker_lost")
+
+
+def test_a_redis_that_loses_everything_loses_no_job(deployment: Deployment, redis_url: str) -> None:
+    import redis
+
+    running, waiting = deployment.submit(steps=400), deployment.submit(steps=2)
+    with deployment.worker():
+        deployment.at_step(running, 1)
+        with redis.Redis.from_url(redis_url) as connection:
+            connection.flushall()
+        assert deployment.finished(running).state is JobState.SUCCEEDED
+        assert deployment.finished(waiting).state is JobState.SUCCEEDED

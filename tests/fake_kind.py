@@ -1,0 +1,66 @@
+"""A kind of job that needs no mesh and no torch: each step adds to a number, and the number is the whole state."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from meshdeform.config import JobRequest
+from meshdeform.errors import CheckpointError
+from meshdeform.kinds.base import ArtifactData, StepReport
+
+__all__ = ["FakeKind"]
+
+
+class _FakeRun:
+    def __init__(self, total_steps: int, value: int, step: int, on_step: Callable[[int], None]) -> None:
+        self.total_steps, self.value, self._step, self._on_step = total_steps, value, step, on_step
+
+    @property
+    def step(self) -> int:
+        return self._step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        while self._step < self.total_steps:
+            self._step += 1
+            self.value = self.value * 3 + self._step
+            self._on_step(self._step)
+            yield StepReport(self._step, self.total_steps, "optimizing", {"total": 1.0 / self._step})
+
+    def checkpoint(self) -> bytes:
+        return json.dumps({"step": self._step, "value": self.value}).encode()
+
+    def finish(self) -> dict[str, ArtifactData]:
+        return {"result.glb": ArtifactData(str(self.value).encode(), "model/gltf-binary")}
+
+
+class FakeKind:
+    """Starts fake runs and remembers with what.
+
+    Attributes
+    ----------
+    on_step : callable
+        Called in every step with its number; may raise, cancel, or stop the worker.
+    started : list of dict
+        What each start was given.
+    started_at : list of int
+        The step at which each run began.
+    """
+
+    def __init__(self) -> None:
+        self.on_step: Callable[[int], None] = lambda step: None
+        self.started: list[dict[str, Any]] = []
+        self.started_at: list[int] = []
+
+    def start(self, *, request: JobRequest, checkpoint: bytes | None, **others: Any) -> _FakeRun:
+        """Take the place of `meshdeform.kinds.text_deform.start`."""
+        self.started.append({"request": request, "checkpoint": checkpoint, **others})
+        state = {"step": 0, "value": 1}
+        if checkpoint is not None:
+            try:
+                state = json.loads(checkpoint)
+            except ValueError as error:
+                raise CheckpointError("The checkpoint is torn.") from error
+        self.started_at.append(state["step"])
+        return _FakeRun(request.params.steps or 10, state["value"], state["step"], lambda step: self.on_step(step))
