@@ -1,0 +1,183 @@
+"""Score distillation: the gradient of the paper, drawn reproducibly, downhill to a known optimum."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.cameras import Cameras, fixed_cameras
+from meshdeform.errors import NumericalError, ParameterError
+from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation
+from meshdeform.testing import FakePrior
+
+CAMERAS = fixed_cameras(0.0, 15.0)
+
+
+def context(step: int = 0, total_steps: int = 100, seed: int = 0) -> StepContext:
+    return StepContext(step, total_steps, CAMERAS, torch.Generator().manual_seed(seed))
+
+
+class LinearPrior(FakePrior):
+    """Predicts half of z_t, whatever it is; keeps z0 and z_t so that a test can work the gradient out by hand."""
+
+    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        self.z0 = super().encode_image(image, generator)
+        if self.z0.requires_grad:
+            self.z0.retain_grad()
+        return self.z0
+
+    def predict_noise(
+        self, z_t: Tensor, timestep: Tensor, embedding: None, guidance_scale: float, cameras: Cameras
+    ) -> Tensor:
+        assert not z_t.requires_grad
+        self.timesteps.append(int(timestep))
+        self.z_t = z_t
+        return 0.5 * z_t
+
+
+@pytest.mark.parametrize("side", [64, 128])
+def test_the_gradient_on_z0_is_exactly_the_papers_times_the_size_factor(side: int) -> None:
+    prior = LinearPrior(torch.zeros(1, 3, side, side))
+    image = torch.rand(1, 3, side, side, generator=torch.Generator().manual_seed(1)).requires_grad_()
+    guidance = ScoreDistillation(prior, "", guidance_scale=1.0)
+    loss, logs = guidance.loss(image, context())
+    loss.backward()
+
+    level = prior.alphas_cumprod[prior.timesteps[0]]
+    noise = (prior.z_t - level.sqrt() * prior.z0.detach()) / (1 - level).sqrt()
+    expected = (1 - level) * (0.5 * prior.z_t - noise) * REFERENCE_ELEMENTS / (3 * side * side)
+    torch.testing.assert_close(prior.z0.grad, expected, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(image.grad, 2 * prior.z0.grad)
+    assert logs["sds_gradient_norm"] == pytest.approx(expected.norm().item(), rel=1e-4)
+
+
+def test_the_noise_and_the_scale_are_bit_exact_for_stable_diffusions_latents() -> None:
+    """4 x 64 x 64 latents: the factor is 1, so the gradient is (1 - abar)(eps_hat - eps) and nothing else."""
+    latents = torch.rand(1, 4, 64, 64, generator=torch.Generator().manual_seed(1)).requires_grad_()
+    prior = LinearPrior(torch.zeros(1, 3, 64, 64))
+    loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(latents, context(seed=5))
+    loss.backward()
+
+    generator = torch.Generator().manual_seed(5)
+    timestep = torch.randint(20, 981, (1,), generator=generator)
+    noise = torch.randn(1, 4, 64, 64, generator=generator)
+    assert timestep.item() == prior.timesteps[0]
+    assert torch.equal(prior.z0.grad, (1 - prior.alphas_cumprod[timestep]) * (0.5 * prior.z_t - noise))
+
+
+def test_the_loss_scales_its_gradient() -> None:
+    grads = []
+    for weight in (1.0, 3.0):
+        prior = LinearPrior(torch.zeros(1, 3, 16, 16))
+        image = torch.full((1, 3, 16, 16), 0.25, requires_grad=True)
+        loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(image, context())
+        (weight * loss).backward()
+        grads.append(image.grad)
+    torch.testing.assert_close(grads[1], 3 * grads[0])
+
+
+def test_the_pull_does_not_depend_on_the_number_of_latents() -> None:
+    """The same flat picture at twice the resolution: the gradient summed over pixels is the same."""
+    sums = []
+    for side in (32, 64):
+        prior = FakePrior(torch.full((1, 3, side, side), 0.75))
+        image = torch.full((1, 3, side, side), 0.25, requires_grad=True)
+        loss, _ = ScoreDistillation(prior, "", guidance_scale=7.5).loss(image, context())
+        loss.backward()
+        sums.append(image.grad.sum())
+    torch.testing.assert_close(sums[0], sums[1], rtol=1e-4, atol=0.0)
+
+
+def test_descent_reaches_the_only_picture_that_the_prior_knows() -> None:
+    optimum = torch.rand(1, 3, 16, 16, generator=torch.Generator().manual_seed(3))
+    guidance = ScoreDistillation(FakePrior(optimum), "a picture", guidance_scale=100.0)
+    image = torch.full_like(optimum, 0.5, requires_grad=True)
+    optimizer = torch.optim.Adam([image], lr=0.05)
+    generator = torch.Generator().manual_seed(0)
+    errors = []
+    for step in range(100):
+        loss, _ = guidance.loss(image, StepContext(step, 100, CAMERAS, generator))
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        errors.append((image.detach() - optimum).abs().max().item())
+    assert errors[-1] < 0.02 < errors[0]
+
+
+def test_at_the_optimum_loss_and_gradient_vanish() -> None:
+    optimum = torch.rand(1, 3, 16, 16, generator=torch.Generator().manual_seed(3)).requires_grad_()
+    prior = FakePrior(optimum.detach())
+    loss, logs = ScoreDistillation(prior, "", guidance_scale=1.0).loss(optimum, context())
+    loss.backward()
+    assert loss.item() == pytest.approx(0.0, abs=1e-6)
+    assert logs["sds_mse"] == pytest.approx(0.0, abs=1e-6)
+    assert optimum.grad.abs().max() < 1e-3
+
+
+def test_a_seed_gives_the_same_loss_gradient_and_generator_state() -> None:
+    results = []
+    for _ in range(2):
+        image = torch.full((1, 3, 48, 48), 0.3, requires_grad=True)
+        at = context(seed=7)
+        loss, logs = ScoreDistillation(FakePrior(), "", guidance_scale=1.0).loss(image, at)
+        loss.backward()
+        results.append((loss.detach(), image.grad, logs, at.generator.get_state()))
+    first, second = results
+    assert torch.equal(first[0], second[0])
+    assert torch.equal(first[1], second[1])
+    assert first[2] == second[2]
+    assert torch.equal(first[3], second[3])
+
+
+def test_the_prompt_is_encoded_once_a_job() -> None:
+    prior = FakePrior()
+    guidance = ScoreDistillation(prior, "a vase", negative_prompt="blurry", guidance_scale=7.5)
+    for step in range(3):
+        guidance.loss(torch.zeros(1, 3, 48, 48), context(step))
+    assert prior.prompts == [("a vase", "blurry")]
+    assert guidance.identity == prior.identity
+    assert guidance.style == prior.style
+
+
+def test_the_upper_bound_of_the_timesteps_moves_linearly() -> None:
+    guidance = ScoreDistillation(
+        FakePrior(), "", guidance_scale=1.0, timestep_min=0.02, timestep_max=0.98, timestep_max_end=0.5
+    )
+    bounds = [guidance.timestep_bounds(context(step, 101)) for step in (0, 50, 100)]
+    assert bounds == [(20, 980), (20, 740), (20, 500)]
+    assert guidance.timestep_bounds(context(0, 1)) == (20, 980)
+
+
+def test_timesteps_fill_their_range_and_never_leave_it() -> None:
+    prior = FakePrior(torch.zeros(1, 3, 4, 4))
+    guidance = ScoreDistillation(
+        prior, "", guidance_scale=1.0, timestep_min=0.9, timestep_max=1.0, timestep_max_end=1.0
+    )
+    generator = torch.Generator().manual_seed(0)
+    for step in range(400):
+        guidance.loss(torch.zeros(1, 3, 4, 4), StepContext(step, 400, CAMERAS, generator))
+    assert min(prior.timesteps) in range(900, 905)
+    assert max(prior.timesteps) in range(995, 1000)
+
+
+@pytest.mark.parametrize("bounds", [(0.5, 0.4, 0.98), (0.5, 0.98, 0.4), (-0.1, 0.5, 0.5), (0.0, 1.1, 0.5)])
+def test_bounds_that_cross_are_refused(bounds: tuple[float, float, float]) -> None:
+    low, high, end = bounds
+    with pytest.raises(ParameterError, match="timestep_min"):
+        ScoreDistillation(
+            FakePrior(), "", guidance_scale=1.0, timestep_min=low, timestep_max=high, timestep_max_end=end
+        )
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_a_prediction_that_is_not_finite_stops_the_run(bad: float) -> None:
+    class BrokenPrior(FakePrior):
+        def predict_noise(
+            self, z_t: Tensor, timestep: Tensor, embedding: None, guidance_scale: float, cameras: Cameras
+        ) -> Tensor:
+            return torch.full_like(z_t, bad)
+
+    with pytest.raises(NumericalError, match="not finite"):
+        ScoreDistillation(BrokenPrior(), "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
