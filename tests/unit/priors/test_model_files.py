@@ -1,0 +1,196 @@
+"""Finding a checkpoint: what is complete is found without torch, what is not is refused with what to do."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshdeform.errors import DependencyError, ModelError
+from meshdeform.priors import check_model
+from meshdeform.priors.model_files import find
+
+HUB_ID = "somebody/tiny-stable-diffusion"
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+
+
+@pytest.fixture
+def checkpoint(tmp_path: Path) -> Path:
+    """The files that are looked at; nothing here reads the weights."""
+    folder = tmp_path / "checkpoint"
+    documents = {
+        "model_index.json": {"_class_name": "StableDiffusionPipeline"},
+        "scheduler/scheduler_config.json": {},
+        "tokenizer/tokenizer.json": {},
+        "text_encoder/config.json": {},
+        "unet/config.json": {},
+        "vae/config.json": {},
+    }
+    for name, document in documents.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(json.dumps(document))
+    for name in ("text_encoder/model", "unet/diffusion_pytorch_model", "vae/diffusion_pytorch_model"):
+        (folder / f"{name}.safetensors").write_bytes(name.encode())
+    return folder
+
+
+@pytest.fixture
+def hub_cache(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A Hugging Face cache that holds the checkpoint under `HUB_ID`."""
+    from huggingface_hub import constants
+
+    cache = tmp_path / "hub"
+    repository = cache / f"models--{HUB_ID.replace('/', '--')}"
+    shutil.copytree(checkpoint, repository / "snapshots" / COMMIT)
+    (repository / "refs").mkdir()
+    (repository / "refs" / "main").write_text(COMMIT)
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(cache))
+    return cache
+
+
+def test_a_complete_folder_is_found_and_hashed(checkpoint: Path) -> None:
+    check_model(str(checkpoint))
+    files = find(str(checkpoint))
+    assert {part: [path.name for path in files.parts[part].files] for part in files.parts} == {
+        "text_encoder": ["model.safetensors"],
+        "unet": ["diffusion_pytorch_model.safetensors"],
+        "vae": ["diffusion_pytorch_model.safetensors"],
+    }
+    content = b"text_encoder/model" + b"unet/diffusion_pytorch_model" + b"vae/diffusion_pytorch_model"
+    assert files.sha256() == hashlib.sha256(content).hexdigest()
+
+
+def test_a_hub_id_is_found_in_the_cache_with_its_commit(hub_cache: Path) -> None:
+    for revision in ("", "main", COMMIT):
+        check_model(HUB_ID, revision)
+        assert find(HUB_ID, revision).revision == COMMIT
+
+
+@pytest.mark.parametrize("revision", ["", "fp16"])
+def test_a_hub_id_that_is_not_here_names_the_command_and_the_setting(tmp_path: Path, revision: str) -> None:
+    with pytest.raises(ModelError, match="is not on this machine") as caught:
+        check_model("nobody/nothing", revision)
+    command = f"hf download nobody/nothing{' --revision fp16' if revision else ''}"
+    assert command in caught.value.advice_text
+    assert "MESHDEFORM_MODEL" in caught.value.advice_text
+
+
+def test_an_unknown_revision_of_a_cached_model_is_not_here(hub_cache: Path) -> None:
+    with pytest.raises(ModelError, match="at revision v2 is not"):
+        check_model(HUB_ID, "v2")
+
+
+@pytest.mark.parametrize("name", ["/no/such/folder", "./nothing", "a/b/c", "../up", "two words", "-rf/x"])
+def test_what_is_neither_a_folder_nor_a_hub_id_is_refused(name: str) -> None:
+    with pytest.raises(ModelError, match="There is no folder"):
+        check_model(name)
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        "model_index.json",
+        "scheduler/scheduler_config.json",
+        "tokenizer/tokenizer.json",
+        "unet/config.json",
+        "vae/config.json",
+        "text_encoder/config.json",
+        "unet/diffusion_pytorch_model.safetensors",
+        "vae/diffusion_pytorch_model.safetensors",
+        "text_encoder/model.safetensors",
+    ],
+)
+def test_an_incomplete_folder_is_refused(checkpoint: Path, missing: str) -> None:
+    (checkpoint / missing).unlink()
+    with pytest.raises(ModelError, match=missing.partition("/")[0].removesuffix(".json")):
+        check_model(str(checkpoint))
+
+
+@pytest.mark.parametrize("pickle", ["diffusion_pytorch_model.bin", "weights.ckpt"])
+def test_pickled_weights_are_refused_by_name(checkpoint: Path, pickle: str) -> None:
+    weights = checkpoint / "unet" / "diffusion_pytorch_model.safetensors"
+    weights.rename(weights.with_name(pickle))
+    with pytest.raises(ModelError, match=rf"only {pickle}.*needs safetensors") as caught:
+        check_model(str(checkpoint))
+    assert "save_pretrained" in caught.value.advice_text
+
+
+def test_half_precision_files_are_taken_where_there_are_no_others(checkpoint: Path) -> None:
+    weights = checkpoint / "vae" / "diffusion_pytorch_model.safetensors"
+    weights.rename(weights.with_name("diffusion_pytorch_model.fp16.safetensors"))
+    parts = find(str(checkpoint)).parts
+    assert (parts["vae"].variant, parts["unet"].variant) == ("fp16", "")
+
+
+def test_weights_in_several_files_are_all_needed(checkpoint: Path) -> None:
+    folder = checkpoint / "unet"
+    (folder / "diffusion_pytorch_model.safetensors").rename(folder / "part-1.safetensors")
+    index = {"weight_map": {"a": "part-1.safetensors", "b": "part-2.safetensors", "c": "part-1.safetensors"}}
+    (folder / "diffusion_pytorch_model.safetensors.index.json").write_text(json.dumps(index))
+    with pytest.raises(ModelError, match="lacks unet/part-2"):
+        check_model(str(checkpoint))
+    (folder / "part-2.safetensors").write_bytes(b"")
+    names = [path.name for path in find(str(checkpoint)).parts["unet"].files]
+    assert names == ["part-1.safetensors", "part-2.safetensors"]
+
+
+def test_a_git_lfs_pointer_is_not_taken_for_weights(checkpoint: Path) -> None:
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 3460000000\n"
+    (checkpoint / "unet" / "diffusion_pytorch_model.safetensors").write_text(pointer)
+    with pytest.raises(ModelError, match="git-lfs pointer"):
+        check_model(str(checkpoint))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", ""])
+def test_a_broken_index_is_one_clear_error(checkpoint: Path, text: str) -> None:
+    (checkpoint / "model_index.json").write_text(text)
+    with pytest.raises(ModelError, match=r"model_index\.json"):
+        check_model(str(checkpoint))
+
+
+def test_another_kind_of_pipeline_is_refused(checkpoint: Path) -> None:
+    (checkpoint / "model_index.json").write_text('{"_class_name": "StableDiffusionXLPipeline"}')
+    with pytest.raises(ModelError, match="is a StableDiffusionXLPipeline"):
+        check_model(str(checkpoint))
+
+
+def without(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, package=None: None if name in missing else real(name, package)
+    )
+
+
+def test_a_missing_extra_is_named(checkpoint: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    without(monkeypatch, "diffusers", "transformers")
+    with pytest.raises(DependencyError, match="diffusers and transformers") as caught:
+        check_model(str(checkpoint))
+    assert 'pip install "meshdeform[sd]"' in caught.value.advice_text
+
+
+def test_an_environment_that_runs_no_models_leaves_it_to_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    without(monkeypatch, "torch", "diffusers", "transformers")
+    check_model("nobody/nothing")
+    check_model("/only/on/the/worker")
+
+
+def test_builtin_needs_no_files_of_these(monkeypatch: pytest.MonkeyPatch) -> None:
+    without(monkeypatch, "torch", "diffusers", "transformers")
+    check_model("builtin")
+
+
+def test_checking_loads_neither_torch_nor_numpy(checkpoint: Path) -> None:
+    program = (
+        "import sys; from meshdeform.errors import ModelError; from meshdeform.priors import check_model\n"
+        f"check_model({str(checkpoint)!r})\n"
+        "try:\n    check_model('nobody/nothing')\nexcept ModelError: pass\n"
+        "print(*sorted({'torch', 'numpy', 'diffusers', 'transformers'} & set(sys.modules)))"
+    )
+    result = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert result.stdout.strip() == ""

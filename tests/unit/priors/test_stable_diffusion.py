@@ -1,0 +1,243 @@
+"""Stable Diffusion behind the prior interface, on the real classes with random weights."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.cameras import fixed_cameras
+from meshdeform.errors import ModelError, PromptError, ShapeError
+from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.priors import load_prior
+from meshdeform.priors.model_files import find
+from meshdeform.priors.stable_diffusion import StableDiffusionPrior
+
+CAMERAS = fixed_cameras(0.0, 15.0)
+SIZE = 128
+
+
+@pytest.fixture(scope="session")
+def prior(tiny_stable_diffusion: Path) -> StableDiffusionPrior:
+    return StableDiffusionPrior(str(tiny_stable_diffusion))
+
+
+@pytest.fixture
+def copy(tiny_stable_diffusion: Path, tmp_path: Path) -> Path:
+    """A checkpoint to break."""
+    return shutil.copytree(tiny_stable_diffusion, tmp_path / "copy")
+
+
+def change(path: Path, edit: Callable[[dict[str, object]], object]) -> None:
+    document = json.loads(path.read_text())
+    edit(document)
+    path.write_text(json.dumps(document))
+
+
+def noise(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def picture(size: int = SIZE) -> Tensor:
+    return torch.rand(1, 3, size, size, generator=torch.Generator().manual_seed(9))
+
+
+def test_load_prior_gives_one_that_says_what_it_is(tiny_stable_diffusion: Path) -> None:
+    prior = load_prior(str(tiny_stable_diffusion), device="cpu")
+    assert prior.identity == {
+        "id": str(tiny_stable_diffusion),
+        "revision": "",
+        "sha256": find(str(tiny_stable_diffusion)).sha256(),
+    }
+    assert (prior.device, prior.dtype) == (torch.device("cpu"), torch.float32)
+    assert prior.num_timesteps == 1000
+    assert (2 * prior.style.view_size, prior.style.shading) == (SIZE, "lambert")
+
+
+def test_the_schedule_is_the_published_one(prior: StableDiffusionPrior) -> None:
+    """Scaled linear betas from 0.00085 to 0.012, as every Stable Diffusion 1 and 2 has them."""
+    betas = torch.linspace(0.00085**0.5, 0.012**0.5, 1000, dtype=torch.float64) ** 2
+    expected = torch.cumprod(1 - betas, 0).float()
+    torch.testing.assert_close(prior.alphas_cumprod, expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_picture_becomes_latents_an_eighth_its_size(prior: StableDiffusionPrior) -> None:
+    latents = prior.encode_image(picture())
+    assert latents.shape == (1, 4, SIZE // 8, SIZE // 8)
+    assert latents.dtype == torch.float32
+    assert torch.equal(latents, prior.encode_image(picture()))
+    raw = prior._vae.encode(2 * picture() - 1).latent_dist.mean
+    torch.testing.assert_close(latents, 0.18215 * raw)
+
+
+def test_a_picture_of_another_size_is_resized(prior: StableDiffusionPrior) -> None:
+    flat = torch.full((1, 3, 48, 48), 0.4)
+    torch.testing.assert_close(
+        prior.encode_image(flat), prior.encode_image(torch.full((1, 3, SIZE, SIZE), 0.4)), rtol=1e-3, atol=1e-4
+    )
+    with pytest.raises(ShapeError):
+        prior.encode_image(torch.zeros(3, 48, 48))
+
+
+def test_gradient_checkpointing_changes_no_gradient(tiny_stable_diffusion: Path, prior: StableDiffusionPrior) -> None:
+    saving = StableDiffusionPrior(str(tiny_stable_diffusion), gradient_checkpointing=True)
+    gradients = []
+    for one in (prior, saving):
+        image = picture().requires_grad_()
+        one.encode_image(image).square().sum().backward()
+        gradients.append(image.grad)
+    torch.testing.assert_close(gradients[0], gradients[1])
+    assert saving._vae.encoder.gradient_checkpointing
+
+
+def test_the_text_embedding_holds_the_negative_prompt_and_the_prompt(prior: StableDiffusionPrior) -> None:
+    both = prior.encode_prompt("a mushroom", "blurry")
+    assert both.shape == (2, 77, 32)
+    assert torch.equal(prior.encode_prompt("a mushroom", "")[1], both[1])
+    torch.testing.assert_close(prior.encode_prompt("blurry")[1], both[0])
+    assert not torch.allclose(both[0], both[1])
+
+
+def test_a_prompt_that_would_be_cut_is_refused(prior: StableDiffusionPrior) -> None:
+    prior.encode_prompt("x" * 75)
+    with pytest.raises(PromptError, match="has 76 tokens; this model reads 75"):
+        prior.encode_prompt("x" * 76)
+    with pytest.raises(PromptError, match="negative_prompt"):
+        prior.encode_prompt("", "x" * 200)
+
+
+def test_classifier_free_guidance_is_uncond_plus_s_times_the_difference(prior: StableDiffusionPrior) -> None:
+    embedding, z_t, at = prior.encode_prompt("a vase", "blurry"), noise(1, 4, 16, 16), torch.tensor([300])
+    uncond, text = (
+        prior._unet(z_t, at, encoder_hidden_states=embedding[row : row + 1]).sample.detach() for row in (0, 1)
+    )
+    for scale in (0.0, 1.0, 7.5, 100.0):
+        predicted = prior.predict_noise(z_t, at, embedding, scale, CAMERAS)
+        torch.testing.assert_close(predicted, uncond + scale * (text - uncond), rtol=1e-4, atol=1e-3)
+    assert not predicted.requires_grad
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+def test_v_prediction_equals_the_noise_that_its_velocity_stands_for(
+    prior: StableDiffusionPrior, copy: Path, monkeypatch: pytest.MonkeyPatch, scale: float
+) -> None:
+    """Two U-Nets that know the same clean picture, one telling eps and one v, give the same noise."""
+    change(copy / "scheduler" / "scheduler_config.json", lambda config: config.update(prediction_type="v_prediction"))
+    other = StableDiffusionPrior(str(copy))
+    clean, at = noise(2, 4, 16, 16, seed=1), torch.tensor([400])
+    signal, sigma = prior.alphas_cumprod[at].sqrt(), (1 - prior.alphas_cumprod[at]).sqrt()
+
+    class Output:
+        def __init__(self, sample: Tensor) -> None:
+            self.sample = sample
+
+    def tells_noise(z_t: Tensor, *_: object, **__: object) -> Output:
+        return Output((z_t - signal * clean) / sigma)
+
+    def tells_velocity(z_t: Tensor, *_: object, **__: object) -> Output:
+        eps = (z_t - signal * clean) / sigma
+        return Output(signal * eps - sigma * clean)
+
+    embedding, z_t = prior.encode_prompt("a vase"), noise(1, 4, 16, 16)
+    monkeypatch.setattr(prior._unet, "forward", tells_noise)
+    monkeypatch.setattr(other._unet, "forward", tells_velocity)
+    torch.testing.assert_close(
+        other.predict_noise(z_t, at, embedding, scale, CAMERAS),
+        prior.predict_noise(z_t, at, embedding, scale, CAMERAS),
+        rtol=1e-4,
+        atol=1e-4,
+    )
+
+
+def test_score_distillation_reaches_the_picture(prior: StableDiffusionPrior) -> None:
+    guidance = ScoreDistillation(prior, "a mushroom", negative_prompt="blurry", guidance_scale=100.0)
+    results = []
+    for _ in range(2):
+        image = picture(64).requires_grad_()
+        loss, logs = guidance.loss(image, StepContext(0, 10, CAMERAS, torch.Generator().manual_seed(4)))
+        loss.backward()
+        results.append((loss.item(), logs, image.grad))
+    assert torch.isfinite(results[0][2]).all()
+    assert (results[0][2] != 0).float().mean() > 0.99
+    assert results[0][:2] == results[1][:2]
+    assert torch.equal(results[0][2], results[1][2])
+    assert all(parameter.grad is None for parameter in prior._unet.parameters())
+    assert all(parameter.grad is None for parameter in prior._vae.parameters())
+
+
+def test_descent_through_the_encoder_reaches_latents_that_the_network_knows(
+    prior: StableDiffusionPrior, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the ideal denoiser of one picture's latents in place of the U-Net, SDS brings the latents there."""
+    goal = prior.encode_image(picture()).detach()
+
+    def ideal(z_t: Tensor, timestep: Tensor, *_: object) -> Tensor:
+        level = prior.alphas_cumprod[timestep].view(1, 1, 1, 1)
+        return (z_t - level.sqrt() * goal) / (1 - level).sqrt()
+
+    monkeypatch.setattr(prior, "predict_noise", ideal)
+    guidance = ScoreDistillation(prior, "anything", guidance_scale=100.0)
+    image = torch.full((1, 3, SIZE, SIZE), 0.5, requires_grad=True)
+    optimizer = torch.optim.Adam([image], lr=0.02)
+    generator = torch.Generator().manual_seed(0)
+    errors = []
+    for step in range(25):
+        errors.append((prior.encode_image(image) - goal).square().mean().item())
+        loss, _ = guidance.loss(image, StepContext(step, 25, CAMERAS, generator))
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert errors[-1] < 0.3 * errors[0]
+
+
+def test_bfloat16_agrees_roughly_and_still_speaks_float32(
+    tiny_stable_diffusion: Path, prior: StableDiffusionPrior
+) -> None:
+    half = StableDiffusionPrior(str(tiny_stable_diffusion), dtype=torch.bfloat16)
+    latents = half.encode_image(picture())
+    assert latents.dtype == torch.float32
+    torch.testing.assert_close(latents, prior.encode_image(picture()), rtol=0.1, atol=0.02)
+    z_t, at = noise(1, 4, 16, 16), torch.tensor([300])
+    predicted = half.predict_noise(z_t, at, half.encode_prompt("a vase"), 1.0, CAMERAS)
+    assert predicted.dtype == torch.float32
+    expected = prior.predict_noise(z_t, at, prior.encode_prompt("a vase"), 1.0, CAMERAS)
+    assert (predicted - expected).norm() < 0.1 * expected.norm()
+
+
+def test_damaged_weights_are_one_clear_error(copy: Path) -> None:
+    weights = copy / "unet" / "diffusion_pytorch_model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:5000])
+    with pytest.raises(ModelError, match="cannot be read"):
+        StableDiffusionPrior(str(copy))
+
+
+@pytest.mark.parametrize(("part", "name"), [("vae", "diffusion_pytorch_model"), ("text_encoder", "model")])
+def test_tensors_that_are_missing_are_not_made_up(copy: Path, part: str, name: str) -> None:
+    from safetensors.torch import load_file, save_file
+
+    path = copy / part / f"{name}.safetensors"
+    tensors = load_file(path)
+    dropped = min(tensors)
+    del tensors[dropped]
+    save_file(tensors, path, {"format": "pt"})
+    with pytest.raises(ModelError, match=f"in {part}/ .* lack 1 tensors"):
+        StableDiffusionPrior(str(copy))
+
+
+def test_a_model_that_predicts_something_else_is_refused(copy: Path) -> None:
+    change(copy / "scheduler" / "scheduler_config.json", lambda config: config.update(prediction_type="sample"))
+    with pytest.raises(ModelError, match="predicts sample"):
+        StableDiffusionPrior(str(copy))
+
+
+def test_pickled_weights_are_not_opened(copy: Path) -> None:
+    weights = copy / "vae" / "diffusion_pytorch_model.safetensors"
+    weights.rename(weights.with_suffix(".bin"))
+    with pytest.raises(ModelError, match="needs safetensors"):
+        load_prior(str(copy), device="cpu")
