@@ -25,7 +25,7 @@ from tests.acceptance.service import until
 
 pytestmark = pytest.mark.acceptance
 
-STEPS, EVERY = 200, 20
+STEPS, EVERY = 120, 20
 
 
 class Deployment:
@@ -56,24 +56,26 @@ class Deployment:
         return job.id
 
     @contextlib.contextmanager
-    def worker(self) -> Iterator[psutil.Popen]:
+    def worker(self) -> Iterator[subprocess.Popen[str]]:
         """`meshdeform worker`, ended with the block; its worker process too."""
-        process = psutil.Popen(
+        with subprocess.Popen(
             [sys.executable, "-P", "-m", "meshdeform", "worker"],
             env={**os.environ, **self.environment},
             stderr=subprocess.PIPE,
             text=True,
-        )
-        threading.Thread(target=lambda: self.logs.extend(iter(process.stderr.readline, "")), daemon=True).start()
-        try:
-            yield process
-        finally:
-            family = process.children(recursive=True) if process.is_running() else []
-            process.kill()
-            process.wait()
-            for child in family:
-                with contextlib.suppress(psutil.NoSuchProcess):
-                    child.kill()
+        ) as process:
+            assert process.stderr is not None
+            reader = threading.Thread(target=lambda lines: self.logs.extend(lines), args=(process.stderr,))
+            reader.start()
+            try:
+                yield process
+            finally:
+                family = [] if process.poll() is not None else psutil.Process(process.pid).children(recursive=True)
+                process.kill()
+                for child in family:
+                    with contextlib.suppress(psutil.NoSuchProcess):
+                        child.kill()
+                reader.join()
 
     def when(self, job_id: str, what: str, condition: Callable[[Job], bool]) -> Job:
         """Return the job as soon as the condition is true of it."""
@@ -111,8 +113,8 @@ def deployment(tmp_path: Path, redis_url: str) -> Iterator[Deployment]:
     deployment.record.close()
 
 
-def worker_process(supervisor: psutil.Popen) -> psutil.Process:
-    return until("a worker process", lambda: next(iter(supervisor.children()), None))
+def worker_process(supervisor: subprocess.Popen[str]) -> psutil.Process:
+    return until("a worker process", lambda: next(iter(psutil.Process(supervisor.pid).children()), None))
 
 
 def gone(process: psutil.Process) -> bool:
@@ -151,7 +153,7 @@ def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployme
 
 
 def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing_more(deployment: Deployment) -> None:
-    job = deployment.submit(steps=400)
+    job = deployment.submit(steps=300)
     with deployment.worker() as first:
         deployment.at_step(job, EVERY + 1)
         frozen = worker_process(first)
@@ -185,7 +187,7 @@ def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> 
 def test_a_redis_that_loses_everything_loses_no_job(deployment: Deployment, redis_url: str) -> None:
     import redis
 
-    running, waiting = deployment.submit(steps=400), deployment.submit(steps=2)
+    running, waiting = deployment.submit(steps=300), deployment.submit(steps=2)
     with deployment.worker():
         deployment.at_step(running, 1)
         with redis.Redis.from_url(redis_url) as connection:
