@@ -2,15 +2,15 @@
 
 ::
 
-    loss = 1 / (n + 1)  sum_{k=0..n}  mean (blur_k(image) - blur_k(target))^2
+    loss = mean over pixels and colours of ((image - target) / 0.1)^2
 
-`blur_k` averages blocks of 2^k pixels, up to an eighth of a view; blocks never reach from one view into the next.
-The blurred levels feel a limb that does not overlap its goal yet, where the sharp one is flat; the sharp level
-places the outline. Views show camera-space normals on black: a surface seen by the camera has blue of at least one
-half, so the one picture compares orientation and silhouette.
+Views show camera-space normals on black. A surface that a camera sees has a blue of at least one half, so the one
+picture compares orientation and silhouette. Colours count in tenths of their range, which puts `guidance_weight` 1
+well above the regularisers' defaults.
 
-Source: the multi-scale image loss of inverse rendering, e.g. Hasselgren et al. 2021, Appearance-driven automatic
-3D model simplification, section 4.
+Blurred levels besides the sharp one were tried and left out: a mesh that fills the same sphere as its target overlaps
+it from the start, and from a sphere to a cow they were slower (after 300 steps the mean distance of the two surfaces
+was 0.0099 of the radius with them and 0.0086 without).
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.guidance.base import StepContext
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["TARGET_STYLE", "TargetGuidance"]
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
-_COARSEST_SHARE = 8
+_TENTH = 0.1
 
 
 class TargetGuidance:
@@ -41,7 +40,8 @@ class TargetGuidance:
     Parameters
     ----------
     mesh : TriangleMesh
-        The target, in the frame of the mesh that is deformed: the caller centres and scales both the same way.
+        The target, in the frame of the mesh that is deformed. The caller scales both the same way and puts both centres
+        of mass (of the surface) at the origin: with `translation_rate` 0 the deformed one cannot leave it.
     style : RenderStyle
     device : str or torch.device
         Where the views are drawn.
@@ -61,15 +61,14 @@ class TargetGuidance:
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
         self._verts = mesh.verts.to(device)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
-        self._levels = max(style.view_size // _COARSEST_SHARE, 1).bit_length()
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Compare with the target as the same cameras see it.
 
         Returns
         -------
-        The loss above (the mean squared difference of colours in [0, 1], 0 where the pictures are the same), and
-        `target_mse`, that of the sharp level alone.
+        The loss above, 0 where the pictures are the same; and `target_mse`, the mean squared difference of colours in
+        [0, 1].
 
         Raises
         ------
@@ -82,16 +81,10 @@ class TargetGuidance:
             target = combine_views(self._renderer.render(self._verts, context.cameras))
         if image.shape != target.shape:
             raise ShapeError(f"expected an image {tuple(target.shape)}, got {tuple(image.shape)}")
-        difference = image - target
-        terms = []
-        for level in range(self._levels):
-            if level:
-                difference = functional.avg_pool2d(difference, 2)
-            terms.append(difference.square().mean())
-        loss = torch.stack(terms).mean()
-        if not torch.isfinite(loss):
+        error = (image - target).square().mean()
+        if not torch.isfinite(error):
             raise NumericalError(f"The views cannot be compared with the target at step {context.step + 1}.")
-        return loss, {"target_mse": terms[0].item()}
+        return error / _TENTH**2, {"target_mse": error.item()}
 
 
 def _sha256(mesh: TriangleMesh) -> str:

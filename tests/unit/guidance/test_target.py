@@ -35,11 +35,11 @@ def test_the_target_itself_costs_nothing() -> None:
     assert logs == {"target_mse": 0.0}
 
 
-def test_a_flat_difference_costs_its_square() -> None:
+def test_a_difference_of_a_tenth_costs_one() -> None:
     guidance = TargetGuidance(scaled(0.7, 0.7, 0.7), style=STYLE)
     shifted = picture(torch.full((3,), 0.7, dtype=torch.float64)) + 0.1
     loss, logs = guidance.loss(shifted, CONTEXT)
-    assert loss.item() == pytest.approx(0.01, rel=1e-4)
+    assert loss.item() == pytest.approx(1.0, rel=1e-4)
     assert logs["target_mse"] == pytest.approx(0.01, rel=1e-4)
 
 
