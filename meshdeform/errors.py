@@ -17,6 +17,8 @@
     │   └── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
     ├── ModelError                     422  model_unavailable      a diffusion model cannot be loaded
     ├── NotFoundError                  404  not_found              no such job, artifact or route
+    ├── MethodNotAllowedError          405  method_not_allowed     the route has no such method
+    ├── RangeError                     416  range_not_satisfiable  asks for bytes past the end
     ├── ConflictError                  409  conflict               the job's state forbids it
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after it lost its lease
     ├── CheckpointError                500  checkpoint_invalid     torn, or of other parameters
@@ -45,11 +47,13 @@ __all__ = [
     "ConflictError",
     "DependencyError",
     "MeshdeformError",
+    "MethodNotAllowedError",
     "ModelError",
     "NotFoundError",
     "NumericalError",
     "ParameterError",
     "PromptError",
+    "RangeError",
     "RequestError",
     "ShapeError",
     "StaleAttemptError",
@@ -197,6 +201,22 @@ class NotFoundError(MeshdeformError):
     status = 404
     code = "not_found"
     advice = "Check the id; a deleted job is gone with its artifacts."
+
+
+class MethodNotAllowedError(MeshdeformError):
+    """The route does not know this method."""
+
+    status = 405
+    code = "method_not_allowed"
+    advice = "Use a method that the header Allow names."
+
+
+class RangeError(MeshdeformError):
+    """The range begins past the end of the file."""
+
+    status = 416
+    code = "range_not_satisfiable"
+    advice = "Ask for a range within the size that Content-Range names; if all bytes are there, nothing is left to get."
 
 
 class ConflictError(MeshdeformError):

@@ -1,1 +1,1 @@
-"""Thin shell over meshdeform."""
+"""The HTTP API: a thin shell over `meshdeform`. It never imports torch or numpy."""

@@ -1,0 +1,76 @@
+"""The check at the door of `text_deform`: what is wrong with a request, before anything is stored. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest
+from meshdeform.errors import ModelError, ParameterError, PromptError
+from meshdeform.priors import check_model
+
+__all__ = ["check"]
+
+
+def check(
+    request: JobRequest,
+    *,
+    default_model: str,
+    allowed_models: Sequence[str] = (),
+    revision: str = "",
+    has_target: bool = False,
+) -> None:
+    """Refuse a request that could not run.
+
+    Parameters
+    ----------
+    request : JobRequest
+    default_model : str
+        The model where the request names none; always allowed, as `builtin` is.
+    allowed_models : sequence of str
+        What else a request may name.
+    revision : str
+        Revision of the default model.
+    has_target : bool
+        Whether the second mesh is there that `target` guidance needs.
+
+    Raises
+    ------
+    ParameterError
+        `target` guidance without a target, or a target without `target` guidance.
+    PromptError, VocabularyError
+        The prompt is empty, or says what the builtin prior does not know.
+    ModelError
+        The model is not allowed, or not there.
+    """
+    params = request.params
+    if params.guidance is GuidanceKind.TARGET:
+        if not has_target:
+            raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
+        return
+    if has_target:
+        raise _refusal(
+            "guidance",
+            "A target was sent, but the guidance is `sds`, which does not look at it.",
+            "Set params.guidance to `target`, or leave the part `target` out.",
+        )
+    if not request.prompt:
+        raise PromptError("The prompt is empty.")
+    model = params.model or default_model
+    if model == BUILTIN_MODEL:
+        from meshdeform.priors.builtin.grammar import parse
+
+        parse(request.prompt)
+        return
+    if model != default_model and model not in allowed_models:
+        known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
+        raise ModelError(
+            f"The model {model!r} is not one that this server runs.",
+            advice=f"Use one of: {', '.join(known)}. Who runs the server can add it to MESHDEFORM_ALLOWED_MODELS.",
+            models=known,
+        )
+    check_model(model, revision if model == default_model else "")
+
+
+def _refusal(name: str, detail: str, advice: str) -> ParameterError:
+    errors = [{"loc": ["params", name], "msg": detail, "type": "value_error"}]
+    return ParameterError(detail, advice=advice, errors=errors)

@@ -1,0 +1,121 @@
+"""Every error as `application/problem+json`: one handler renders them, one function documents them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from meshdeform.errors import (
+    MeshdeformError,
+    MethodNotAllowedError,
+    NotFoundError,
+    ParameterError,
+    RequestError,
+    UnavailableError,
+)
+
+__all__ = ["PROBLEM_TYPE", "add_error_handlers", "parameter_error", "problem_responses"]
+
+PROBLEM_TYPE = "application/problem+json"
+_log = logging.getLogger(__name__)
+
+
+def add_error_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem document."""
+    app.add_exception_handler(MeshdeformError, _on_ours)
+    app.add_exception_handler(RequestValidationError, _on_validation)
+    app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(Exception, _on_unknown)
+
+
+def parameter_error(errors: Sequence[Any]) -> ParameterError:
+    """Return pydantic's findings as our error: what and where, but not the input, which may be long or secret."""
+    found = [{"loc": list(error["loc"]), "msg": error["msg"], "type": error["type"]} for error in errors]
+    first = found[0]
+    place = ".".join(str(part) for part in first["loc"])
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=found)
+
+
+def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:
+    """Return what OpenAPI says about the errors of a route, by status, each code with an example."""
+    responses: dict[int | str, dict[str, Any]] = {}
+    for error in errors:
+        title = (error.__doc__ or "").strip().splitlines()[0]
+        response = responses.setdefault(error.status, {"description": "", "content": _content()})
+        response["description"] = " ".join(filter(None, [response["description"], f"`{error.code}`: {title}"]))
+        example = _document(error(title), "/v1/jobs")
+        response["content"][PROBLEM_TYPE]["examples"][error.code] = {"summary": title, "value": example}
+    return {**dict(sorted(responses.items())), "default": {"description": "Any other problem.", "content": _content()}}
+
+
+def _content() -> dict[str, Any]:
+    return {PROBLEM_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": {}}}
+
+
+def _document(error: MeshdeformError, path: str, status: int | None = None) -> dict[str, Any]:
+    return {
+        **error.extra,
+        "type": f"urn:meshdeform:problem:{error.code}",
+        "title": error.title,
+        "status": status or error.status,
+        "detail": error.detail,
+        "code": error.code,
+        "advice": error.advice_text,
+        "instance": path,
+    }
+
+
+def _answer(
+    request: Request, error: MeshdeformError, *, status: int | None = None, headers: dict[str, str] | None = None
+) -> JSONResponse:
+    headers = dict(headers or {})
+    if isinstance(error, UnavailableError):
+        headers["Retry-After"] = "2"
+    document = _document(error, request.url.path, status)
+    if request.method == "POST" and document["status"] == 413:
+        # The rest of the body is not read: the connection cannot carry another request.
+        headers["Connection"] = "close"
+    return JSONResponse(document, document["status"], headers, PROBLEM_TYPE)
+
+
+async def _on_ours(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, MeshdeformError)
+    if error.status >= 500:
+        _log.error("%s %s: %s", request.method, request.url.path, error.detail, exc_info=error)
+    return _answer(request, error)
+
+
+async def _on_validation(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    findings = error.errors()
+    if any(finding["loc"][0] == "path" for finding in findings):
+        # An id that cannot be one names nothing.
+        return _answer(request, NotFoundError(f"There is nothing at {request.url.path}."))
+    return _answer(request, parameter_error(findings))
+
+
+async def _on_http(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    headers = dict(error.headers or {})
+    if error.status_code == 404:
+        advice = "The routes are in /openapi.json."
+        return _answer(request, NotFoundError(f"There is no route {request.url.path}.", advice=advice), headers=headers)
+    if error.status_code == 405:
+        problem = MethodNotAllowedError(f"{request.url.path} does not know {request.method}.")
+        return _answer(request, problem, headers=headers)
+    known = RequestError if error.status_code < 500 else MeshdeformError
+    return _answer(request, known(str(error.detail)), status=error.status_code, headers=headers)
+
+
+async def _on_unknown(request: Request, error: Exception) -> JSONResponse:
+    # Starlette logs the traceback. What the error says may hold paths or values of the server: it stays there.
+    del error
+    problem = MeshdeformError("The server met an error that it does not know.", advice="Its log says more.")
+    return _answer(request, problem)
