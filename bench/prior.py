@@ -96,7 +96,7 @@ def main() -> None:
         measured = parts(prior, arguments.prompt, 7.5, arguments.repeats)
     whole = measured["whole step"]
     print(
-        f"{arguments.model} on {prior.device} in {prior.dtype}, {arguments.threads} thread(s), loaded in {loading:.1f} s"
+        f"{arguments.model} on {prior.device}, {prior.dtype}, threads: {arguments.threads}, loaded in {loading:.1f} s"
     )
     for name, seconds in measured.items():
         print(f"{name:32} {seconds * 1e3:9.2f} ms  {seconds / whole:6.1%} of a step")

@@ -14,7 +14,7 @@ their number, and with it the pull on the mesh against the regularisers. k takes
 latents of Stable Diffusion at 512 pixels, where the published weights hold, and 1/3 for a model on 3 x 128 x 128
 pixels, so `guidance_weight` means the same for every prior.
 
-Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer, eq. 4 (weighting 1 - abar_t);
+Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer (weighting 1 - abar_t);
 Ho & Salimans 2022, eq. 6, in diffusers' convention of s.
 """
 

@@ -50,7 +50,7 @@ class StableDiffusionPrior:
     dtype : torch.dtype, optional
         float32 on the CPU and float16 elsewhere unless given; bfloat16 where float16 overflows.
     gradient_checkpointing : bool
-        Recompute the image encoder in the backward pass: about half its memory, for a third more of its time.
+        Recompute the image encoder's activations in the backward pass: less memory, more time.
 
     Raises
     ------
