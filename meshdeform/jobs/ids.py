@@ -17,18 +17,16 @@ _last = 0
 
 
 def new_job_id() -> str:
-    """Return `job_` and 26 characters: the 128 bits of a UUIDv7, milliseconds first, then random.
+    """Return `job_` and 26 characters: the 128 bits of a UUIDv7, milliseconds first, then a counter, then random.
 
     Ids of one process rise strictly, also within a millisecond and when the clock is set back.
 
-    Source: RFC 9562, section 5.7, with method 2 of section 6.2 (the random part is counted up).
+    Source: RFC 9562, section 5.7, with method 1 of section 6.2 (a counter of fixed length that begins at random).
     """
     global _last
-    version, variant = 0x7 << 76, 0b10 << 62
-    number = (time.time_ns() // 1_000_000) << 80 | version | secrets.randbits(12) << 64 | variant | secrets.randbits(62)
     with _lock:
-        if number >> 64 <= _last >> 64:
-            # Count up above the variant bits, so that they and the random tail stay what they must be.
-            number = ((_last >> 64) + 1) << 64 | number & (2**64 - 1)
-        _last = number
+        # 48 bits of milliseconds with 12 below them that count up; where they run over, the millisecond moves on.
+        _last = max(_last + 1, (time.time_ns() // 1_000_000) << 12 | secrets.randbits(11))
+        moment = _last
+    number = moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62)
     return "job_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(125, -1, -5))

@@ -8,7 +8,6 @@ its lease cannot overwrite what its successor does.
 from __future__ import annotations
 
 import base64
-import binascii
 from typing import Any
 
 import sqlalchemy as sa
@@ -404,7 +403,7 @@ def _encode_cursor(job_id: str) -> str:
 def _decode_cursor(cursor: str) -> str:
     try:
         job_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
-    except (binascii.Error, UnicodeError):
+    except ValueError:
         job_id = ""
     if not job_id.startswith("job_"):
         raise ParameterError(

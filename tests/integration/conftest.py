@@ -1,0 +1,114 @@
+"""A record, a store and a real server for the tests of this folder, on SQLite and on PostgreSQL."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+import sqlalchemy as sa
+import uvicorn
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import Job, StoredFile
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.tables import metadata
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from service.app import create_app
+from tests.servers import free_port
+
+DEADLINE_S = 30.0
+
+
+@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def database_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A database of its own for the module."""
+    if request.param == "sqlite":
+        yield f"sqlite:///{tmp_path_factory.mktemp('record') / 'record.sqlite'}"
+        return
+    server = f"postgresql+pg8000://meshdeform@127.0.0.1:{request.getfixturevalue('postgres_port')}"
+    name = f"test_{uuid.uuid4().hex}"
+    engine = sa.create_engine(f"{server}/postgres", isolation_level="AUTOCOMMIT", poolclass=sa.NullPool)
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    yield f"{server.replace('+pg8000', '')}/{name}"
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
+    engine.dispose()
+
+
+@pytest.fixture
+def record(database_url: str) -> Iterator[JobRecord]:
+    """An empty record."""
+    opened = JobRecord(database_url)
+    with opened._database.write() as connection:
+        for table in reversed(metadata.sorted_tables):
+            connection.execute(sa.delete(table))
+    yield opened
+    opened.close()
+
+
+def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
+    """A file that nobody really stored."""
+    return StoredFile(key=f"assets/{letter * 64}", filename=filename, size=3, sha256=letter * 64)
+
+
+def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
+    """A queued job."""
+    return record.create(JobRequest(prompt=prompt), stored_file(letter))
+
+
+@dataclass(frozen=True)
+class Api:
+    """A real server on loopback, and the parts behind it."""
+
+    url: str
+    settings: Settings
+    record: JobRecord
+    store: ObjectStore
+    http: httpx.Client
+
+
+@contextmanager
+def serving(settings: Settings) -> Iterator[str]:
+    """Run the application on uvicorn, in a thread, and give its URL."""
+    port = free_port()
+    server = uvicorn.Server(
+        uvicorn.Config(create_app(settings), host="127.0.0.1", port=port, log_level="warning", access_log=False)
+    )
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        deadline = time.monotonic() + DEADLINE_S
+        while not server.started:
+            assert thread.is_alive(), "the server did not start"
+            assert time.monotonic() < deadline, "the server did not start in time"
+            time.sleep(0.01)
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def api(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+    """The API with nothing faked behind it."""
+    folder: Path = tmp_path_factory.mktemp("api")
+    settings = Settings(
+        data_dir=folder,
+        database_url=database_url,
+        redis_url=redis_server_url,
+        queue=f"test-{uuid.uuid4().hex}",
+        max_upload_bytes=2**20,
+    )
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
+        record = JobRecord(database_url)
+        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        record.close()
