@@ -1,4 +1,8 @@
-"""Triangle meshes: positions, faces, edges, areas, normals and connected components."""
+"""Triangle meshes: positions, faces, edges, areas, normals and connected components.
+
+Any triangle soup is normal input: open borders, non-manifold edges, zero-area faces, several components. Nothing here
+gives a NaN, or a NaN or huge gradient, for them.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,19 @@ from torch import Tensor
 
 from meshdeform.errors import ShapeError
 
-__all__ = ["MeshEdges", "TriangleMesh", "connected_components", "edges_of", "face_areas", "face_normals"]
+__all__ = [
+    "MeshEdges",
+    "TriangleMesh",
+    "connected_components",
+    "edges_of",
+    "face_areas",
+    "face_cross",
+    "face_normals",
+    "safe_normalize",
+]
+
+# Squared lengths below this are zero: far from any mesh, and the reciprocal of the root is still finite.
+_TINY_SQUARE = 1e-280
 
 
 @dataclass(frozen=True)
@@ -57,38 +73,55 @@ class MeshEdges:
         Those faces' third vertices, -1 likewise.
     counts : (E,) int64
         How many faces meet there: 1 at borders, more than 2 where the mesh is not manifold.
+    consistent : (E,) bool
+        Whether the two faces run along the edge in opposite directions, as neighbours of one orientation do.
     """
 
     edges: Tensor
     faces: Tensor
     opposite: Tensor
     counts: Tensor
+    consistent: Tensor
 
 
 def face_cross(verts: Tensor, faces: Tensor) -> Tensor:
     """Cross product of two edges per face, (F, 3): along the normal, as long as twice the area."""
-    a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
-    return torch.linalg.cross(b - a, c - a)
+    # One index_select, not three fancy indexings: its backward pass is several times faster.
+    a, b, c = verts.index_select(0, faces.reshape(-1)).view(-1, 3, 3).unbind(1)
+    cross: Tensor = torch.linalg.cross(b - a, c - a)
+    return cross
+
+
+def safe_normalize(vectors: Tensor) -> Tensor:
+    """Unit vectors (..., 3); zero vectors stay zero and get a zero gradient."""
+    square = (vectors * vectors).sum(-1, keepdim=True)
+    usable = square > _TINY_SQUARE
+    scale: Tensor = torch.where(usable, torch.rsqrt(torch.where(usable, square, 1.0)), 0.0)
+    return vectors * scale
 
 
 def face_areas(verts: Tensor, faces: Tensor) -> Tensor:
-    """Areas (F,) in squared object units."""
-    return 0.5 * face_cross(verts, faces).norm(dim=1)
+    """Areas (F,) in squared object units; the gradient of a zero area is zero."""
+    cross = face_cross(verts, faces)
+    square = (cross * cross).sum(-1)
+    usable = square > _TINY_SQUARE
+    doubled: Tensor = torch.where(usable, torch.where(usable, square, 1.0).sqrt(), 0.0)
+    return 0.5 * doubled
 
 
 def face_normals(verts: Tensor, faces: Tensor) -> Tensor:
-    """Unit normals (F, 3); zero where a face has no area, with a finite gradient there."""
-    return torch.nn.functional.normalize(face_cross(verts, faces), dim=1, eps=1e-30)
+    """Unit normals (F, 3); zero, with a zero gradient, where a face has no area."""
+    return safe_normalize(face_cross(verts, faces))
 
 
 def edges_of(faces: Tensor) -> MeshEdges:
     """Find the unique edges of `faces` (F, 3) int64, in ascending order of their end points."""
     if not faces.numel():
-        none = torch.zeros(0, 2, dtype=torch.int64)
-        return MeshEdges(none, none, none, none[:, 0])
+        none = torch.zeros(0, 2, dtype=torch.int64, device=faces.device)
+        return MeshEdges(none, none, none, none[:, 0], none[:, 0].bool())
     start, stop = faces[:, [1, 2, 0]].reshape(-1), faces[:, [2, 0, 1]].reshape(-1)
     opposite = faces.reshape(-1)
-    owner = torch.arange(faces.shape[0]).repeat_interleave(3)
+    owner = torch.arange(faces.shape[0], device=faces.device).repeat_interleave(3)
     low, high = torch.minimum(start, stop), torch.maximum(start, stop)
     n = int(faces.max()) + 1
     key, inverse, counts = torch.unique(low * n + high, return_inverse=True, return_counts=True)
@@ -97,11 +130,13 @@ def edges_of(faces: Tensor) -> MeshEdges:
     second = (first + 1).clamp_max(order.numel() - 1)
     pair = torch.stack([order[first], torch.where(counts > 1, order[second], -1)], 1)
     missing, take = pair < 0, pair.clamp_min(0)
+    forward = (start < stop)[take]
     return MeshEdges(
         torch.stack([torch.div(key, n, rounding_mode="floor"), key % n], 1),
         torch.where(missing, -1, owner[take]),
         torch.where(missing, -1, opposite[take]),
         counts,
+        (counts > 1) & (forward[:, 0] != forward[:, 1]),
     )
 
 

@@ -2,7 +2,8 @@
 
 Recomputing normals would lose hard edges, custom normals and everything that an artist baked into them. Instead the
 source's normal n at a vertex becomes the direction of ``sum_f |f| cof(J_f) n`` over the faces f around it, with
-cof(J) = det(J) J^-T, the map of oriented area elements. Tangents follow J itself and are made perpendicular to the new normal.
+cof(J) = det(J) J^-T, the map of oriented area elements. Tangents follow J itself and are made perpendicular to the new
+normal.
 
 Source: Turkowski 1990, Properties of Surface-Normal Transformations.
 """
@@ -17,6 +18,8 @@ from torch import Tensor
 __all__ = ["transform_normals", "transform_tangents"]
 
 _Floats = NDArray[np.float64]
+
+_ROUNDING = 1e-6
 
 
 def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
@@ -35,7 +38,8 @@ def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians:
 
     Returns
     -------
-    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal.
+    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal; where
+    nothing was deformed the source's numbers come back, float32 rounding of their length included.
     """
     a, b, c = jacobians.unbind(1)
     cofactors = torch.stack([torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)], 1)
@@ -70,12 +74,14 @@ def transform_tangents(
 
 
 def _carried(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:
-    weighted = (maps * areas[:, None, None]).numpy().reshape(-1, 9)
-    total = np.zeros((len(vectors), 9))
-    for corner in range(3):
-        np.add.at(total, triangles[:, corner], weighted)
+    weighted = np.repeat((maps * areas[:, None, None]).numpy().reshape(-1, 9), 3, axis=0)
+    corners = triangles.reshape(-1)
+    total = np.stack([np.bincount(corners, weighted[:, k], len(vectors)) for k in range(9)], 1)
     moved = np.einsum("nij,nj->ni", total.reshape(-1, 3, 3), vectors)
     length = np.linalg.norm(moved, axis=1, keepdims=True)
     scale = np.linalg.norm(total, axis=1, keepdims=True)
     usable = length > 1e-9 * np.maximum(scale, 1e-300)
-    return np.where(usable, moved / np.where(usable, length, 1.0), vectors)
+    # A unit vector rounded to float32 keeps its length, so that it rounds to the same float32 again.
+    source_length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    wanted = np.where(np.abs(source_length - 1) < _ROUNDING, source_length, 1.0)
+    return np.where(usable, moved * (wanted / np.where(usable, length, 1.0)), vectors)

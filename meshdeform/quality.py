@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.intersections import intersecting_faces
-from meshdeform.operators import AREA_EPSILON
+from meshdeform.operators import COLLAPSED_SHAPE
 
 __all__ = ["MeshQuality", "measure"]
 
@@ -31,7 +31,7 @@ class MeshQuality:
     flipped_faces : int
         Faces that point against their edge neighbours now and did not at rest (a fold).
     collapsed_faces : int
-        Faces that lost their area: below a millionth of what the uniform scale would give.
+        Faces that lost their area: below a millionth of what the uniform scale would give, or a line.
     min_angle_p1_deg_before, min_angle_p1_deg_after : float
         The first percentile of the faces' smallest angles, in degrees.
     symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
@@ -75,13 +75,13 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     -----
     Faces without area at rest do not count in any figure but the self-intersections.
     """
-    diagonal_sq = float(((rest_verts.max(0) - rest_verts.min(0)) ** 2).sum())
+    diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
     area_old, area_new = _areas(rest_verts, faces), _areas(verts, faces)
-    solid = area_old > AREA_EPSILON * diagonal_sq
+    solid = area_old > COLLAPSED_SHAPE * _longest_sq(rest_verts, faces)
     f, a, b = faces[solid], area_old[solid], area_new[solid]
-    scale = float(b.sum() / a.sum())
-    collapsed = b < _COLLAPSED_SHARE * scale * a
-    energy = _symmetric_dirichlet(rest_verts, verts, f[~collapsed], scale)
+    scale = float(b.sum() / a.sum()) if len(a) else 1.0
+    collapsed = (b <= _COLLAPSED_SHARE * scale * a) | (b <= COLLAPSED_SHAPE * _longest_sq(verts, f))
+    energy = _symmetric_dirichlet(rest_verts, verts, f[~collapsed], scale or 1.0)
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
@@ -110,8 +110,14 @@ def _areas(verts: _Floats, faces: _Faces) -> _Floats:
     return np.asarray(0.5 * np.linalg.norm(_cross(verts, faces), axis=1))
 
 
+def _longest_sq(verts: _Floats, faces: _Faces) -> _Floats:
+    """Squared length (F,) of each face's longest edge."""
+    corners = verts[faces]
+    return np.asarray(((corners - corners[:, [1, 2, 0]]) ** 2).sum(2).max(1, initial=0.0))
+
+
 def _volume(verts: _Floats, faces: _Faces) -> float:
-    origin = verts.mean(0)
+    origin = verts[faces[:, 0]].mean(0) if len(faces) else np.zeros(3)
     a = verts[faces[:, 0]] - origin
     return float((a * _cross(verts - origin, faces)).sum() / 6)
 

@@ -23,10 +23,9 @@ import numpy as np
 import torch
 from scipy import sparse
 from torch import Tensor
-from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.mesh import TriangleMesh, edges_of, face_normals
-from meshdeform.operators import cotangent_laplacian, effective_face_areas, vertex_areas
+from meshdeform.operators import cotangent_laplacian, effective_face_areas, sparse_product, vertex_areas
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
 
@@ -41,7 +40,7 @@ class Regularizers:
     Parameters
     ----------
     mesh : TriangleMesh
-        Faces without area and edges at borders or beside such faces do not count.
+        Faces without area do not count, nor edges beside such faces, at borders or of more than two faces.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -56,14 +55,17 @@ class Regularizers:
         floor = _MASS_FLOOR * float(mass[used].mean()) if used.any() else 1.0
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
         self._half_operator = (root @ cotangent_laplacian(mesh)).tocsr()
-        self._half_operator_t = self._half_operator.T.tocsr()
         self._init_edges(mesh, torch.from_numpy(areas), total)
 
     def _init_edges(self, mesh: TriangleMesh, areas: Tensor, total: float) -> None:
-        pairs = edges_of(mesh.faces).faces
-        pairs = pairs[(pairs >= 0).all(1)]
-        pairs = pairs[(areas[pairs] > 0).all(1)]
+        edges = edges_of(mesh.faces)
+        # Which two faces continue each other is known only where exactly two meet, and not where one doubles the other.
+        keep = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
+        keep[keep.clone()] = (areas[edges.faces[keep]] > 0).all(1)
+        pairs = edges.faces[keep]
         self._pairs = pairs
+        # Neighbours wound against each other have opposite normals where the surface is flat.
+        self._sign = torch.where(edges.consistent[keep], 1.0, -1.0).double()
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
         squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
@@ -79,25 +81,16 @@ class Regularizers:
 
     def laplacian(self, verts: Tensor) -> Tensor:
         """Integral of the squared Laplacian of the displacement of (V, 3) positions, over 4 pi; zero at rest."""
-        bent: Tensor = _SparseProduct.apply(self._half_operator, self._half_operator_t, verts - self._rest)  # type: ignore[no-untyped-call]
+        bent = sparse_product(self._half_operator, verts - self._rest)
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Area-weighted mean (1 - n_i . n_j)^2 over neighbouring faces, at the reference resolution."""
+        """Area-weighted mean (1 - n_i . n_j)^2 over neighbouring faces, at the reference resolution.
+
+        Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
+        """
         normals = face_normals(verts, self._faces)
-        cosine = (normals.index_select(0, self._pairs[:, 0]) * normals.index_select(0, self._pairs[:, 1])).sum(1)
+        beside = normals.index_select(0, self._pairs.reshape(-1)).view(-1, 2, 3)
+        # Against 1 and not against |n|^2: a face that collapsed on the way has a zero normal and costs a constant.
+        cosine = self._sign * (beside[:, 0] * beside[:, 1]).sum(1)
         return (self._edge_weights * ((1 - cosine) * self._edge_scale).square()).sum()
-
-
-class _SparseProduct(torch.autograd.Function):
-    """A constant scipy matrix times a tensor: torch's own sparse product is several times slower at this size."""
-
-    @staticmethod
-    def forward(ctx: FunctionCtx, matrix: sparse.csr_matrix, transposed: sparse.csr_matrix, x: Tensor) -> Tensor:
-        ctx.transposed = transposed  # type: ignore[attr-defined]
-        return torch.from_numpy(matrix @ x.detach().numpy())
-
-    @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
-    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, None, Tensor]:
-        return None, None, torch.from_numpy(ctx.transposed @ gradient.numpy())  # type: ignore[attr-defined]

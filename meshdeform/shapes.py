@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
+from meshdeform.errors import ShapeError
 from meshdeform.mesh import TriangleMesh
 
-__all__ = ["box", "grid", "icosphere", "join", "torus"]
+__all__ = ["box", "cylinder", "grid", "icosphere", "join", "lathe", "torus", "uv_sphere"]
 
 
 def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
@@ -74,6 +77,60 @@ def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> 
     ring = major + minor * vv.cos()
     verts = torch.stack([ring * uu.sin(), minor * vv.sin(), ring * uu.cos()], -1).reshape(-1, 3)
     return TriangleMesh(verts, _closed_grid(n, m, True, True))
+
+
+def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
+    """A surface of revolution around the Y axis, `n` corners a turn.
+
+    Parameters
+    ----------
+    profile : sequence of (radius, height)
+        From the bottom to the top, two points or more. A radius of 0 is one pole vertex and allowed only at the ends;
+        an end off the axis stays an open border.
+    n : int
+        At least 3.
+
+    Raises
+    ------
+    ShapeError
+        The profile or `n` is not like that.
+    """
+    if len(profile) < 2 or n < 3:
+        raise ShapeError("a lathe needs two or more (radius, height) points and three or more corners a turn")
+    if any(r < 0 for r, _ in profile) or any(r == 0 for r, _ in profile[1:-1]):
+        raise ShapeError("radii must be positive; only the first and the last may be 0")
+    turn = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
+    verts: list[Tensor] = []
+    rings: list[Tensor] = []
+    count = 0
+    for radius, height in profile:
+        around = turn if radius else turn[:1]
+        verts.append(torch.stack([radius * around.sin(), torch.full_like(around, height), radius * around.cos()], 1))
+        # A pole is one vertex that stands for its whole ring.
+        rings.append(count + (torch.arange(n) if radius else torch.zeros(n, dtype=torch.int64)))
+        count += len(around)
+    parts = []
+    for low, high in itertools.pairwise(rings):
+        low_next, high_next = low.roll(-1), high.roll(-1)
+        parts.append(torch.stack([low, low_next, high_next], 1))
+        parts.append(torch.stack([low, high_next, high], 1))
+    a, b, c = (faces := torch.cat(parts)).unbind(1)
+    return TriangleMesh(torch.cat(verts), faces[(a != b) & (b != c) & (c != a)])
+
+
+def uv_sphere(rings: int = 16, n: int = 32, radius: float = 1.0) -> TriangleMesh:
+    """A sphere of `rings` bands of latitude and `n` of longitude, with needle-like triangles around its poles."""
+    polar = [math.pi * i / rings for i in range(1, rings)]
+    middle = [(radius * math.sin(p), -radius * math.cos(p)) for p in polar]
+    return lathe([(0.0, -radius), *middle, (0.0, radius)], n)
+
+
+def cylinder(
+    radius: float = 0.5, height: float = 1.0, n: int = 32, rings: int = 8, *, capped: bool = True
+) -> TriangleMesh:
+    """A cylinder around the Y axis of `rings` bands; without caps an open tube with two borders."""
+    wall = [(radius, height * (i / rings - 0.5)) for i in range(rings + 1)]
+    return lathe([(0.0, -height / 2), *wall, (0.0, height / 2)] if capped else wall, n)
 
 
 def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:

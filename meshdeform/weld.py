@@ -89,7 +89,7 @@ def weld(
     used = np.unique(triangles)
     if not len(used):
         raise AssetEmptyError("The asset has no triangles.")
-    points = positions[used]
+    points = positions[used].astype(np.float64)
     representative = _merge(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
     merged = np.full(len(positions), -1, np.int64)
     merged[used] = representative
@@ -117,23 +117,26 @@ def weld(
 
 
 def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
-    """Index of each point's representative: the first of its cluster."""
-    _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    label: NDArray[np.int64] = first[inverse.reshape(-1)].astype(np.int64)
-    unique = np.unique(label)
-    pairs = (
-        cKDTree(points[unique]).query_pairs(distance, output_type="ndarray") if distance > 0 else np.empty((0, 2), int)
-    )
-    if len(pairs):
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
+    """Index of each point's representative.
 
-        n = len(unique)
-        graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-        _, cluster = connected_components(graph, directed=False)
-        _, lowest = np.unique(cluster, return_index=True)
-        target = unique[lowest[cluster]]
-        lookup = np.zeros(len(points), np.int64)
-        lookup[unique] = target
-        label = lookup[label]
-    return label
+    Exact duplicates first; then each point joins the earliest representative within reach. Only representatives
+    attract, so a chain of near points (a detail finer than the tolerance) is thinned out and never becomes one point.
+    """
+    label = _first_of_each(points + 0.0)  # + 0.0: -0 and 0 are one place
+    if distance <= 0:
+        return label
+    # One point a cell: it bounds the pairs below, whatever the file piles up at one place.
+    label = _first_of_each(np.floor((points - points.min(0)) / distance))[label]
+    unique = np.unique(label)
+    pairs = cKDTree(points[unique]).query_pairs(distance, output_type="ndarray")
+    target = np.arange(len(points))
+    for low, high in unique[pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]]:
+        if target[low] == low and target[high] == high:
+            target[high] = low
+    return target[label]
+
+
+def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Index of the first row that equals each row."""
+    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first[inverse.reshape(-1)].astype(np.int64)
