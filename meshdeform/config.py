@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
+from meshdeform.errors import ParameterError
+
 __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
@@ -55,6 +57,14 @@ class GuidanceKind(StrEnum):
 
     SDS = "sds"
     TARGET = "target"
+
+
+_ORDERED = (
+    ("timestep_min", "timestep_max"),
+    ("timestep_min", "timestep_max_end"),
+    ("elevation_min_deg", "elevation_max_deg"),
+    ("fov_min_deg", "fov_max_deg"),
+)
 
 
 class _Strict(BaseModel):
@@ -198,12 +208,7 @@ class DeformParams(_Strict):
 
     @model_validator(mode="after")
     def _ranges(self) -> Self:
-        for low, high in (
-            ("timestep_min", "timestep_max"),
-            ("timestep_min", "timestep_max_end"),
-            ("elevation_min_deg", "elevation_max_deg"),
-            ("fov_min_deg", "fov_max_deg"),
-        ):
+        for low, high in _ORDERED:
             a, b = getattr(self, low), getattr(self, high)
             if a is not None and b is not None and a > b:
                 raise ValueError(f"{low} ({a}) must not be greater than {high} ({b})")
@@ -291,8 +296,8 @@ _PAPER: dict[str, Any] = {
     "fov_max_deg": 45.0,
 }
 
-# A difference of pictures is a mean over pixels, score distillation a sum over 16,384 latents.
-_TARGET: dict[str, Any] = {"jacobian_reg_weight": 1e-3, "laplacian_weight": 1e-5, "normal_weight": 0.1}
+# A difference of pictures in tenths is a smaller number than score distillation's sum over 16,384 latents.
+_TARGET: dict[str, Any] = {"jacobian_reg_weight": 0.1, "laplacian_weight": 1e-3, "normal_weight": 10.0}
 
 _Family = Literal["builtin", "sd", "target"]
 
@@ -331,6 +336,11 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         What the user wrote.
     default_model : str
         The model where the user named none (the setting MESHDEFORM_MODEL).
+
+    Raises
+    ------
+    ParameterError
+        A bound that the user wrote and one of the preset's do not go together.
     """
     model = params.model or default_model
     family: _Family = (
@@ -338,4 +348,11 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     )
     values = {**_PAPER, **_OVERRIDES[family, params.preset]}
     written = {k: v for k, v in params.model_dump().items() if v is not None}
-    return ResolvedParams(**{**values, **written, "model": model})
+    resolved = ResolvedParams(**{**values, **written, "model": model})
+    for low, high in _ORDERED:
+        if getattr(resolved, low) > getattr(resolved, high):
+            raise ParameterError(
+                f"{low} is {getattr(resolved, low)}, above the preset's {high} of {getattr(resolved, high)}.",
+                advice=f"Set {high} as well.",
+            )
+    return resolved
