@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import httpx
 import psutil
@@ -53,15 +53,18 @@ class Service:
             text=True,
         )
         self.pid = self._process.pid
-        for stream, lines in ((self._process.stdout, self.output), (self._process.stderr, self.errors)):
-            threading.Thread(target=lambda s=stream, to=lines: to.extend(iter(s.readline, "")), daemon=True).start()
+        streams = ((self._process.stdout, self.output), (self._process.stderr, self.errors))
+        self._readers = [threading.Thread(target=_collect, args=each, daemon=True) for each in streams]
+        for reader in self._readers:
+            reader.start()
         self._seen: set[psutil.Process] = set()
+        self.http = httpx.Client(timeout=30.0)
         try:
             url = until("serve says where it listens", self._url)
         except AssertionError:
             self.clean_up()
             raise AssertionError(f"serve did not get ready:\n{self.log}") from None
-        self.http = httpx.Client(base_url=url, timeout=30.0)
+        self.http.base_url = httpx.URL(url)
 
     @property
     def log(self) -> str:
@@ -155,15 +158,24 @@ class Service:
 
     def clean_up(self) -> None:
         """End everything, whatever the test left."""
+        self.http.close()
         family = self.family()
         if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
+            self._process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(timeout=60.0)
-        for process in [*family, psutil.Process(self.pid)] if self._process.poll() is None else family:
+            self._process.kill()
+        for process in family:
             with contextlib.suppress(psutil.NoSuchProcess):
                 process.kill()
         self._process.wait()
+        for reader in self._readers:
+            reader.join()
+
+
+def _collect(stream: IO[str], lines: list[str]) -> None:
+    with stream:
+        lines.extend(stream)
 
 
 def _lives(process: psutil.Process) -> bool:
