@@ -4,12 +4,14 @@ Each step solves for the vertices, draws four orthogonal views, asks the guidanc
 regularisers and lets Adam move the Jacobians::
 
     verts = poisson(J) + t_c          min_v sum_f |f| ||grad_f(v) - J_f||^2 per component c, then its translation
+                                      with sum_c |c| t_c = 0: the parts move, the whole stays
     image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
 
-The Poisson solution is unique up to one translation per connected component. The paper pins it; we optimise it as well
-(`translation_rate`; 0 is the paper), because a head must be able to leave its old place when the neck grows. The
-result is moved back as a whole, so the asset's centre of mass stays where it was.
+The Poisson solution is unique up to one translation per connected component. The paper pins it; where an asset has
+several components we optimise it as well (`translation_rate`; 0 is the paper), because a wheel must be able to follow
+its car. The centre of mass of the whole stays: were it free, a sphere that shall become a mushroom would rise to where
+the cap is seen and never grow a stem.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 3 to 9; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;
 Gao et al. 2023, TextDeformer, section 3.
@@ -102,6 +104,9 @@ class Deformation:
         self._generator = torch.Generator().manual_seed(params.seed)
         self._jacobians = identity_jacobians(mesh.faces.shape[0]).requires_grad_()
         self._translations = torch.zeros(self._poisson.num_components, 3, dtype=torch.float64, requires_grad=True)
+        areas = torch.zeros(self._poisson.num_components, dtype=torch.float64)
+        areas.index_add_(0, self._poisson.components, self._poisson.vertex_areas)
+        self._component_shares = areas / areas.sum()
         self._optimizer = torch.optim.Adam(
             [
                 {"params": [self._jacobians], "lr": params.learning_rate},
@@ -128,8 +133,7 @@ class Deformation:
     def verts(self) -> Tensor:
         """Deformed positions (V, 3) float64 in the rest mesh's frame, with the rest mesh's centre of mass."""
         with torch.no_grad():
-            moved = self._place()
-            return moved + (self._centre(self.mesh.verts) - self._centre(moved))
+            return self._place()
 
     def checkpoint(self) -> Checkpoint:
         """Everything that the rest of the run depends on, copied."""
@@ -165,11 +169,8 @@ class Deformation:
         return {"total": total.item(), **{k: v.item() for k, v in terms.items()}, **logs}
 
     def _place(self) -> Tensor:
-        return self._poisson.solve(self._jacobians) + self._translations[self._poisson.components]
-
-    def _centre(self, verts: Tensor) -> Tensor:
-        weights = self._poisson.vertex_areas
-        return (weights[:, None] * verts).sum(0) / weights.sum()
+        free = self._translations - self._component_shares @ self._translations
+        return self._poisson.solve(self._jacobians) + free[self._poisson.components]
 
     def _restore(self, checkpoint: Checkpoint) -> None:
         state = checkpoint.tensors
