@@ -19,7 +19,7 @@ __all__ = ["Settings"]
 class Settings(BaseSettings):
     """Where things lie and what is allowed."""
 
-    model_config = SettingsConfigDict(env_prefix="MESHDEFORM_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix="MESHDEFORM_", env_ignore_empty=True, frozen=True, extra="ignore")
 
     data_dir: Path = Field(Path("meshdeform-data"), description="Folder for everything that `serve` keeps.")
     database_url: str = Field("", description="SQLAlchemy URL of the record. Default: SQLite in the data directory.")
