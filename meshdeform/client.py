@@ -212,7 +212,9 @@ class Client:
         tag = ""
         for left in reversed(range(tries)):
             start = file.tell()
-            headers = {"Range": f"bytes={start}-", "If-Range": tag} if start else {}
+            headers = {"Accept-Encoding": "identity"}
+            if start:
+                headers |= {"Range": f"bytes={start}-", "If-Range": tag}
             try:
                 with self._http.stream("GET", url, headers=headers) as answer:
                     if answer.is_error:

@@ -11,6 +11,7 @@ import io
 import os
 import re
 import shutil
+import stat
 import tempfile
 import time
 from collections.abc import Iterator
@@ -186,7 +187,10 @@ class _Folder:
 
     def size(self, key: str) -> int:
         with _file_errors(key):
-            return (self._root / key).stat().st_size
+            found = (self._root / key).stat()
+            if not stat.S_ISREG(found.st_mode):
+                raise IsADirectoryError(key)
+            return found.st_size
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
         with _file_errors(key):

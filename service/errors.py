@@ -16,6 +16,7 @@ from meshdeform.errors import (
     MethodNotAllowedError,
     NotFoundError,
     ParameterError,
+    RangeError,
     RequestError,
     UnavailableError,
 )
@@ -78,6 +79,8 @@ def _answer(
     headers = dict(headers or {})
     if isinstance(error, UnavailableError):
         headers["Retry-After"] = "2"
+    if isinstance(error, RangeError):
+        headers["Content-Range"] = f"bytes */{error.extra['size']}"
     document = _document(error, request.url.path, status)
     if request.method == "POST" and document["status"] == 413:
         # The rest of the body is not read: the connection cannot carry another request.

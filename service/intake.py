@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 
 from pydantic import ValidationError
@@ -78,13 +77,12 @@ def _store(parts: Parts, request: JobRequest, uploads: list[ReceivedFile]) -> Jo
 
 def _parse(document: bytes) -> JobRequest:
     try:
-        values = json.loads(document)
-    except ValueError as error:
-        raise RequestError(f"The part `request` is no JSON: {error}.") from error
-    try:
-        return JobRequest.model_validate(values)
+        return JobRequest.model_validate_json(document)
     except ValidationError as error:
         findings = error.errors(include_url=False, include_input=False, include_context=False)
+        if findings[0]["type"] == "json_invalid":
+            reason = findings[0]["msg"].removeprefix("Invalid JSON: ")
+            raise RequestError(f"The part `request` is no JSON document: {reason}.") from error
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
         raise parameter_error(findings) from error

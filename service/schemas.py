@@ -41,7 +41,7 @@ class PartHealth(BaseModel):
     """Whether one part answers."""
 
     status: Literal["ok", "unavailable"] = Field(description="Whether it answers.", examples=["ok"])
-    detail: str = Field("", description="What is wrong, where something is.", examples=[""])
+    detail: str = Field("", description="What is wrong, where something is.", examples=["Redis does not answer."])
 
 
 class Readiness(BaseModel):

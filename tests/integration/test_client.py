@@ -1,0 +1,262 @@
+"""The client against the real server."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform import errors
+from meshdeform.client import Client
+from meshdeform.config import DeformParams, OutputOptions, Preset
+from meshdeform.errors import (
+    AssetFormatError,
+    ConflictError,
+    MeshdeformError,
+    NotFoundError,
+    NumericalError,
+    ParameterError,
+    UnavailableError,
+    VocabularyError,
+)
+from meshdeform.jobs.models import Artifact, JobError, JobState, Progress
+from meshdeform.jobs.views import JobView
+from tests.integration.conftest import DEADLINE_S, Api, new_job
+from tests.servers import free_port
+
+CONTENT = bytes(range(256)) * 4096
+
+
+@pytest.fixture
+def client(api: Api) -> Iterator[Client]:
+    with Client(api.url) as opened:
+        yield opened
+
+
+@pytest.fixture
+def sphere(repository: Path) -> Path:
+    return repository / "examples" / "sphere.glb"
+
+
+def publish(api: Api, job_id: str, content: bytes = CONTENT) -> None:
+    """Do what a worker does at the end."""
+    stored = api.store.put(f"jobs/{job_id}/1/result.glb", content)
+    made = Artifact(
+        name="result.glb",
+        content_type="model/gltf-binary",
+        size=stored.size,
+        sha256=stored.sha256,
+        key=f"jobs/{job_id}/1/result.glb",
+        created_at=datetime.now(UTC),
+    )
+    api.record.add_artifact(job_id, 1, made)
+    api.record.finish(job_id, 1, JobState.SUCCEEDED)
+
+
+def answering(*answers: Any) -> Client:
+    """A client whose service answers from a list; an exception is raised instead."""
+    left = list(answers)
+
+    def handle(request: httpx.Request) -> httpx.Response:
+        answer = left.pop(0)
+        if callable(answer):
+            answer = answer(request)
+        if isinstance(answer, Exception):
+            raise answer
+        assert isinstance(answer, httpx.Response)
+        return answer
+
+    return Client("http://x", http=httpx.Client(base_url="http://x", transport=httpx.MockTransport(handle)))
+
+
+def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path: Path) -> None:
+    params = DeformParams(preset=Preset.PREVIEW, seed=7)
+    job = client.submit(sphere, "a mushroom", params=params, output=OutputOptions(morph=True), metadata={"a": "b"})
+    assert (job.state, job.prompt, job.asset.filename) == (JobState.QUEUED, "a mushroom", "sphere.glb")
+    assert job.params == params
+    assert job.params.model_fields_set == {"preset", "seed"}
+    assert (job.output.morph, job.metadata) == (True, {"a": "b"})
+    assert api.record.claim(job.id, "worker", 60.0)
+    seen: list[JobView] = []
+
+    def work() -> None:
+        progress = Progress(step=1, total_steps=2, fraction=0.5, phase="optimizing", attempt=1)
+        api.record.save_progress(job.id, 1, progress)
+        publish(api, job.id)
+
+    worker = threading.Thread(target=work)
+
+    def on_change(changed: JobView) -> None:
+        seen.append(changed)
+        if len(seen) == 1:
+            worker.start()
+
+    done = client.wait(job.id, timeout_s=DEADLINE_S, on_change=on_change)
+    worker.join()
+    assert done == seen[-1] == client.get(job.id)
+    assert (seen[0].state, done.state, done.progress.fraction) == (JobState.RUNNING, JobState.SUCCEEDED, 1.0)
+    (artifact,) = client.artifacts(job.id)
+    target = tmp_path / "mushroom.glb"
+    target.write_bytes(b"before")
+    assert client.download(job.id, artifact.name, target) == target
+    assert target.read_bytes() == CONTENT
+    assert [path.name for path in tmp_path.iterdir()] == ["mushroom.glb"]
+    client.delete(job.id)
+    with pytest.raises(NotFoundError):
+        client.get(job.id)
+
+
+def test_a_target_is_sent_along(client: Client, sphere: Path) -> None:
+    job = client.submit(sphere, params={"guidance": "target"}, target=sphere)
+    assert job.target is not None
+    assert job.target.sha256 == job.asset.sha256 == hashlib.sha256(sphere.read_bytes()).hexdigest()
+
+
+def test_jobs_are_listed_through_all_pages(api: Api, client: Client) -> None:
+    made = [new_job(api.record).id for _ in range(5)]
+    listed = [job.id for job in client.jobs(limit=2)]
+    assert listed[:5] == made[::-1]
+    assert len(listed) == len(set(listed))
+    client.cancel(made[0])
+    assert made[0] in [job.id for job in client.jobs(state="canceled")]
+
+
+def test_problems_are_the_errors_that_they_were(api: Api, client: Client, sphere: Path, tmp_path: Path) -> None:
+    with pytest.raises(VocabularyError) as unknown:
+        client.submit(sphere, "a quixotic zeitgeist")
+    assert "mushroom" in unknown.value.extra["nouns"]
+    with pytest.raises(ParameterError) as wrong:
+        client.submit(sphere, "a mushroom", params={"stepz": 1})
+    assert wrong.value.extra["errors"][0]["loc"] == ["params", "stepz"]
+    other = tmp_path / "notes.txt"
+    other.write_text("no mesh")
+    with pytest.raises(AssetFormatError) as format_:
+        client.submit(other, "a mushroom")
+    assert format_.value.advice_text
+    job = new_job(api.record)
+    with pytest.raises(ConflictError) as conflict:
+        client.delete(job.id)
+    assert conflict.value.extra["state"] == "queued"
+    with pytest.raises(NotFoundError):
+        client.download(job.id, "result.glb", tmp_path / "x.glb")
+    assert not (tmp_path / "x.glb").exists()
+
+
+def test_every_code_has_its_class() -> None:
+    kinds = {value for value in vars(errors).values() if isinstance(value, type) and issubclass(value, MeshdeformError)}
+    for kind in kinds:
+        problem = {"code": kind.code, "detail": "d", "advice": "a", "status": kind.status, "more": 1}
+        with pytest.raises(kind) as caught:
+            answering(httpx.Response(kind.status, json=problem)).get("x")
+        assert type(caught.value) is kind
+        assert (caught.value.detail, caught.value.advice_text, caught.value.extra) == ("d", "a", {"more": 1})
+
+
+@pytest.mark.parametrize(("status", "kind"), [(502, UnavailableError), (401, MeshdeformError)])
+def test_an_answer_of_a_proxy_is_told_as_such(status: int, kind: type[MeshdeformError]) -> None:
+    with pytest.raises(kind, match=str(status)):
+        answering(httpx.Response(status, text="<html>")).get("x")
+
+
+def test_a_service_that_is_away_is_unavailable() -> None:
+    with Client(f"http://127.0.0.1:{free_port()}") as away, pytest.raises(UnavailableError):
+        away.get("x")
+
+
+def test_waiting_raises_what_the_job_failed_with(api: Api, client: Client) -> None:
+    job = new_job(api.record)
+    api.record.claim(job.id, "worker", 60.0)
+    api.record.finish(job.id, 1, JobState.FAILED, JobError.of(NumericalError("A loss is NaN.")))
+    with pytest.raises(NumericalError, match="A loss is NaN") as caught:
+        client.wait(job.id)
+    assert caught.value.extra == {"job_id": job.id}
+    assert client.wait(job.id, check=False).state is JobState.FAILED
+    canceled = new_job(api.record)
+    client.cancel(canceled.id)
+    with pytest.raises(ConflictError, match="canceled"):
+        client.wait(canceled.id)
+
+
+def test_waiting_ends_when_its_time_is_up(api: Api, client: Client) -> None:
+    job = new_job(api.record)
+    with pytest.raises(TimeoutError, match=job.id):
+        client.wait(job.id, timeout_s=0.05)
+
+
+def test_waiting_keeps_the_services_pace_and_sends_the_tag(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    pauses: list[float] = []
+    monkeypatch.setattr(time, "sleep", pauses.append)
+    job = JobView.of(new_job(api.record))
+    done = job.model_copy(update={"state": JobState.SUCCEEDED})
+    sent: list[str | None] = []
+
+    def answer(status: int, view: JobView | None, headers: dict[str, str]) -> Any:
+        def handle(request: httpx.Request) -> httpx.Response:
+            sent.append(request.headers.get("If-None-Match"))
+            return httpx.Response(status, json=view.as_json() if view else None, headers=headers)
+
+        return handle
+
+    client = answering(
+        answer(200, job, {"ETag": 'W/"1"', "Retry-After": "3"}),
+        answer(304, None, {"ETag": 'W/"1"', "Retry-After": "0"}),
+        answer(304, None, {"Retry-After": "Sat, 31 Jan 2026 12:00:00 GMT"}),
+        answer(304, None, {"Retry-After": "9999"}),
+        answer(200, done, {"ETag": 'W/"2"'}),
+    )
+    assert client.wait(job.id).state is JobState.SUCCEEDED
+    assert pauses == [3.0, 0.05, 1.0, 30.0]
+    assert sent == [None, *['W/"1"'] * 4]
+
+
+class _BreaksOff(httpx.SyncByteStream):
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    def __iter__(self) -> Iterator[bytes]:
+        yield self._data
+        raise httpx.ReadError("cut off")
+
+
+def test_a_download_that_breaks_off_goes_on(tmp_path: Path) -> None:
+    tag = f'"{hashlib.sha256(CONTENT).hexdigest()}"'
+    asked: list[tuple[str | None, str | None]] = []
+
+    def part(request: httpx.Request) -> httpx.Response:
+        asked.append((request.headers.get("Range"), request.headers.get("If-Range")))
+        start = int((request.headers.get("Range") or "bytes=0-")[6:-1])
+        if start < 2000:
+            stream = _BreaksOff(CONTENT[start : start + 1000])
+            return httpx.Response(206 if start else 200, headers={"ETag": tag}, stream=stream)
+        return httpx.Response(206, headers={"ETag": tag}, stream=httpx.ByteStream(CONTENT[start:]))
+
+    answering(part, part, part).download("x", "result.glb", tmp_path / "a.glb")
+    assert (tmp_path / "a.glb").read_bytes() == CONTENT
+    assert asked == [(None, None), ("bytes=1000-", tag), ("bytes=2000-", tag)]
+    with pytest.raises(UnavailableError, match="ReadError"):
+        answering(part, part).download("x", "result.glb", tmp_path / "b.glb", tries=2)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
+
+
+def test_a_file_that_changed_meanwhile_is_taken_from_its_beginning(tmp_path: Path) -> None:
+    tags = [f'"{hashlib.sha256(data).hexdigest()}"' for data in (b"old" * 9, b"new")]
+    client = answering(
+        httpx.Response(200, headers={"ETag": tags[0]}, stream=_BreaksOff(b"old")),
+        httpx.Response(200, headers={"ETag": tags[1]}, stream=httpx.ByteStream(b"new")),
+    )
+    client.download("x", "result.glb", tmp_path / "a.glb")
+    assert (tmp_path / "a.glb").read_bytes() == b"new"
+
+
+def test_a_file_with_other_bytes_than_it_says_is_refused(tmp_path: Path) -> None:
+    client = answering(httpx.Response(200, headers={"ETag": f'"{"0" * 64}"'}, stream=httpx.ByteStream(b"other")))
+    with pytest.raises(UnavailableError, match="not what"):
+        client.download("x", "result.glb", tmp_path / "a.glb")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,93 @@
+"""The form arrives in pieces of any size, and what is wrong with it is found whatever the pieces are."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
+from service.multipart import ReceivedForm, receive_form
+
+KIND = "multipart/form-data; boundary=edge"
+
+
+def part(name: str, data: bytes, filename: str | None = None) -> bytes:
+    file = f'; filename="{filename}"' if filename is not None else ""
+    return f'--edge\r\nContent-Disposition: form-data; name="{name}"{file}\r\n\r\n'.encode() + data + b"\r\n"
+
+
+def form(asset: bytes, document: bytes = b"{}") -> bytes:
+    return part("asset", asset, "a.glb") + part("request", document) + b"--edge--\r\n"
+
+
+def receive(body: bytes, folder: Path, *, size: int = 7, max_bytes: int = 10**6, length: str = "") -> ReceivedForm:
+    async def pieces() -> AsyncIterator[bytes]:
+        for start in range(0, len(body), size):
+            yield body[start : start + size]
+
+    return asyncio.run(receive_form(KIND, length, pieces(), folder, max_bytes))
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(asset=st.binary(max_size=200), size=st.integers(1, 300))
+def test_any_bytes_arrive_whole_in_pieces_of_any_size(asset: bytes, size: int, tmp_path: Path) -> None:
+    received = receive(form(asset, b'{"prompt": "x"}'), tmp_path, size=size)
+    assert received.asset.path.read_bytes() == asset
+    assert (received.asset.size, received.asset.sha256) == (len(asset), hashlib.sha256(asset).hexdigest())
+    assert received.document == b'{"prompt": "x"}'
+    assert received.target is None
+
+
+def test_bytes_that_look_like_a_boundary_are_data(tmp_path: Path) -> None:
+    asset = b"\r\n--edg\r\n--edgf\r\n-\r\n--"
+    assert receive(form(asset), tmp_path, size=1).asset.path.read_bytes() == asset
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(body=st.binary(max_size=300), at=st.integers(0, 200), size=st.integers(1, 50))
+def test_a_broken_body_is_an_error_of_ours_and_nothing_else(body: bytes, at: int, size: int, tmp_path: Path) -> None:
+    whole = form(b"data")
+    for broken in (body, whole[:at] + body + whole[at + len(body) :]):
+        try:
+            receive(broken, tmp_path, size=size)
+        except MeshdeformError:
+            continue
+
+
+@pytest.mark.parametrize("cut", range(1, len(form(b"data")) - 3, 9))
+def test_a_body_that_ends_early_is_refused(cut: int, tmp_path: Path) -> None:
+    with pytest.raises(RequestError):
+        receive(form(b"data")[:cut], tmp_path)
+
+
+def test_the_limit_holds_while_it_streams_and_before(tmp_path: Path) -> None:
+    body = form(bytes(1000))
+    assert receive(body, tmp_path, max_bytes=len(body)).asset.size == 1000
+    with pytest.raises(AssetTooLargeError):
+        receive(body, tmp_path, max_bytes=len(body) - 1)
+    with pytest.raises(AssetTooLargeError):
+        receive(b"", tmp_path, max_bytes=10, length="11")
+
+
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [
+        ("../../etc/passwd", "passwd"),
+        ("C:\\models\\a b.glb", "a b.glb"),
+        ("größe.glb", "größe.glb"),
+        ("a\x07b.glb", "ab.glb"),
+        ("x" * 500 + ".glb", "x" * 196 + ".glb"),
+        ("", ""),
+    ],
+)
+def test_a_file_keeps_the_last_part_of_its_name(sent: str, kept: str, tmp_path: Path) -> None:
+    body = part("asset", b"x", sent) + part("request", b"{}") + b"--edge--\r\n"
+    received = receive(body, tmp_path)
+    assert received.asset.filename == kept
+    assert received.asset.path.parent == tmp_path
