@@ -348,8 +348,8 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     for low, high in _ORDERED:
         if getattr(resolved, low) > getattr(resolved, high):
             raise ParameterError(
-                f"{low} is {getattr(resolved, low)} and {high} is {getattr(resolved, high)}: the preset's bound and yours "
-                "do not go together.",
+                f"{low} is {getattr(resolved, low)} and {high} is {getattr(resolved, high)}: "
+                "the preset's bound and yours do not go together.",
                 advice=f"Set both {low} and {high}.",
             )
     return resolved

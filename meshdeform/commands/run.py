@@ -106,6 +106,16 @@ def run(
         },
         morph=morph,
     )
+    from meshdeform.kinds import text_deform_check
+
+    # Before torch is imported, which takes seconds: a word that the prior does not know is told at once.
+    text_deform_check.check(
+        request,
+        default_model=settings.model,
+        allowed_models=[model] if model else [],
+        revision=settings.model_revision,
+        has_target=target is not None,
+    )
     from meshdeform.commands.local_job import LocalJob, Outputs
     from meshdeform.commands.progress import show_progress
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest
+from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest, resolve
 from meshdeform.errors import ModelError, ParameterError, PromptError
 from meshdeform.priors import check_model
 
@@ -36,13 +36,15 @@ def check(
     Raises
     ------
     ParameterError
-        `target` guidance without a target, or a target without `target` guidance.
+        `target` guidance without a target, a target without `target` guidance, bounds that contradict the preset, or a
+        negative prompt for the builtin prior.
     PromptError, VocabularyError
         The prompt is empty, or says what the builtin prior does not know.
     ModelError
         The model is not allowed, or not there.
     """
     params = request.params
+    resolve(params, default_model=default_model)
     if params.guidance is GuidanceKind.TARGET:
         if not has_target:
             raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
@@ -60,6 +62,12 @@ def check(
         from meshdeform.priors.builtin.grammar import parse
 
         parse(request.prompt)
+        if params.negative_prompt.strip():
+            raise _refusal(
+                "negative_prompt",
+                "The builtin demonstration prior takes no negative_prompt.",
+                "Leave it out, or choose a Stable Diffusion model.",
+            )
         return
     if model != default_model and model not in allowed_models:
         known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
