@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from threading import BoundedSemaphore
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from meshdeform.jobs.queue import JobQueue
@@ -15,7 +15,7 @@ from meshdeform.storage import ObjectStore
 
 __all__ = ["Parts", "PartsDep"]
 
-_CHECKS_AT_ONCE = 2
+_INTAKES_AT_ONCE = 2
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,16 @@ class Parts:
     record : JobRecord
     queue : JobQueue
     store : ObjectStore
-    checking : BoundedSemaphore
-        Held while an asset is decoded: so many children at once, however many requests there are.
+    intake : CapacityLimiter
+        Threads that check and store uploads. They are apart from those that answer the other requests, which so
+        never wait for a decoder.
     """
 
     settings: Settings
     record: JobRecord
     queue: JobQueue
     store: ObjectStore
-    checking: BoundedSemaphore = field(default_factory=lambda: BoundedSemaphore(_CHECKS_AT_ONCE))
+    intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
 
     @classmethod
     def open(cls, settings: Settings) -> Parts:

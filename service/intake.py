@@ -42,10 +42,9 @@ def take_in(parts: Parts, form: ReceivedForm) -> Job:
     check_request(request, parts.settings, has_target=form.target is not None)
     uploads = [file for file in (form.asset, form.target) if file is not None]
     for upload in uploads:
-        with parts.checking:
-            check_asset_subprocess(
-                upload.path, upload.filename, Limits.from_settings(parts.settings), timeout_s=_CHECK_TIMEOUT_S
-            )
+        check_asset_subprocess(
+            upload.path, upload.filename, Limits.from_settings(parts.settings), timeout_s=_CHECK_TIMEOUT_S
+        )
     job = _store(parts, request, uploads)
     try:
         parts.queue.enqueue(job.id)

@@ -65,13 +65,13 @@ class Reconciler:
         """
         for job_id in self._record.reclaim_expired(self._max_attempts):
             _log.warning("job %s: its worker is silent; it is queued again", job_id)
-        if self._store is not None:
-            remove_unreachable(self._record, self._store)
         queued = self._record.queued_ids()
         told = self._queue.told() if queued else set()
         missing = [job_id for job_id in queued if job_id not in told]
         for job_id in missing:
             self._queue.enqueue(job_id)
+        if self._store is not None:
+            remove_unreachable(self._record, self._store)
         return missing
 
     def __enter__(self) -> Self:

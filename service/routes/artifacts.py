@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Path, Response
+from fastapi import APIRouter, Header, Path, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.errors import NotFoundError, RangeError, UnavailableError
@@ -78,6 +78,7 @@ def list_artifacts(parts: PartsDep, id: JobId) -> Response:  # noqa: A002 - the 
     },
 )
 def get_artifact(
+    request: Request,
     parts: PartsDep,
     id: JobId,  # noqa: A002
     name: _Name,
@@ -117,6 +118,8 @@ def get_artifact(
     headers["Content-Length"] = str(end - start)
     if part:
         headers["Content-Range"] = f"bytes {start}-{end - 1}/{artifact.size}"
+    if request.method == "HEAD":
+        return Response(status_code=206 if part else 200, headers=headers, media_type=artifact.content_type)
     # Opened here: an object that is not there is an error before the first byte.
     content = parts.store.stream(artifact.key, start, end, _CHUNK)
     return StreamingResponse(content, 206 if part else 200, headers, artifact.content_type)

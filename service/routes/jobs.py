@@ -8,9 +8,9 @@ import tempfile
 from pathlib import Path as FilePath
 from typing import Annotated
 
+from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
-from starlette.concurrency import run_in_threadpool
 
 from meshdeform.errors import (
     AssetEmptyError,
@@ -126,7 +126,7 @@ async def create_job(request: Request, parts: PartsDep) -> Response:
             FilePath(folder),
             parts.settings.max_upload_bytes,
         )
-        job = await run_in_threadpool(take_in, parts, form)
+        job = await to_thread.run_sync(take_in, parts, form, limiter=parts.intake)
     return _answer(job, status=202, headers={"Location": f"/v1/jobs/{job.id}"})
 
 
