@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -26,6 +27,9 @@ __all__ = ["ObjectStore", "StoredObject"]
 
 _CHUNK = 1 << 20
 _KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
+# obstore's own defaults try for three minutes: longer than a request, or a worker's lease, can wait.
+_CLIENT: Any = {"connect_timeout": timedelta(seconds=3), "timeout": timedelta(minutes=5)}
+_RETRY: Any = {"max_retries": 3, "retry_timeout": timedelta(seconds=10)}
 _PARTIAL = ".partial"
 _PARTIAL_KEPT_S = 86_400.0
 
@@ -222,7 +226,10 @@ class _Bucket:
             ) from error
         self._api: Any = obstore
         with self._errors(url):
-            self._store: Any = obstore.store.from_url(url)
+            if url.startswith("memory:"):
+                self._store: Any = obstore.store.MemoryStore()
+                return
+            self._store = obstore.store.from_url(url, client_options=_CLIENT, retry_config=_RETRY)
 
     def ping(self) -> None:
         with self._errors("the bucket"):

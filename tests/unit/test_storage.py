@@ -12,6 +12,7 @@ import pytest
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore
+from tests.servers import free_port
 
 DATA = bytes(range(256)) * 17
 
@@ -167,3 +168,18 @@ def test_what_a_dead_process_left_aside_goes_after_a_day(tmp_path: Path) -> None
     ObjectStore(tmp_path)
     assert not old.exists()
     assert new.exists()
+
+
+def test_a_bucket_that_is_away_is_unavailable_before_anybody_loses_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {
+        "AWS_ACCESS_KEY_ID": "id",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{free_port()}",
+        "AWS_ALLOW_HTTP": "true",
+    }.items():
+        monkeypatch.setenv(name, value)
+    store = ObjectStore("s3://bucket/prefix")
+    calls = [store.ping, lambda: store.get("a"), lambda: store.put("a", DATA), lambda: store.delete_prefix("jobs/a/")]
+    for call in calls:
+        with pytest.raises(UnavailableError, match="does not answer"):
+            call()
