@@ -7,14 +7,14 @@ its lease cannot overwrite what its successor does.
 
 from __future__ import annotations
 
-import base64
 from typing import Any
 
 import sqlalchemy as sa
 
 from meshdeform.config import JobRequest
-from meshdeform.errors import ConflictError, NotFoundError, ParameterError, StaleAttemptError, WorkerLostError
+from meshdeform.errors import ConflictError, NotFoundError, StaleAttemptError, WorkerLostError
 from meshdeform.jobs import rows
+from meshdeform.jobs.cursors import decode_cursor, encode_cursor
 from meshdeform.jobs.database import Database
 from meshdeform.jobs.files import FileLedger
 from meshdeform.jobs.ids import new_job_id
@@ -112,11 +112,11 @@ class JobRecord:
         if state is not None:
             query = query.where(jobs.c.state == state)
         if cursor is not None:
-            query = query.where(jobs.c.id < _decode_cursor(cursor))
+            query = query.where(jobs.c.id < decode_cursor(cursor))
         with self._database.read() as connection:
             found = [rows.job(row) for row in connection.execute(query)]
         more = len(found) > limit
-        return Page(found[:limit], _encode_cursor(found[limit - 1].id) if more else None)
+        return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
     def request_cancel(self, job_id: str) -> Job:
         """Cancel a queued job at once; ask the worker of a running one to stop. Asking twice is no error.
@@ -394,20 +394,3 @@ def _get(connection: sa.Connection, job_id: str) -> Job:
     if row is None:
         raise NotFoundError(f"There is no job {job_id!r}.")
     return rows.job(row)
-
-
-def _encode_cursor(job_id: str) -> str:
-    return base64.urlsafe_b64encode(job_id.encode()).decode().rstrip("=")
-
-
-def _decode_cursor(cursor: str) -> str:
-    try:
-        job_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
-    except ValueError:
-        job_id = ""
-    if not job_id.startswith("job_"):
-        raise ParameterError(
-            "The cursor is not one that this service gave.",
-            errors=[{"loc": ["query", "cursor"], "msg": "not a cursor of this service", "type": "cursor"}],
-        )
-    return job_id
