@@ -174,6 +174,11 @@ class DeformParams(_Strict):
     normal_weight: _Weight | None = Field(
         None, description="Weight of the mean (1 - n_i . n_j)^2 over neighbouring faces.", examples=[0.1]
     )
+    attachment_weight: _Weight | None = Field(
+        None,
+        description="Weight of what keeps neighbouring parts of an asset together (docs/method.md). Paper: 0.",
+        examples=[2000.0],
+    )
     elevation_min_deg: float | None = Field(
         None, ge=-89.0, le=89.0, description="Lowest camera elevation in degrees. Paper: 0.", examples=[0.0]
     )
@@ -271,6 +276,7 @@ class ResolvedParams(_Strict):
     jacobian_reg_weight: float
     laplacian_weight: float
     normal_weight: float
+    attachment_weight: float
     elevation_min_deg: float
     elevation_max_deg: float
     fov_min_deg: float
@@ -290,6 +296,7 @@ _PAPER: dict[str, Any] = {
     "jacobian_reg_weight": 16.0,
     "laplacian_weight": 0.16,
     "normal_weight": 1600.0,
+    "attachment_weight": 0.0,
     "elevation_min_deg": 0.0,
     "elevation_max_deg": 30.0,
     "fov_min_deg": 30.0,
@@ -305,6 +312,7 @@ _Family = Literal["builtin", "sd", "target"]
 _BUILTIN: dict[str, Any] = {
     "learning_rate": 0.01,
     "translation_rate": 1.0,
+    "attachment_weight": 2000.0,
     "guidance_scale": 7.5,
     "timestep_min": 0.7,
 }
@@ -315,11 +323,35 @@ _OVERRIDES: dict[tuple[_Family, Preset], dict[str, Any]] = {
     ("builtin", Preset.BALANCED): {**_BUILTIN, "steps": 600},
     ("builtin", Preset.PREVIEW): {**_BUILTIN, "steps": 300},
     ("sd", Preset.PAPER): {},
-    ("sd", Preset.BALANCED): {"steps": 2000, "learning_rate": 0.005, "translation_rate": 1.0, "timestep_max_end": 0.5},
-    ("sd", Preset.PREVIEW): {"steps": 300, "learning_rate": 0.01, "translation_rate": 1.0, "timestep_max_end": 0.5},
+    ("sd", Preset.BALANCED): {
+        "steps": 2000,
+        "learning_rate": 0.005,
+        "translation_rate": 1.0,
+        "attachment_weight": 2000.0,
+        "timestep_max_end": 0.5,
+    },
+    ("sd", Preset.PREVIEW): {
+        "steps": 300,
+        "learning_rate": 0.01,
+        "translation_rate": 1.0,
+        "attachment_weight": 2000.0,
+        "timestep_max_end": 0.5,
+    },
     ("target", Preset.PAPER): _TARGET,
-    ("target", Preset.BALANCED): {**_TARGET, "steps": 600, "learning_rate": 0.01, "translation_rate": 1.0},
-    ("target", Preset.PREVIEW): {**_TARGET, "steps": 300, "learning_rate": 0.01, "translation_rate": 1.0},
+    ("target", Preset.BALANCED): {
+        **_TARGET,
+        "steps": 600,
+        "learning_rate": 0.01,
+        "translation_rate": 1.0,
+        "attachment_weight": 20.0,
+    },
+    ("target", Preset.PREVIEW): {
+        **_TARGET,
+        "steps": 300,
+        "learning_rate": 0.01,
+        "translation_rate": 1.0,
+        "attachment_weight": 20.0,
+    },
 }
 
 

@@ -7,6 +7,7 @@ regularisers and lets Adam move the Jacobians::
                                       with sum_c |c| t_c = 0: the parts move, the whole stays
     image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
+            + w_a attachments(verts)                                (assets of several parts; not in the paper)
 
 The Poisson solution is unique up to one translation per connected component. The paper pins it; where an asset has
 several components we optimise it as well (`translation_rate`; 0 is the paper), because a wheel must be able to follow
@@ -26,6 +27,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from meshdeform.attachments import Attachments
 from meshdeform.cameras import CameraRange, sample_orthogonal_cameras
 from meshdeform.checkpoint import Checkpoint
 from meshdeform.config import ResolvedParams
@@ -97,6 +99,7 @@ class Deformation:
         self._device = device
         self._poisson = PoissonSystem(mesh)
         self._regularizers = Regularizers(mesh)
+        self._attachments = Attachments(mesh, self._poisson.components)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], guidance.style, device)
         self._cameras = CameraRange(
             params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
@@ -158,6 +161,7 @@ class Deformation:
             "jacobian": p.jacobian_reg_weight * self._regularizers.jacobian(self._jacobians),
             "laplacian": p.laplacian_weight * self._regularizers.laplacian(verts),
             "normal": p.normal_weight * self._regularizers.normal(verts),
+            "attachment": p.attachment_weight * self._attachments.penalty(verts),
         }
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad(set_to_none=True)

@@ -114,10 +114,11 @@ def test_a_checkpoint_of_other_parameters_is_refused() -> None:
         start(glb(icosphere(1), scale=2.0), checkpoint=state)
 
 
-def test_no_steps_of_change_give_the_source_back() -> None:
-    """With no guidance and nothing to smooth, nothing pulls, and every number comes back as it was."""
+def test_where_nothing_pulls_the_source_comes_back() -> None:
+    """Through frame, weld, solve, scatter and file, every number is as it was."""
     asset = glb(icosphere(2), scale=7.0, offset=-3.0)
-    run = start(asset, request(guidance_weight=0.0, normal_weight=0.0, steps=3))
+    weights = ("guidance", "jacobian_reg", "laplacian", "normal", "attachment")
+    run = start(asset, request(steps=3, **{f"{name}_weight": 0.0 for name in weights}))
     for _ in run:
         pass
     old, new = load_asset(asset).surface, load_asset(run.finish()["result.glb"].data).surface
