@@ -1,4 +1,4 @@
-"""One picture of many prompts: ``python bench/gallery.py -o gallery.png [--preset balanced] [--seed 0] ["a vase" ...]``.
+"""One picture of many prompts: ``python bench/gallery.py -o gallery.png [--preset NAME] [--seed N] ["a vase" ...]``.
 
 Deforms one asset by each prompt, as `meshdeform run` does, and puts two views of each result into a contact sheet.
 Prints, for each prompt, what the report says of the mesh, and the means.
