@@ -308,13 +308,14 @@ _TARGET: dict[str, Any] = {"jacobian_reg_weight": 0.1, "laplacian_weight": 1e-3,
 
 _Family = Literal["builtin", "sd", "target"]
 
-# The builtin prior is small: below 0.7 T it only cleans up the picture it is given, above it says what to draw.
+# The builtin prior is small: below 0.75 T it mostly cleans up the picture it is given, above it says what to draw.
 _BUILTIN: dict[str, Any] = {
     "learning_rate": 0.01,
     "translation_rate": 1.0,
     "attachment_weight": 2000.0,
     "guidance_scale": 7.5,
-    "timestep_min": 0.7,
+    "timestep_min": 0.75,
+    "normal_weight": 6000.0,
 }
 
 # Only what differs from the paper. `paper` stays the paper, except that the builtin prior needs its own scale.
