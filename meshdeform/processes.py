@@ -155,10 +155,14 @@ class KeptChild:
         Starts it.
     log : callable
         Gets one sentence when it ended.
+    on_end : callable, optional
+        Called once for each time that it ended by itself.
     """
 
-    def __init__(self, start: Callable[[], Child], log: Callable[[str], None]) -> None:
-        self._start, self._log, self._backoff = start, log, Backoff()
+    def __init__(
+        self, start: Callable[[], Child], log: Callable[[str], None], on_end: Callable[[], None] | None = None
+    ) -> None:
+        self._start, self._log, self._on_end, self._backoff = start, log, on_end, Backoff()
         self._due: float | None = None
         self.child = start()
 
@@ -172,6 +176,8 @@ class KeptChild:
             delay = self._backoff.after(time.monotonic() - self.child.started)
             self._due = time.monotonic() + delay
             self._log(f"{self.child.name} {_how_it_ended(code)}; starting it again in {delay:g} s")
+            if self._on_end is not None:
+                self._on_end()
 
     def ask_to_stop(self) -> None:
         """Send SIGTERM, where it runs."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import logging
-import os
-import socket
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -71,6 +69,8 @@ class JobRunner:
     device : str
     stopping : callable
         True once this process shall end: the job is then handed back after its step.
+    worker_id : str
+        Who the leases of this process belong to: no other process, ever, has the same.
     """
 
     settings: Settings
@@ -81,6 +81,7 @@ class JobRunner:
     load_prior: Callable[[str], Prior]
     device: str
     stopping: Callable[[], bool]
+    worker_id: str
 
     def run(self, job_id: str) -> None:
         """Run the job if it is there to be claimed.
@@ -88,7 +89,7 @@ class JobRunner:
         Nothing is raised for what is wrong with the job: that is recorded. When the record or the store does not
         answer, the error is raised and the job keeps its lease; once that is over, another attempt takes it up.
         """
-        job = self.record.claim(job_id, f"{socket.gethostname()}:{os.getpid()}", self.settings.lease_s)
+        job = self.record.claim(job_id, self.worker_id, self.settings.lease_s)
         if job is None:
             _log.info("job %s: not to be claimed (a duplicate delivery, or somebody else has it)", job_id)
             return

@@ -10,11 +10,13 @@ import logging
 import signal
 import sys
 
+from meshdeform.errors import MeshdeformError
 from meshdeform.jobs.queue import JobQueue
 from meshdeform.jobs.reconciler import Reconciler
 from meshdeform.jobs.record import JobRecord
 from meshdeform.processes import Child, KeptChild, SignalInbox, python_command
 from meshdeform.settings import Settings
+from worker.identity import WORKER_ID, new_worker_id
 
 __all__ = ["STOP_GRACE_S", "Supervisor", "configure_logging"]
 
@@ -44,6 +46,7 @@ class Supervisor:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
+        self._worker_id = ""
 
     def run(self) -> None:
         """Tend the worker until SIGINT or SIGTERM, then let it hand its job back and end.
@@ -57,7 +60,7 @@ class Supervisor:
             record = JobRecord(self._settings.resolved_database_url)
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
             with Reconciler(record, queue, max_attempts=self._settings.max_attempts):
-                worker = KeptChild(self._start_worker, _log.warning)
+                worker = KeptChild(self._start_worker, _log.warning, lambda: self._give_up_lease(record))
                 while not inbox.wait(_TEND_EVERY_S) & {signal.SIGINT, signal.SIGTERM}:
                     worker.tend()
                 worker.stop(STOP_GRACE_S)
@@ -68,4 +71,14 @@ class Supervisor:
         # Read by the libraries below torch and numba when they are loaded, so before the process starts.
         threads = str(self._settings.threads)
         limits = {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads} if self._settings.threads else {}
-        return Child("worker process", python_command("worker.process"), env=limits)
+        self._worker_id = new_worker_id()
+        environment = {**limits, WORKER_ID: self._worker_id}
+        return Child("worker process", python_command("worker.process"), env=environment)
+
+    def _give_up_lease(self, record: JobRecord) -> None:
+        """Let the job of the worker that just died be taken back now, not when its lease is over."""
+        try:
+            if record.worker_ended(self._worker_id):
+                _log.warning("the worker process held a job; it is taken back")
+        except MeshdeformError as error:
+            _log.warning("the job of the worker process waits for the end of its lease: %s", error)

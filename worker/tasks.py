@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import threading
 
 from meshdeform.devices import resolve_device
@@ -11,6 +12,7 @@ from meshdeform.jobs.record import JobRecord
 from meshdeform.kinds import text_deform
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from worker.identity import WORKER_ID, new_worker_id
 from worker.priors import PriorCache
 from worker.runner import JobRunner
 
@@ -38,6 +40,7 @@ def runner() -> JobRunner:
         ),
         device=device,
         stopping=stopping.is_set,
+        worker_id=os.environ.get(WORKER_ID) or new_worker_id(),
     )
 
 

@@ -141,6 +141,16 @@ def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_by
     assert deployment.result(job) == deployment.result(whole)
 
 
+def test_a_killed_worker_process_is_replaced_without_a_wait_for_its_lease(deployment: Deployment) -> None:
+    deployment.environment["MESHDEFORM_LEASE_S"] = "3600"
+    job = deployment.submit()
+    with deployment.worker() as supervisor:
+        deployment.at_step(job, EVERY + 1)
+        worker_process(supervisor).kill()
+        done = deployment.finished(job)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
+
+
 def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployment: Deployment) -> None:
     job = deployment.submit()
     with deployment.worker() as first:

@@ -258,6 +258,24 @@ def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRe
     assert failed.finished_at is not None
 
 
+def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_does(record: JobRecord) -> None:
+    lost, kept = new_job(record), new_job(record)
+    held = record.claim(lost.id, "gone", LEASE_S)
+    assert held is not None
+    record.claim(kept.id, "alive", LEASE_S)
+    assert record.worker_ended("gone")
+    assert record.reclaim_expired(2) == [lost.id]
+    assert (record.get(lost.id).state, record.get(kept.id).state) == (JobState.QUEUED, JobState.RUNNING)
+    with pytest.raises(StaleAttemptError):
+        record.heartbeat(lost.id, held.attempt, LEASE_S)
+    assert not record.worker_ended("gone")
+    # It counts as a lost attempt.
+    record.claim(lost.id, "gone too", LEASE_S)
+    assert record.worker_ended("gone too")
+    assert record.reclaim_expired(2) == []
+    assert record.get(lost.id).state is JobState.FAILED
+
+
 def test_the_newest_checkpoint_comes_first(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     assert record.checkpoint(job.id) is None

@@ -87,7 +87,8 @@ def test_the_wait_before_a_restart_doubles_and_is_forgiven() -> None:
 
 def test_a_kept_child_comes_back() -> None:
     said: list[str] = []
-    kept = KeptChild(lambda: Child("sleeper", SLEEP), said.append)
+    ended: list[int] = []
+    kept = KeptChild(lambda: Child("sleeper", SLEEP), said.append, lambda: ended.append(kept.child.pid))
     first = kept.child.pid
     os.kill(first, signal.SIGKILL)
 
@@ -98,6 +99,7 @@ def test_a_kept_child_comes_back() -> None:
     until(back)
     kept.stop(5.0)
     assert said == ["sleeper was ended by SIGKILL; starting it again in 0.5 s"]
+    assert ended == [first]
 
 
 def test_signals_wait_to_be_read() -> None:

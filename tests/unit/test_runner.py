@@ -43,6 +43,7 @@ class World:
             load_prior=self._load_prior,
             device="cpu",
             stopping=lambda: self.stop,
+            worker_id="a worker",
         )
 
     def create(self, **params: Any) -> Job:
