@@ -10,6 +10,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from meshdeform.errors import (
     MeshdeformError,
@@ -24,6 +25,7 @@ from meshdeform.errors import (
 __all__ = ["PROBLEM_TYPE", "add_error_handlers", "parameter_error", "problem_responses"]
 
 PROBLEM_TYPE = "application/problem+json"
+_METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
 _log = logging.getLogger(__name__)
 
 
@@ -112,9 +114,19 @@ async def _on_http(request: Request, error: Exception) -> JSONResponse:
         return _answer(request, NotFoundError(f"There is no route {request.url.path}.", advice=advice), headers=headers)
     if error.status_code == 405:
         problem = MethodNotAllowedError(f"{request.url.path} does not know {request.method}.")
-        return _answer(request, problem, headers=headers)
+        return _answer(request, problem, headers={"Allow": ", ".join(_allowed_methods(request))})
     known = RequestError if error.status_code < 500 else MeshdeformError
     return _answer(request, known(str(error.detail)), status=error.status_code, headers=headers)
+
+
+def _allowed_methods(request: Request) -> list[str]:
+    """Every method that the path knows. Starlette would name those of one route, and each of ours knows one method."""
+    scopes = {method: {**request.scope, "method": method} for method in _METHODS}
+    return [
+        method
+        for method, scope in scopes.items()
+        if any(route.matches(scope)[0] is Match.FULL for route in request.app.routes)
+    ]
 
 
 async def _on_unknown(request: Request, error: Exception) -> JSONResponse:

@@ -434,7 +434,8 @@ def test_a_route_or_method_that_is_not_there_is_a_problem(api: Api) -> None:
     check_problem(api.http.get("/v1/jobs/"), 404, "not_found")
     answer = api.http.put("/v1/jobs")
     check_problem(answer, 405, "method_not_allowed")
-    assert "allow" in answer.headers
+    assert answer.headers["allow"] == "GET, POST"
+    assert api.http.put("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6").headers["allow"] == "DELETE, GET"
 
 
 def test_health_and_readiness(api: Api, openapi: dict[str, Any]) -> None:
