@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -83,13 +84,13 @@ class LocalJob:
         """
         start = time.perf_counter()
         progress.phase("loading")
+        self._check_places()
         run = self._start()
         first = run.step
         progress.phase("optimizing")
         self._optimize(run, progress)
         progress.phase("writing")
-        artifacts = run.finish()
-        self._write(artifacts)
+        self._write(run.finish())
         return {
             "result": str(self._outputs.result),
             "report": str(self._outputs.report),
@@ -100,6 +101,16 @@ class LocalJob:
             "losses": self._last_losses,
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
+
+    def _check_places(self) -> None:
+        """Make the folders and try them: nobody shall learn after the last step that there is no place for it."""
+        outputs = self._outputs
+        with _writing():
+            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph)):
+                _try_folder(path)
+        if outputs.checkpoint is not None:
+            with _writing("The checkpoint", "--checkpoint"):
+                _try_folder(outputs.checkpoint)
 
     def _start(self) -> JobRun:
         limits = Limits.from_settings(self._settings)
@@ -132,7 +143,8 @@ class LocalJob:
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
-                    write_files({path: run.checkpoint()})
+                    with _writing("The checkpoint", "--checkpoint"):
+                        write_files({path: run.checkpoint()})
                 if stop:
                     raise KeyboardInterrupt
 
@@ -144,14 +156,24 @@ class LocalJob:
             "morph.glb": self._outputs.morph,
         }
         files = {path: artifacts[name].data for name, path in places.items() if path is not None}
-        try:
-            for path in files:
-                path.parent.mkdir(parents=True, exist_ok=True)
+        with _writing():
             write_files(files)
-        except OSError as error:
-            raise UnavailableError(
-                f"The result cannot be written: {error}.", advice="Choose another place with -o."
-            ) from error
+
+
+@contextmanager
+def _writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UnavailableError(
+            f"{what} cannot be written: {error}.", advice=f"Choose another place with {option}."
+        ) from error
+
+
+def _try_folder(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path.parent):
+        pass
 
 
 def _read(path: Path, limits: Limits) -> bytes:

@@ -154,6 +154,19 @@ def test_a_file_that_is_no_mesh_is_one_line_and_advice(tmp_path: Path) -> None:
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.parametrize(("option", "what"), [("-o", "The result"), ("--checkpoint", "The checkpoint")])
+def test_a_place_that_cannot_be_written_is_told_before_the_first_step(
+    sphere: Path, egg: Path, tmp_path: Path, option: str, what: str
+) -> None:
+    (tmp_path / "file").write_bytes(b"in the way")
+    result = run("run", sphere, "--target", egg, "--steps", 50_000, option, "file/egg.glb", cwd=tmp_path)
+    assert result.returncode == exit_code(errors.UnavailableError(""))
+    assert f"{what} cannot be written" in result.stderr
+    assert f"with {option}" in result.stderr
+    assert "step" not in result.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
 def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path, tmp_path: Path) -> None:
     command = meshdeform_command(
         "run", sphere, "--target", egg, "--steps", 50_000, "-o", "egg.glb", "--checkpoint", "state"
