@@ -15,11 +15,21 @@ import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from meshdeform.errors import AssetError, AssetTooLargeError, AssetTruncatedError, DependencyError, MeshdeformError
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    DependencyError,
+    MeshdeformError,
+)
 from meshdeform.gltf.inspect import AssetSummary, inspect_asset
 from meshdeform.gltf.limits import Limits
+
+if TYPE_CHECKING:
+    from meshdeform.gltf.surface import Surface
 
 __all__ = ["check_asset_subprocess", "main"]
 
@@ -127,7 +137,20 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     _bound_memory(path.stat().st_size)
     from meshdeform.gltf.asset import load_asset
 
-    return asdict(load_asset(path.read_bytes(), filename or path.name, limits).summary)
+    asset = load_asset(path.read_bytes(), filename or path.name, limits)
+    if not _has_area(asset.surface):
+        raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
+    return asdict(asset.summary)
+
+
+def _has_area(surface: Surface) -> bool:
+    """Whether any triangle spans a plane; a mesh of lines and points only would be accepted and then fail."""
+    import numpy as np
+
+    a, b, c = (surface.positions[surface.triangles[:, corner]] for corner in range(3))
+    cross = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.maximum(((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1))
+    return bool((cross > 1e-12 * longest).any())
 
 
 def _bound_memory(size: int) -> None:

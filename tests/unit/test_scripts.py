@@ -8,7 +8,15 @@ from pathlib import Path
 
 import pytest
 
-NAMES = ["scripts/setup", "scripts/demo", "scripts/test", "scripts/check", "scripts/examples", "scripts/openapi", ".ci/run"]
+NAMES = [
+    "scripts/setup",
+    "scripts/demo",
+    "scripts/test",
+    "scripts/check",
+    "scripts/examples",
+    "scripts/openapi",
+    ".ci/run",
+]
 
 
 def test_the_list_is_complete(repository: Path) -> None:

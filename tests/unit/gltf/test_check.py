@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.gltf import check
 from meshdeform.gltf.check import check_asset_subprocess
 from meshdeform.gltf.limits import Limits
@@ -37,6 +37,17 @@ def test_the_childs_error_is_the_parents(tmp_path: Path) -> None:
     with pytest.raises(AssetNotFiniteError, match="4 positions") as raised:
         check_asset_subprocess(path)
     assert raised.value.advice_text == AssetNotFiniteError.advice
+
+
+def test_triangles_without_any_area_are_refused_at_the_door(tmp_path: Path) -> None:
+    builder = Builder()
+    primitive = builder.primitive()
+    primitive["attributes"]["POSITION"] = builder.accessor(QUAD_VERTS * np.float32([1, 0, 0]))
+    builder.node(builder.mesh(primitive))
+    path = tmp_path / "line.glb"
+    path.write_bytes(builder.glb())
+    with pytest.raises(AssetEmptyError, match="zero area"):
+        check_asset_subprocess(path)
 
 
 def test_limits_reach_the_child(tmp_path: Path) -> None:
