@@ -255,10 +255,6 @@ class JobRecord:
             self._fence(connection, job_id, attempt)
             connection.execute(insert)
 
-    def checkpoint(self, job_id: str) -> CheckpointRef | None:
-        """Return the newest checkpoint."""
-        return next(iter(self.checkpoints(job_id)), None)
-
     def checkpoints(self, job_id: str) -> list[CheckpointRef]:
         """Return the checkpoints, newest first."""
         query = (
@@ -346,16 +342,17 @@ class JobRecord:
             # Almost always there is none, and then nobody need wait for a write lock.
             if connection.execute(sa.select(jobs.c.id).where(expired).limit(1)).first() is None:
                 return []
-        error = JobError.of(WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off."))
-        canceling = jobs.c.state == JobState.CANCELING
+        lost = JobError.of(
+            WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off.")
+        ).model_dump()
         exhausted = jobs.c.lost_attempts + 1 >= max_attempts
         change = sa.update(jobs).where(expired).values(**_RELEASED, version=jobs.c.version + 1)
         over = {"finished_at": now, "phase": "done"}
         with self._database.write() as connection:
-            connection.execute(change.where(canceling).values(state=JobState.CANCELED, **over))
+            connection.execute(change.where(jobs.c.state == JobState.CANCELING).values(state=JobState.CANCELED, **over))
             connection.execute(
                 change.where(exhausted).values(
-                    state=JobState.FAILED, error=error.model_dump(), lost_attempts=jobs.c.lost_attempts + 1, **over
+                    state=JobState.FAILED, error=lost, lost_attempts=jobs.c.lost_attempts + 1, **over
                 )
             )
             again = change.values(state=JobState.QUEUED, phase="queued", lost_attempts=jobs.c.lost_attempts + 1)
@@ -387,13 +384,12 @@ class JobRecord:
 
     def _fence(self, connection: sa.Connection, job_id: str, attempt: int) -> None:
         """Hold the job's row until the end of the transaction, or refuse."""
-        held = sa.select(jobs.c.id).where(_fenced(job_id, attempt)).with_for_update()
-        if connection.execute(held).first() is None:
+        if connection.execute(sa.select(jobs.c.id).where(_fenced(job_id, attempt)).with_for_update()).first() is None:
             raise self._stale(connection, job_id, attempt)
 
     def _stale(self, connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
-        job = _get(connection, job_id)
-        return StaleAttemptError(f"Attempt {attempt} is over: the job is {job.state}, attempt {job.attempt}.")
+        now = _get(connection, job_id)
+        return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
 
 
 def _fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:

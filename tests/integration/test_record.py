@@ -237,8 +237,7 @@ def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(rec
         record.set_checkpoint(job.id, attempt, key=f"k{attempt}", step=10 * attempt, sha256="s")
         record.release(job.id, attempt)
         assert record.get(job.id).state is JobState.QUEUED
-    checkpoint = record.checkpoint(job.id)
-    assert checkpoint is not None
+    checkpoint = record.checkpoints(job.id)[0]
     assert (checkpoint.key, checkpoint.step, checkpoint.attempt) == ("k5", 50, 5)
     claimed(record, job, OVER)
     assert record.reclaim_expired(2) == [job.id]
@@ -278,7 +277,7 @@ def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_do
 
 def test_the_newest_checkpoint_comes_first(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
-    assert record.checkpoint(job.id) is None
+    assert record.checkpoints(job.id) == []
     for step in (100, 200, 300):
         record.set_checkpoint(job.id, 1, key=f"k{step}", step=step, sha256="s")
     record.set_checkpoint(job.id, 1, key="k300", step=300, sha256="again")
