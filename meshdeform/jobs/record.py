@@ -1,8 +1,7 @@
 """The record of all jobs, in SQL: what it says is true, whatever Redis, a worker or the API believes.
 
 A worker owns a job by a lease. `claim` gives the job a new attempt number, every later write of that worker carries it
-in its WHERE clause, and a write for an attempt that is no longer the job's changes nothing: a worker that slept through
-its lease cannot overwrite what its successor does.
+in its WHERE clause, and a write for an attempt that is no longer the job's changes nothing: who slept through a lease overwrites nothing.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from meshdeform.jobs.tables import artifacts, checkpoints, discarded, jobs
 
 __all__ = ["JobRecord"]
 
-_OWNED = (JobState.RUNNING, JobState.CANCELING)
 _RELEASED: dict[str, Any] = {"worker_id": None, "lease_expires_at": None, "eta_s": None}
 
 
@@ -323,7 +321,7 @@ class JobRecord:
 
         The job is then taken back like that of any silent worker (`reclaim_expired`), only without the wait.
         """
-        held = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state.in_(_OWNED))
+        held = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state.in_(rows.OWNED))
         # A second ago: over by any clock's resolution.
         change = sa.update(jobs).where(held).values(lease_expires_at=self._database.now(-1.0))
         with self._database.write() as connection:
@@ -337,7 +335,7 @@ class JobRecord:
         A job that was to be canceled is canceled. One that has now lost `max_attempts` workers fails (`worker_lost`).
         """
         now = self._database.now()
-        expired = sa.and_(jobs.c.state.in_(_OWNED), jobs.c.lease_expires_at < now)
+        expired = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at < now)
         with self._database.read() as connection:
             # Almost always there is none, and then nobody need wait for a write lock.
             if connection.execute(sa.select(jobs.c.id).where(expired).limit(1)).first() is None:
@@ -360,14 +358,14 @@ class JobRecord:
 
     def queued_ids(self) -> list[str]:
         """Return the queued jobs, oldest first."""
-        query = sa.select(jobs.c.id).where(jobs.c.state == JobState.QUEUED).order_by(jobs.c.id)
+        queued = jobs.c.state == JobState.QUEUED
         with self._database.read() as connection:
-            return list(connection.execute(query).scalars())
+            return list(connection.scalars(sa.select(jobs.c.id).where(queued).order_by(jobs.c.id)))
 
     def discarded_prefixes(self) -> list[str]:
         """Return the prefixes of objects that belonged to deleted jobs."""
         with self._database.read() as connection:
-            return list(connection.execute(sa.select(discarded.c.prefix)).scalars())
+            return list(connection.scalars(sa.select(discarded.c.prefix)))
 
     def forget_discarded(self, prefix: str) -> None:
         """The store holds nothing under the prefix any more."""
@@ -375,7 +373,7 @@ class JobRecord:
             connection.execute(sa.delete(discarded).where(discarded.c.prefix == prefix))
 
     def _write(self, job_id: str, attempt: int, values: dict[str, Any]) -> JobState:
-        change = sa.update(jobs).where(_fenced(job_id, attempt)).values(values).returning(jobs.c.state)
+        change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(values).returning(jobs.c.state)
         with self._database.write() as connection:
             state = connection.execute(change).scalar_one_or_none()
             if state is None:
@@ -384,16 +382,15 @@ class JobRecord:
 
     def _fence(self, connection: sa.Connection, job_id: str, attempt: int) -> None:
         """Hold the job's row until the end of the transaction, or refuse."""
-        if connection.execute(sa.select(jobs.c.id).where(_fenced(job_id, attempt)).with_for_update()).first() is None:
+        if (
+            connection.execute(sa.select(jobs.c.id).where(rows.fenced(job_id, attempt)).with_for_update()).first()
+            is None
+        ):
             raise self._stale(connection, job_id, attempt)
 
     def _stale(self, connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
         now = _get(connection, job_id)
         return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
-
-
-def _fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
-    return sa.and_(jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(_OWNED))
 
 
 def _get(connection: sa.Connection, job_id: str) -> Job:

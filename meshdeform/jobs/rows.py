@@ -8,10 +8,19 @@ import sqlalchemy as sa
 
 from meshdeform.config import JobRequest
 from meshdeform.jobs.models import Artifact, CheckpointRef, Job, JobError, JobState, Progress, StoredFile
+from meshdeform.jobs.tables import jobs
 
-__all__ = ["artifact", "checkpoint", "job", "new_job"]
+__all__ = ["OWNED", "artifact", "checkpoint", "fenced", "job", "new_job"]
 
 Row = sa.Row[Any]
+
+OWNED = (JobState.RUNNING, JobState.CANCELING)
+"""The states in which a worker has the job."""
+
+
+def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
+    """Whether a row is this job, in the hands of this attempt's worker: the guard of every write of a worker."""
+    return sa.and_(jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED))
 
 
 def new_job(job_id: str, request: JobRequest, asset: StoredFile, target: StoredFile | None, now: Any) -> dict[str, Any]:
