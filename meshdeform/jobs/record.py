@@ -1,8 +1,7 @@
 """The record of all jobs, in SQL: what it says is true, whatever Redis, a worker or the API believes.
 
 A worker owns a job by a lease. `claim` gives the job a new attempt number, every later write of that worker carries it
-in its WHERE clause, and a write for an attempt that is no longer the job's changes nothing: who slept through a lease
-overwrites nothing.
+in its WHERE clause, and a write for an attempt that is no longer the job's changes nothing.
 """
 
 from __future__ import annotations
