@@ -1,0 +1,150 @@
+"""Uploads that may break off and go on, in the folder of the object store.
+
+The bytes that have arrived lie in `.uploads/ID`; they are on the disk before `append` returns, and become an object by
+one rename. Only one process at a time writes to an upload: the file itself is the lock.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from meshdeform.errors import AssetTooLargeError, ConflictError, MeshdeformError, NotFoundError
+from meshdeform.storage.base import StoredObject, file_errors, is_key, measured, parts_of
+from meshdeform.storage.folder import rename_into_place, sync_folder
+
+__all__ = ["UploadArea"]
+
+_UPLOADS = ".uploads"
+
+
+class UploadArea:
+    """The uploads that are under way in a folder.
+
+    Parameters
+    ----------
+    root : Path
+        The object store's folder.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root, self._area = root, root / _UPLOADS
+
+    def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
+        """Add bytes; see `ObjectStore.append`."""
+        path = self._path(upload_id)
+        if offset == 0:
+            self._create(path)
+        with self._locked(path) as file:
+            present = os.fstat(file.fileno()).st_size
+            if offset != present:
+                raise ConflictError(
+                    f"The upload has {present} bytes, not {offset}.", advice="Go on at its offset.", offset=present
+                )
+            file.seek(present)
+            return _write(file, present, chunks, max_bytes)
+
+    def appended(self, upload_id: str) -> StoredObject:
+        """Size and digest of what has arrived."""
+        with file_errors("such upload"), self._path(upload_id).open("rb") as file:
+            return measured(parts_of(file))
+
+    def size(self, upload_id: str) -> int:
+        """Bytes that have arrived."""
+        with file_errors("such upload"):
+            return self._path(upload_id).stat().st_size
+
+    def commit(self, upload_id: str, key: str) -> StoredObject:
+        """Make the upload an object; see `ObjectStore.commit_append`."""
+        path, destination = self._path(upload_id), self._root / key
+        try:
+            with self._locked(path) as file, file_errors(key):
+                found = measured(parts_of(file))
+                # A part of an append that broke off may not be on the disk yet.
+                os.fsync(file.fileno())
+                rename_into_place(path, destination, self._root)
+                return found
+        except NotFoundError:
+            # Renamed before, by a process that died before it could say so.
+            with file_errors("such upload"), destination.open("rb") as file:
+                found = measured(parts_of(file))
+                sync_folder(destination.parent)
+                return found
+
+    def discard(self, upload_id: str) -> None:
+        """Forget what has arrived."""
+        with file_errors("such upload"):
+            self._path(upload_id).unlink(missing_ok=True)
+
+    def discard_stale(self, older_than_s: float) -> int:
+        """Forget the uploads that nothing was added to for so long; how many they were."""
+        removed = 0
+        with file_errors("the uploads"), suppress(FileNotFoundError):
+            for path in list(self._area.iterdir()):
+                with suppress(FileNotFoundError):
+                    if time.time() - path.stat().st_mtime > older_than_s:
+                        path.unlink()
+                        removed += 1
+        return removed
+
+    def _path(self, upload_id: str) -> Path:
+        if not is_key(upload_id) or "/" in upload_id:
+            raise NotFoundError(f"{upload_id!r} is no upload.")
+        return self._area / upload_id
+
+    def _create(self, path: Path) -> None:
+        with file_errors("the folder"):
+            if path.exists():
+                return
+            if not self._area.exists():
+                self._area.mkdir(exist_ok=True)
+                sync_folder(self._root)
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600))
+            sync_folder(self._area)
+
+    @contextmanager
+    def _locked(self, path: Path) -> Iterator[BinaryIO]:
+        with file_errors("such upload"):
+            file = path.open("r+b", buffering=0)
+        with file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise ConflictError(
+                    "Another request is writing to this upload.", advice="Ask for its offset, and go on there."
+                ) from error
+            with file_errors("such upload"):
+                # Between opening and locking another process may have made it an object, or removed it.
+                if not os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                    raise FileNotFoundError(errno.ENOENT, "replaced")
+            yield file
+
+
+def _write(file: BinaryIO, present: int, chunks: Iterable[bytes], max_bytes: int) -> int:
+    size = present
+    try:
+        try:
+            for chunk in chunks:
+                if size + len(chunk) > max_bytes:
+                    raise AssetTooLargeError(f"The upload is over {max_bytes} bytes.")
+                with file_errors("such upload"):
+                    rest = memoryview(chunk)
+                    while rest:
+                        rest = rest[file.write(rest) :]
+                size += len(chunk)
+        finally:
+            # Also where the sender went away: what came stays, that is what resuming is for.
+            with file_errors("such upload"):
+                os.fsync(file.fileno())
+    except MeshdeformError:
+        # Over the limit, or the disk is full: what came in this call goes.
+        with suppress(OSError):
+            file.truncate(present)
+        raise
+    return size

@@ -1,0 +1,357 @@
+"""The object store on a real S3 server: the promises of every store, signed URLs, parts, and outages."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import pytest
+
+from meshdeform.errors import UnavailableError
+from meshdeform.storage import ObjectStore
+from tests.fault_proxy import FaultProxy
+from tests.s3_server import S3Server
+from tests.unit.storage.test_store import (  # noqa: F401 - the same tests, here on S3
+    test_a_copy_is_an_object_of_its_own,
+    test_a_digest_is_of_the_bytes_that_are_there,
+    test_a_fetched_object_is_a_whole_file,
+    test_a_list_names_every_key_below_a_prefix_with_its_size,
+    test_a_prefix_is_a_folder_and_not_the_beginning_of_a_name,
+    test_a_second_put_takes_the_place_of_the_first,
+    test_a_signed_url_lives_up_to_a_week,
+    test_a_store_that_is_there_answers,
+    test_an_empty_object_is_an_object,
+    test_bytes_that_are_not_the_announced_ones_are_not_stored,
+    test_delete_takes_one_and_does_not_mind_none,
+    test_parts_are_parts_of_the_whole,
+    test_verified_bytes_are_read_back,
+    test_what_is_not_there_is_not_found,
+    test_what_is_put_is_got,
+)
+
+DATA = bytes(range(256)) * 17
+# Three parts of a multipart upload, the last one short.
+BIG = b"".join(hashlib.sha256(number.to_bytes(4, "big")).digest() for number in range(600_000))
+
+
+@pytest.fixture
+def store(s3_store_url: str) -> ObjectStore:
+    """A store below a prefix of an empty bucket."""
+    return ObjectStore(s3_store_url)
+
+
+def whole_bucket(s3_store_url: str) -> ObjectStore:
+    return ObjectStore(re.match(r"s3://[^/]+", s3_store_url)[0])  # type: ignore[index]
+
+
+def test_everything_happens_below_the_prefix(store: ObjectStore, s3_store_url: str) -> None:
+    outside = whole_bucket(s3_store_url)
+    outside.put("jobs/a/1", b"not ours")
+    outside.put("some/prefixed/jobs/a/1", b"not ours")
+    store.put("jobs/a/1", b"ours")
+    store.copy("jobs/a/1", "jobs/a/2")
+    assert store.get("jobs/a/1") == b"ours"
+    assert dict(store.list()) == {"jobs/a/1": 4, "jobs/a/2": 4}
+    url = store.presign_put("jobs/a/3", 60)
+    assert url is not None
+    assert httpx.put(url, content=b"ours").is_success
+    ours = [f"some/prefix/jobs/a/{number}" for number in (1, 2, 3)]
+    assert [key for key, _ in outside.list("some/prefix/")] == ours
+    store.delete("jobs/a/1")
+    store.delete_prefix("jobs/")
+    assert dict(outside.list()) == {"jobs/a/1": 8, "some/prefixed/jobs/a/1": 8}
+    assert not store.exists("jobs/a/1")
+
+
+def test_a_large_object_goes_up_in_parts_and_is_there_at_once(store: ObjectStore, tmp_path: Path) -> None:
+    source, target = tmp_path / "source", tmp_path / "target"
+    source.write_bytes(BIG)
+    stored = store.put("big", source, "model/gltf-binary")
+    store.copy("big", "copied")
+    for key in ("big", "copied"):
+        assert store.measure(key) == stored
+        assert b"".join(store.stream(key, 8_388_000, 8_389_000)) == BIG[8_388_000:8_389_000]
+        url = store.presign_get(key, 60)
+        assert url is not None
+        answer = httpx.get(url)
+        assert answer.headers["Content-Type"] == "model/gltf-binary"
+        # An ETag of parts ends with their number.
+        assert answer.headers["ETag"].endswith('-3"')
+        assert answer.content == BIG
+    assert store.fetch("copied", target, sha256=hashlib.sha256(BIG).hexdigest()) == stored
+    assert [key for key, _ in store.list()] == ["big", "copied"]
+
+
+def test_the_memory_stays_flat(store: ObjectStore, s3_store_url: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    with source.open("wb") as file:
+        file.truncate(256 << 20)
+    program = """
+import resource, sys
+from pathlib import Path
+from meshdeform.storage import ObjectStore
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "linux" else 1 << 20)
+store = ObjectStore(sys.argv[1])
+store.put("small", b"x" * 1000)
+store.get("small")
+before = peak()
+store.put("big", Path(sys.argv[2]))
+store.fetch("big", Path(sys.argv[2] + ".back"))
+print(peak() - before)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, s3_store_url, source], check=True, capture_output=True, text=True
+    )
+    assert int(done.stdout) < 128
+    assert store.size("big") == 256 << 20
+
+
+class TestSignedUrls:
+    """What the server makes of a URL that was signed for it."""
+
+    def test_one_reads_and_one_writes(self, store: ObjectStore) -> None:
+        put, get = store.presign_put("uploads/1", 60), store.presign_get("uploads/1", 60)
+        assert put is not None
+        assert get is not None
+        assert httpx.get(get).status_code == 404
+        assert httpx.put(put, content=DATA).status_code == 200
+        assert store.get("uploads/1") == httpx.get(get).content == DATA
+        assert httpx.get(get, headers={"Range": "bytes=5-9"}).content == DATA[5:10]
+
+    def test_one_says_how_the_answer_is_called(self, store: ObjectStore) -> None:
+        store.put("a", DATA, "application/octet-stream")
+        url = store.presign_get("a", 60, filename='a "mushroom"\r\n+ \\ ä.glb', content_type="model/gltf-binary")
+        assert url is not None
+        answer = httpx.get(url)
+        assert answer.content == DATA
+        assert answer.headers["Content-Disposition"] == 'attachment; filename="a _mushroom___+ _ _.glb"'
+        assert answer.headers["Content-Type"] == "model/gltf-binary"
+        assert httpx.get(url.replace("gltf-binary", "gltf-other")).status_code == 403
+
+    def test_one_that_was_touched_is_refused(self, store: ObjectStore) -> None:
+        store.put("a", DATA)
+        store.put("b", DATA)
+        for url in (store.presign_get("a", 600), store.presign_get("a", 600, filename="a.glb")):
+            assert url is not None
+            assert httpx.get(url).status_code == 200
+            other = store.presign_get("b", 600)
+            assert other is not None
+            signature = re.search(r"X-Amz-Signature=(\w+)", url)
+            others = re.search(r"X-Amz-Signature=(\w+)", other)
+            assert signature
+            assert others
+            touched = [
+                url.replace("/prefix/a?", "/prefix/b?"),
+                url.replace("X-Amz-Expires=600", "X-Amz-Expires=601"),
+                url.replace(signature[1], others[1]),
+                url.replace(signature[1], "0" * 64),
+                url.replace(signature[1], ""),
+                url.replace("X-Amz-Signature=", "X-Other="),
+                url.replace("us-east-1", "us-east-2"),
+                url + "&response-content-type=text%2Fhtml",
+                url.partition("?")[0],
+            ]
+            assert len({url, *touched}) == len(touched) + 1
+            assert {text: httpx.get(text).status_code for text in touched if httpx.get(text).is_success} == {}
+            for method in ("PUT", "DELETE", "POST", "HEAD"):
+                assert not httpx.request(method, url, content=b"x" if method == "PUT" else None).is_success
+        assert store.get("a") == store.get("b") == DATA
+
+    def test_one_is_for_its_method_alone(self, store: ObjectStore) -> None:
+        url = store.presign_put("a", 60)
+        assert url is not None
+        assert httpx.put(url, content=DATA).is_success
+        for method in ("GET", "DELETE"):
+            assert httpx.request(method, url).status_code == 403
+        assert store.get("a") == DATA
+
+    def test_one_is_refused_after_its_time(self, store: ObjectStore) -> None:
+        # Signed as if for yesterday, with the right secret: a clock need not be waited for.
+        store.put("a", DATA)
+        url = store.presign_get("a", 60)
+        assert url is not None
+        assert httpx.get(url).is_success
+        from meshdeform.storage import presigned
+
+        pairs = dict(part.split("=") for part in url.partition("?")[2].split("&"))
+        day = pairs["X-Amz-Date"][:8]
+        old = url.replace(day, f"{int(day[:4]) - 1}{day[4:6]}01")
+        parts = httpx.URL(old)
+        unsigned = [(name, value) for name, value in parts.params.multi_items() if name != "X-Amz-Signature"]
+        signature = presigned._sign("GET", f"{parts.host}:{parts.port}", parts.path, unsigned, "secret12345")
+        answer = httpx.get(re.sub(r"X-Amz-Signature=\w+", f"X-Amz-Signature={signature}", old))
+        assert answer.status_code == 403
+        assert "expired" in answer.text
+
+    def test_one_of_another_secret_is_refused(
+        self, store: ObjectStore, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        store.put("a", DATA)
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "another")
+        stranger = ObjectStore(s3_store_url)
+        for options in ({}, {"filename": "a.glb"}):
+            url = stranger.presign_get("a", 60, **options)
+            assert url is not None
+            assert httpx.get(url).status_code == 403
+        url = stranger.presign_put("a", 60)
+        assert url is not None
+        assert httpx.put(url, content=b"x").status_code == 403
+        assert store.get("a") == DATA
+
+
+def test_wrong_credentials_are_no_missing_object(
+    store: ObjectStore, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.put("a", DATA)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "another")
+    stranger = ObjectStore(s3_store_url)
+    for call in (
+        stranger.ping,
+        lambda: stranger.get("a"),
+        lambda: stranger.exists("a"),
+        lambda: stranger.put("a", b"x"),
+        lambda: stranger.delete("a"),
+        lambda: list(stranger.list()),
+    ):
+        with pytest.raises(UnavailableError):
+            call()
+    assert store.get("a") == DATA
+
+
+def test_a_bucket_that_does_not_exist_is_no_missing_object(store: ObjectStore) -> None:
+    nowhere = ObjectStore("s3://there-is-no-such-bucket/prefix")
+    for call in (
+        nowhere.ping,
+        lambda: nowhere.get("a"),
+        lambda: nowhere.put("a", b"x"),
+        lambda: nowhere.size("a"),
+        lambda: nowhere.exists("a"),
+        lambda: nowhere.delete("a"),
+        lambda: nowhere.copy("a", "b"),
+        lambda: list(nowhere.list()),
+        lambda: nowhere.delete_prefix("jobs/"),
+    ):
+        with pytest.raises(UnavailableError):
+            call()
+
+
+class TestOutages:
+    """A proxy in front of the server fails; the store says so, soon, and never half."""
+
+    @pytest.fixture
+    def proxy(self, s3_server: S3Server, store: ObjectStore, monkeypatch: pytest.MonkeyPatch) -> Iterator[FaultProxy]:
+        """In front of the server for the stores made after it; `store` looks past it."""
+        with FaultProxy(s3_server.port) as proxy:
+            monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
+            yield proxy
+
+    @pytest.fixture
+    def beyond(self, proxy: FaultProxy, s3_store_url: str) -> ObjectStore:
+        """The same store, seen through the proxy."""
+        return ObjectStore(s3_store_url)
+
+    @pytest.mark.parametrize("fault", ["error503", "refuse", "hang"])
+    def test_every_method_says_that_the_store_is_away(
+        self, fault: str, proxy: FaultProxy, s3_store_url: str, tmp_path: Path
+    ) -> None:
+        beyond = ObjectStore(s3_store_url)
+        beyond.put("a", DATA)
+        getattr(proxy, fault)()
+        hasty = ObjectStore(s3_store_url, patience_s=0.5)
+        calls: list[Callable[[], object]] = [
+            hasty.ping,
+            lambda: hasty.put("a", b"after"),
+            lambda: hasty.put("big", BIG),
+            lambda: hasty.put_verified("a", b"after"),
+            lambda: hasty.get("a"),
+            lambda: hasty.stream("a", 5, 9),
+            lambda: hasty.size("a"),
+            lambda: hasty.exists("a"),
+            lambda: hasty.sha256_of("a"),
+            lambda: hasty.fetch("a", tmp_path / "a"),
+            lambda: hasty.copy("a", "b"),
+            lambda: list(hasty.list()),
+            lambda: hasty.delete("a"),
+            lambda: hasty.delete_prefix("jobs/"),
+        ]
+        with ThreadPoolExecutor(len(calls)) as pool:
+            for told in [pool.submit(call) for call in calls]:
+                with pytest.raises(UnavailableError, match="does not answer"):
+                    told.result()
+        assert list(tmp_path.iterdir()) == []
+        proxy.pass_through()
+        assert beyond.get("a") == DATA
+        assert dict(beyond.list()) == {"a": len(DATA)}
+
+    @pytest.mark.parametrize("count", [0, 100, 1_000, 10_000])
+    def test_a_download_that_is_cut_is_an_error(
+        self, count: int, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore, tmp_path: Path
+    ) -> None:
+        store.put("big", BIG)
+        proxy.cut_after(count)
+        for read in (lambda: beyond.get("big"), lambda: beyond.fetch("big", tmp_path / "big")):
+            with pytest.raises(UnavailableError):
+                read()
+        assert list(tmp_path.iterdir()) == []
+        proxy.pass_through()
+        assert beyond.get("big") == BIG
+
+    def test_a_download_that_is_cut_once_goes_on(
+        self, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore
+    ) -> None:
+        store.put("big", BIG)
+        proxy.cut_after(len(BIG) * 2 // 3)
+        assert beyond.get("big") == BIG
+        assert proxy.connections > 1
+
+    @pytest.mark.parametrize("count", [0, 500, 100_000, 5_000_000])
+    def test_an_upload_that_is_cut_leaves_what_was_there(
+        self, count: int, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore
+    ) -> None:
+        store.put("big", DATA)
+        proxy.cut_after(count, upload=True)
+        with pytest.raises(UnavailableError):
+            beyond.put("big", BIG)
+        assert store.get("big") == DATA
+        proxy.pass_through()
+        beyond.put("big", BIG)
+        assert store.get("big") == BIG
+
+    def test_an_outage_in_the_middle_of_a_stream_is_told_to_the_reader(
+        self, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore
+    ) -> None:
+        store.put("big", BIG)
+        parts = beyond.stream("big", chunk=65_536)
+        got = [next(parts)]
+        proxy.refuse()
+        with pytest.raises(UnavailableError):
+            got.extend(parts)
+        assert BIG.startswith(b"".join(got))
+        assert sum(map(len, got)) < len(BIG)
+
+    def test_a_url_is_signed_without_asking(self, proxy: FaultProxy, beyond: ObjectStore) -> None:
+        proxy.refuse()
+        assert beyond.presign_get("a", 60) is not None
+        assert proxy.connections == 0
+
+
+def test_signed_urls_name_the_host_that_clients_reach(s3_server: S3Server, s3_store_url: str) -> None:
+    store = ObjectStore(s3_store_url, public_url=f"http://localhost:{s3_server.port}")
+    store.put("a/b", b"bytes")
+    url = store.presign_get("a/b", 60, filename="b.glb", content_type="model/gltf-binary")
+    assert url is not None
+    assert url.startswith(f"http://localhost:{s3_server.port}/")
+    answer = httpx.get(url)
+    assert (answer.content, answer.headers["content-type"]) == (b"bytes", "model/gltf-binary")
+    # The name is part of what is signed.
+    assert httpx.get(url.replace("localhost", "127.0.0.1")).status_code == 403
+    upload = store.presign_put("a/c", 60)
+    assert upload is not None
+    assert httpx.put(upload, content=b"more").is_success
+    assert store.get("a/c") == b"more"

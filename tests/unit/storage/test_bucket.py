@@ -1,0 +1,130 @@
+"""What is known of a bucket without a server: settings, URLs, and a server that is away."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from meshdeform.errors import UnavailableError
+from meshdeform.storage import ObjectStore
+from tests.servers import free_port
+
+DATA = bytes(range(256)) * 17
+
+
+@pytest.fixture(autouse=True)
+def _keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "id")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_REGION", "eu-central-1")
+
+
+def test_a_location_that_obstore_does_not_know_is_unavailable() -> None:
+    with pytest.raises(UnavailableError):
+        ObjectStore("gopher://somewhere/else")
+
+
+def test_a_bucket_that_is_away_is_unavailable_before_anybody_loses_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{free_port()}")
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    store = ObjectStore("s3://bucket/prefix")
+    calls = [store.ping, lambda: store.get("a"), lambda: store.put("a", DATA), lambda: store.delete_prefix("jobs/a/")]
+    for call in calls:
+        with pytest.raises(UnavailableError, match="does not answer"):
+            call()
+
+
+def signed(store: ObjectStore, **options: str) -> tuple[str, str, dict[str, list[str]]]:
+    url = urlsplit(store.presign_get("jobs/a/result.glb", 60, **options) or "")
+    return f"{url.scheme}://{url.netloc}", url.path, parse_qs(url.query)
+
+
+def test_the_environment_says_where_the_bucket_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = "/some/prefix/jobs/a/result.glb"
+    host, found, query = signed(ObjectStore("s3://pail/some/prefix/"))
+    assert (host, found) == ("https://s3.eu-central-1.amazonaws.com", f"/pail{path}")
+    assert query["X-Amz-Credential"][0].split("/")[0::2] == ["id", "eu-central-1", "aws4_request"]
+    assert query["X-Amz-Expires"] == ["60"]
+    monkeypatch.setenv("AWS_VIRTUAL_HOSTED_STYLE_REQUEST", "true")
+    assert signed(ObjectStore("s3://pail/some/prefix"))[:2] == ("https://pail.s3.eu-central-1.amazonaws.com", path)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "https://pail.store.example.org")
+    assert signed(ObjectStore("s3://pail/some/prefix"))[:2] == ("https://pail.store.example.org", path)
+    monkeypatch.setenv("AWS_SESSION_TOKEN", "token")
+    assert signed(ObjectStore("s3://pail"))[2]["X-Amz-Security-Token"] == ["token"]
+
+
+def test_a_url_is_left_alone_where_the_secret_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    store = ObjectStore("s3://pail")
+    assert "response-content-type" in signed(store, content_type="image/png")[2]
+    for secret in ("another", None):
+        if secret is None:
+            monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
+        else:
+            monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", secret)
+        query = signed(store, content_type="image/png", filename="a.glb")[2]
+        assert [name for name in query if not name.startswith("X-Amz-")] == []
+
+
+@pytest.mark.parametrize("url", ["az://pail/prefix", "abfss://pail@account.dfs.core.windows.net/prefix"])
+def test_azure_signs_as_well(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_NAME", "account")
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_KEY", "c2VjcmV0")
+    store = ObjectStore(url)
+    for text, permission in ((store.presign_get("a", 60, filename="b"), "r"), (store.presign_put("a", 60), "w")):
+        assert text is not None
+        parts = urlsplit(text)
+        assert (parts.netloc, parts.path) == ("account.blob.core.windows.net", "/pail/prefix/a")
+        assert permission in parse_qs(parts.query)["sp"][0]
+
+
+def test_what_is_missing_to_open_a_bucket_is_said() -> None:
+    with pytest.raises(UnavailableError, match="Account must be specified"):
+        ObjectStore("az://pail/prefix")
+
+
+def test_a_bucket_does_not_append() -> None:
+    store = ObjectStore("memory://")
+    assert not store.appends
+    with pytest.raises(NotImplementedError, match="presign_put"):
+        store.append("a", 0, [b"x"], 10)
+    assert store.presign_get("a", 60) is None
+
+
+def test_a_store_that_sends_too_little_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    import obstore
+
+    store = ObjectStore("memory://")
+    store.put("a", DATA)
+    real = obstore.get
+
+    class Short:
+        """An answer that ends early without saying so."""
+
+        range = (0, len(DATA))
+
+        def stream(self, min_chunk_size: int) -> list[bytes]:
+            return [DATA[:-1]]
+
+    monkeypatch.setattr(obstore, "get", lambda *arguments, **options: Short())
+    with pytest.raises(UnavailableError, match="ends 1 bytes early"):
+        store.get("a")
+    monkeypatch.setattr(obstore, "get", real)
+    assert store.get("a") == DATA
+
+
+def test_a_copy_that_is_not_made_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    import obstore
+
+    store = ObjectStore("memory://")
+    store.put("a", DATA)
+    store.put("b", b"before")
+    monkeypatch.setattr(obstore, "copy", lambda *arguments: None)
+    with pytest.raises(UnavailableError, match="did not copy a whole"):
+        store.copy("a", "b")
+
+
+def test_certificates_that_cannot_be_read_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_CA_BUNDLE", "/nonexistent/ca.pem")
+    with pytest.raises(UnavailableError, match="AWS_CA_BUNDLE"):
+        ObjectStore("s3://pail")

@@ -1,0 +1,162 @@
+"""The object store in a folder: what is promised of the disk."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.storage import ObjectStore
+
+
+def test_no_key_leads_out_of_the_folder(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path / "store")
+    for key in ("../outside", "a/../../outside", "/outside", ".partial/x", "a/.b"):
+        with pytest.raises(NotFoundError):
+            store.put(key, b"x")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_a_folder_that_vanished_does_not_answer(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path / "store")
+    (tmp_path / "store" / ".partial").rmdir()
+    (tmp_path / "store").rmdir()
+    with pytest.raises(MeshdeformError):
+        store.ping()
+
+
+def test_a_folder_that_cannot_be_made_is_unavailable(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MeshdeformError):
+        ObjectStore(tmp_path / "file" / "store")
+
+
+def test_a_write_that_breaks_off_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = ObjectStore(tmp_path)
+    store.put("a/b", b"before")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(UnavailableError, match="No space left"):
+        store.put("a/b", b"after")
+    assert store.get("a/b") == b"before"
+    assert list((tmp_path / ".partial").iterdir()) == []
+
+
+def test_the_bytes_and_every_new_name_are_synced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = ObjectStore(tmp_path)
+    synced: list[str] = []
+    real = os.fsync
+
+    def note(descriptor: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        real(descriptor)
+
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("this system has no /proc")
+    monkeypatch.setattr(os, "fsync", note)
+    store.put("jobs/a/1/x", b"x")
+    assert set(synced[1:]) == {tmp_path.name, "jobs", "a", "1"}
+    synced.clear()
+    store.put("jobs/a/1/y", b"y")
+    assert synced[1:] == ["1"]
+
+
+def test_readers_see_the_old_bytes_or_the_new_and_never_half(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    versions = [bytes([letter]) * 100_000 for letter in b"abcdef"]
+    store.put("k", versions[0])
+    with ThreadPoolExecutor(3) as pool:
+        writes = [pool.submit(store.put, "k", version) for version in versions * 5]
+        seen = [store.get("k") for _ in range(50)]
+        for write in writes:
+            write.result()
+    assert set(seen) <= set(versions)
+
+
+def test_what_a_dead_process_left_aside_goes_after_a_day(tmp_path: Path) -> None:
+    ObjectStore(tmp_path)
+    old, new = tmp_path / ".partial" / "old", tmp_path / ".partial" / "new"
+    for path, age_s in ((old, 100_000), (new, 10)):
+        path.write_bytes(b"half")
+        os.utime(path, (time.time() - age_s,) * 2)
+    ObjectStore(tmp_path)
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_a_file_that_ends_early_is_no_whole_object(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    store.put("a", bytes(1_000_000))
+    parts = store.stream("a", chunk=100_000)
+    next(parts)
+    with (tmp_path / "a").open("r+b") as file:
+        file.truncate(500_000)
+    with pytest.raises(UnavailableError, match="bytes early"):
+        list(parts)
+
+
+def test_a_folder_has_no_urls_of_its_own(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    assert store.presign_get("a", 60, filename="a.glb") is None
+    assert store.presign_put("a", 60) is None
+
+
+def test_a_list_leaves_out_what_is_no_object(tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    store.put("jobs/a", b"x")
+    (tmp_path / ".partial" / "tmp1").write_bytes(b"half")
+    (tmp_path / "jobs" / "no key!").write_bytes(b"x")
+    (tmp_path / "jobs" / "lost").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "jobs" / "folder").symlink_to(tmp_path)
+    assert list(store.list()) == [("jobs/a", 1)]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A folder on a disk of one mebibyte."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if os.geteuid() != 0:
+        pytest.skip("only root may mount a small disk")
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], check=False, capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("a small disk cannot be mounted here")
+    yield folder
+    subprocess.run(["umount", folder], check=True)
+
+
+def test_a_full_disk_is_said_and_leaves_nothing_half(small_disk: Path, tmp_path: Path) -> None:
+    store = ObjectStore(small_disk / "store")
+    store.put("a", b"before" * 1000)
+    elsewhere = ObjectStore(tmp_path / "store")
+    elsewhere.put("big", bytes(2 << 20))
+    writes = [
+        lambda: store.put("a", bytes(2 << 20)),
+        lambda: store.put("new", bytes(2 << 20)),
+        lambda: store.put_verified("a", bytes(2 << 20)),
+        lambda: elsewhere.fetch("big", small_disk / "fetched"),
+        lambda: store.append("upload", 0, [bytes(600_000)] * 3, 1 << 30),
+    ]
+    for write in writes:
+        with pytest.raises(UnavailableError, match="disk is full") as refusal:
+            write()
+        assert "Free space" in refusal.value.advice_text
+        assert store.get("a") == b"before" * 1000
+        assert not store.exists("new")
+        assert list((small_disk / "store" / ".partial").iterdir()) == []
+    assert [path.name for path in small_disk.iterdir()] == ["store"]
+    assert store.appended_size("upload") == 0
+    # What was taken back leaves room for what fits.
+    assert store.append("upload", 0, [bytes(600_000)], 1 << 30) == 600_000
+    store.put("b", b"after")

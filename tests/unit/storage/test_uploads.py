@@ -1,0 +1,215 @@
+"""Uploads into the folder that break off and go on."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, UnavailableError
+from meshdeform.storage import ObjectStore, StoredObject
+from meshdeform.storage import uploads as uploads_module
+
+DATA = bytes(range(256)) * 17
+WHOLE = StoredObject(len(DATA), hashlib.sha256(DATA).hexdigest())
+LIMIT = len(DATA)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ObjectStore:
+    return ObjectStore(tmp_path / "store")
+
+
+def test_parts_become_an_object(store: ObjectStore) -> None:
+    assert store.appends
+    assert store.append("u1", 0, [], LIMIT) == 0
+    assert store.append("u1", 0, [DATA[:100], b"", DATA[100:1000]], LIMIT) == 1000
+    assert store.appended_size("u1") == 1000
+    assert store.append("u1", 1000, iter([DATA[1000:]]), LIMIT) == len(DATA)
+    assert store.appended("u1") == WHOLE
+    assert not list(store.list())
+    assert store.commit_append("u1", "assets/f/1") == WHOLE
+    assert store.get("assets/f/1") == DATA
+    with pytest.raises(NotFoundError):
+        store.appended_size("u1")
+
+
+@pytest.mark.parametrize("offset", [0, 99, 101, 10**9])
+def test_bytes_that_belong_elsewhere_are_refused(store: ObjectStore, offset: int) -> None:
+    store.append("u1", 0, [DATA[:100]], LIMIT)
+    with pytest.raises(ConflictError) as refusal:
+        store.append("u1", offset, [b"x"], LIMIT)
+    assert refusal.value.extra == {"offset": 100}
+    assert store.appended("u1").sha256 == hashlib.sha256(DATA[:100]).hexdigest()
+
+
+def test_an_upload_begins_at_zero(store: ObjectStore) -> None:
+    for call in (
+        lambda: store.append("u1", 5, [b"x"], LIMIT),
+        lambda: store.appended_size("u1"),
+        lambda: store.appended("u1"),
+        lambda: store.commit_append("u1", "a"),
+    ):
+        with pytest.raises(NotFoundError):
+            call()
+    store.discard_append("u1")
+
+
+@pytest.mark.parametrize("upload_id", ["../a", "a/b", ".hidden", "", "a\n", "/etc/passwd"])
+def test_no_upload_leads_out_of_its_folder(store: ObjectStore, upload_id: str, tmp_path: Path) -> None:
+    with pytest.raises(NotFoundError):
+        store.append(upload_id, 0, [b"x"], LIMIT)
+    with pytest.raises(NotFoundError):
+        store.discard_append(upload_id)
+    assert not list(store.list())
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_what_came_before_the_sender_went_away_stays(store: ObjectStore) -> None:
+    def breaks_off() -> Iterator[bytes]:
+        yield DATA[:700]
+        raise ConnectionResetError
+
+    store.append("u1", 0, [], LIMIT)
+    with pytest.raises(ConnectionResetError):
+        store.append("u1", 0, breaks_off(), LIMIT)
+    assert store.appended_size("u1") == 700
+    assert store.append("u1", 700, [DATA[700:]], LIMIT) == len(DATA)
+    assert store.commit_append("u1", "a") == WHOLE
+
+
+def test_over_the_limit_is_taken_back(store: ObjectStore) -> None:
+    store.append("u1", 0, [DATA[:100]], LIMIT)
+    with pytest.raises(AssetTooLargeError):
+        store.append("u1", 100, [DATA[100:], b"x"], LIMIT)
+    assert store.appended_size("u1") == 100
+    assert store.append("u1", 100, [DATA[100:]], LIMIT) == LIMIT
+
+
+def test_bytes_that_did_not_reach_the_disk_do_not_count(store: ObjectStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    store.append("u1", 0, [DATA[:100]], LIMIT)
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(UnavailableError, match="disk is full"):
+            store.append("u1", 100, [DATA[100:]], LIMIT)
+    assert store.appended_size("u1") == 100
+
+
+def test_the_bytes_are_synced_before_append_returns(store: ObjectStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("this system has no /proc")
+    synced: list[tuple[str, int]] = []
+
+    def note(descriptor: int) -> None:
+        synced.append((Path(f"/proc/self/fd/{descriptor}").readlink().name, os.fstat(descriptor).st_size))
+
+    monkeypatch.setattr(os, "fsync", note)
+    store.append("u1", 0, [DATA], LIMIT)
+    assert [name for name, _ in synced] == ["store", ".uploads", "u1"]
+    assert synced[-1] == ("u1", len(DATA))
+    synced.clear()
+    store.commit_append("u1", "jobs/a")
+    assert synced[0] == ("u1", len(DATA))
+    assert {name for name, _ in synced[1:]} == {"store", "jobs"}
+
+
+def test_a_second_writer_is_refused_while_the_first_writes(store: ObjectStore) -> None:
+    arrived, proceed = threading.Event(), threading.Event()
+
+    def slow() -> Iterator[bytes]:
+        yield DATA[:10]
+        arrived.set()
+        proceed.wait(30)
+        yield DATA[10:]
+
+    first = threading.Thread(target=store.append, args=("u1", 0, slow(), LIMIT))
+    first.start()
+    assert arrived.wait(30)
+    for call in (lambda: store.append("u1", 10, [b"x"], LIMIT), lambda: store.commit_append("u1", "a")):
+        with pytest.raises(ConflictError, match="Another request"):
+            call()
+    proceed.set()
+    first.join()
+    assert store.commit_append("u1", "a") == WHOLE
+
+
+def test_a_commit_may_be_repeated_after_a_crash_before_or_after_the_rename(
+    store: ObjectStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Crash(BaseException):
+        pass
+
+    real = uploads_module.rename_into_place
+
+    def before(aside: Path, path: Path, root: Path) -> None:
+        raise Crash
+
+    def after(aside: Path, path: Path, root: Path) -> None:
+        real(aside, path, root)
+        raise Crash
+
+    for key, crash in (("a", before), ("b", after)):
+        store.append(f"upload-{key}", 0, [DATA], LIMIT)
+        with monkeypatch.context() as patch:
+            patch.setattr(uploads_module, "rename_into_place", crash)
+            with pytest.raises(Crash):
+                store.commit_append(f"upload-{key}", key)
+        for _ in range(2):
+            assert store.commit_append(f"upload-{key}", key) == WHOLE
+        assert store.get(key) == DATA
+
+
+def test_a_killed_writer_leaves_what_it_was_told_is_there(store: ObjectStore, tmp_path: Path) -> None:
+    program = """
+import sys
+from meshdeform.storage import ObjectStore
+store = ObjectStore(sys.argv[1])
+size = 0
+def chunks():
+    yield bytes(1000)
+    print(size, flush=True)
+while True:
+    size = store.append("u1", size, chunks(), 1 << 40)
+"""
+    child = subprocess.Popen([sys.executable, "-c", program, tmp_path / "store"], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    told = [int(child.stdout.readline()) for _ in range(20)]
+    child.send_signal(signal.SIGKILL)
+    told += [int(line) for line in child.stdout.read().split()]
+    child.wait()
+    child.stdout.close()
+    present = store.appended_size("u1")
+    # The lock went with its holder.
+    assert present >= told[-1]
+    assert store.append("u1", present, [b"x"], 1 << 40) == present + 1
+
+
+def test_a_discarded_upload_is_gone(store: ObjectStore) -> None:
+    store.append("u1", 0, [DATA], LIMIT)
+    store.discard_append("u1")
+    store.discard_append("u1")
+    with pytest.raises(NotFoundError):
+        store.appended_size("u1")
+
+
+def test_uploads_that_nobody_goes_on_with_go(store: ObjectStore, tmp_path: Path) -> None:
+    assert store.discard_stale_appends(0) == 0
+    for name in ("old", "new"):
+        store.append(name, 0, [DATA], LIMIT)
+    os.utime(tmp_path / "store" / ".uploads" / "old", (time.time() - 100,) * 2)
+    assert store.discard_stale_appends(50) == 1
+    assert store.appended_size("new") == len(DATA)
+    with pytest.raises(NotFoundError):
+        store.appended_size("old")
