@@ -1,0 +1,294 @@
+"""One message to one webhook, signed: to the checked address and nowhere else, within 15 seconds whatever it answers.
+
+There is no redirect to follow, no proxy to ask, no cookie to keep and no second connection: an `httpcore` connection
+whose network is an address list. TLS still verifies the host's name.
+
+Source: the Standard Webhooks specification 1.0.0 (https://www.standardwebhooks.com).
+"""
+
+from __future__ import annotations
+
+import json
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from typing import Any
+
+import httpcore
+import httpx
+
+from meshdeform import __version__
+from meshdeform.errors import WebhookAddressError
+from meshdeform.webhooks.addresses import Destination, Lookup, Networks, find_destination, system_lookup
+
+__all__ = ["Outcome", "Sender", "signed_headers"]
+
+CONNECT_S = 5.0
+TOTAL_S = 15.0
+_MAX_ANSWER = 64 * 1024
+_Hold = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of an attempt.
+
+    Attributes
+    ----------
+    at : datetime
+    seconds : float
+    status : int or None
+        Of the answer; None where there was none.
+    error : str
+        Why it does not count as delivered; empty where it does. Nothing of the answer's text is in it.
+    retry_after_s : float
+        Seconds that the receiver asks to wait; 0 where it says nothing.
+    """
+
+    at: datetime
+    seconds: float
+    status: int | None = None
+    error: str = ""
+    retry_after_s: float = 0.0
+
+    @property
+    def delivered(self) -> bool:
+        """Whether the receiver has the message."""
+        return not self.error
+
+
+class Sender:
+    """Sends messages. Safe to share between threads.
+
+    Parameters
+    ----------
+    networks : tuple of networks
+        Which addresses are allowed besides public ones.
+    lookup : callable
+        Resolves hosts.
+    tls : ssl.SSLContext, optional
+        Which authorities to trust; those of the system's usual list unless given (SSL_CERT_FILE names others).
+    connect_s, total_s : float
+        Seconds to connect, and for everything from the look-up of the host to the end of the answer.
+    """
+
+    def __init__(
+        self,
+        networks: Networks = (),
+        *,
+        lookup: Lookup = system_lookup,
+        tls: ssl.SSLContext | None = None,
+        connect_s: float = CONNECT_S,
+        total_s: float = TOTAL_S,
+    ) -> None:
+        self._networks, self._lookup = networks, lookup
+        self._tls = tls or httpx.create_ssl_context()
+        self._connect_s, self._total_s = connect_s, total_s
+        self._open: set[httpcore.NetworkStream] = set()
+        self._lock = threading.Lock()
+        self.closed = False
+
+    def send(self, url: str, message_id: str, payload: dict[str, Any], secrets: Iterable[str]) -> Outcome:
+        """Send a message once, and say what came of it. Raises nothing that the network or the receiver can cause."""
+        at, began = datetime.now(UTC), time.monotonic()
+        status, error, retry_after_s = None, "", 0.0
+        try:
+            destination = find_destination(url, self._networks, self._lookup)
+            body = json.dumps(payload, separators=(",", ":"))
+            headers = signed_headers(message_id, body, secrets, at)
+            status, retry_after_s = self._post(destination, body.encode(), headers, began + self._total_s)
+            error = _judge(status)
+        except WebhookAddressError as refused:
+            error = refused.detail
+        except httpcore.TimeoutException:
+            error = "The receiver did not answer in time."
+        except httpcore.ProtocolError:
+            error = "The answer is not HTTP."
+        except (httpcore.NetworkError, OSError) as failed:
+            error = _network_error(failed)
+        return Outcome(at, time.monotonic() - began, status, error, retry_after_s)
+
+    def close(self) -> None:
+        """Cut what is under way: nothing is sent after this."""
+        with self._lock:
+            self.closed = True
+            streams = list(self._open)
+        for stream in streams:
+            with suppress(OSError):
+                stream.get_extra_info("socket").shutdown(2)
+
+    def _post(
+        self, destination: Destination, body: bytes, headers: dict[str, str], deadline: float
+    ) -> tuple[int, float]:
+        network = _PinnedNetwork(destination.addresses, self._connect_s, deadline, self._hold)
+        url = httpcore.URL(
+            scheme=destination.url.raw_scheme,
+            host=destination.host.encode("ascii"),
+            port=destination.url.port,
+            target=destination.url.raw_path,
+        )
+        sent = [("Host", destination.url.netloc.decode("ascii")), ("Content-Length", str(len(body)))]
+        sent += headers.items()
+        timeouts = {"timeout": dict.fromkeys(("connect", "read", "write", "pool"), self._total_s)}
+        try:
+            with (
+                httpcore.ConnectionPool(ssl_context=self._tls, network_backend=network, http2=False) as pool,
+                pool.stream("POST", url, headers=sent, content=body, extensions=timeouts) as answer,
+            ):
+                status, retry_after_s = answer.status, _retry_after(dict(answer.headers))
+                # The status counts. The rest is taken from the line, so that the receiver sees an orderly end.
+                with suppress(httpcore.TimeoutException, httpcore.NetworkError, httpcore.ProtocolError):
+                    _read_some(answer)
+        finally:
+            self._hold(network.stream, None)
+        return status, retry_after_s
+
+    def _hold(self, before: httpcore.NetworkStream | None, now: httpcore.NetworkStream | None) -> None:
+        """Know what is open, to be able to cut it."""
+        with self._lock:
+            if now is not None and self.closed:
+                raise httpcore.ConnectError("The server stops.")
+            self._open = (self._open - {before}) | ({now} if now else set())
+
+
+class _PinnedNetwork(httpcore.NetworkBackend):
+    """A network in which every name leads to one host's checked addresses, until a deadline."""
+
+    def __init__(self, addresses: tuple[str, ...], connect_s: float, deadline: float, hold: _Hold) -> None:
+        self._addresses, self._connect_s, self._hold = addresses, connect_s, hold
+        self.deadline = deadline
+        self.stream: httpcore.NetworkStream | None = None
+
+    def connect_tcp(
+        self,
+        host: str,  # noqa: ARG002 - it was resolved, and is not resolved again
+        port: int,
+        timeout: float | None = None,  # noqa: ARG002
+        local_address: str | None = None,
+        socket_options: Any = None,
+    ) -> httpcore.NetworkStream:
+        until = min(time.monotonic() + self._connect_s, self.deadline)
+        failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
+        for number, address in enumerate(self._addresses):
+            # One that swallows everything leaves time for the others.
+            share = (until - time.monotonic()) / (len(self._addresses) - number)
+            if share <= 0:
+                break
+            try:
+                found = httpcore.SyncBackend().connect_tcp(address, port, share, local_address, socket_options)
+            except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
+                failed = error
+                continue
+            return self.carry(found)
+        raise failed
+
+    def carry(self, stream: httpcore.NetworkStream) -> httpcore.NetworkStream:
+        """Go on with a stream in place of the one before."""
+        try:
+            self._hold(self.stream, stream)
+        except httpcore.ConnectError:
+            stream.close()
+            raise
+        self.stream = stream
+        return _TimedStream(stream, self)
+
+
+class _TimedStream(httpcore.NetworkStream):
+    """A connection that ends at an instant, however often a little arrives."""
+
+    def __init__(self, stream: httpcore.NetworkStream, network: _PinnedNetwork) -> None:
+        self._stream, self._network = stream, network
+
+    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
+        return self._stream.read(max_bytes, self._left(httpcore.ReadTimeout))
+
+    def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002
+        self._stream.write(buffer, self._left(httpcore.WriteTimeout))
+
+    def close(self) -> None:
+        self._stream.close()
+
+    def start_tls(
+        self,
+        ssl_context: ssl.SSLContext,
+        server_hostname: str | None = None,
+        timeout: float | None = None,  # noqa: ARG002
+    ) -> httpcore.NetworkStream:
+        left = self._left(httpcore.ConnectTimeout)
+        return self._network.carry(self._stream.start_tls(ssl_context, server_hostname, left))
+
+    def get_extra_info(self, info: str) -> Any:
+        return self._stream.get_extra_info(info)
+
+    def _left(self, over: type[Exception]) -> float:
+        left = self._network.deadline - time.monotonic()
+        if left <= 0:
+            raise over("The time is over.")
+        return left
+
+
+def signed_headers(message_id: str, body: str, secrets: Iterable[str], at: datetime) -> dict[str, str]:
+    """Return the headers of a message, with a signature by each secret.
+
+    Parameters
+    ----------
+    message_id : str
+    body : str
+        Exactly what is sent.
+    secrets : iterable of str
+        `whsec_` and base64.
+    at : datetime
+        Of this attempt, in UTC.
+    """
+    from standardwebhooks import Webhook
+
+    signatures = [Webhook(secret).sign(message_id, at, body) for secret in secrets]
+    return {
+        "Content-Type": "application/json",
+        "User-Agent": f"Meshdeform/{__version__}",
+        "webhook-id": message_id,
+        "webhook-timestamp": str(int(at.timestamp())),
+        "webhook-signature": " ".join(signatures),
+    }
+
+
+def _judge(status: int) -> str:
+    if 200 <= status < 300:
+        return ""
+    if 300 <= status < 400:
+        return f"The receiver answered {status}; redirects are not followed."
+    return f"The receiver answered {status}."
+
+
+def _network_error(error: Exception) -> str:
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, ssl.SSLCertVerificationError):
+            return f"The receiver's certificate is not valid: {seen.verify_message}."
+        if isinstance(seen, ssl.SSLError):
+            return "The receiver does not speak TLS as it should."
+        seen = seen.__cause__ or seen.__context__
+    return "The connection failed."
+
+
+def _retry_after(headers: dict[bytes, bytes]) -> float:
+    value = next((text.decode("latin-1") for name, text in headers.items() if name.lower() == b"retry-after"), "")
+    if value.isascii() and value.isdigit():
+        return float(value[:9])
+    with suppress(ValueError, TypeError):
+        asked = parsedate_to_datetime(value)
+        return max(0.0, (asked - datetime.now(asked.tzinfo)).total_seconds())
+    return 0.0
+
+
+def _read_some(answer: httpcore.Response) -> None:
+    read = 0
+    for part in answer.iter_stream():
+        read += len(part)
+        if read > _MAX_ANSWER:
+            return
