@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import base64
+import re
 
 from meshdeform.errors import ParameterError
+from meshdeform.jobs.ids import id_pattern
 
 __all__ = ["decode_cursor", "encode_cursor"]
 
 
-def encode_cursor(job_id: str) -> str:
-    """Return what names the place behind a job in the list."""
-    return base64.urlsafe_b64encode(job_id.encode()).decode().rstrip("=")
+def encode_cursor(last_id: str) -> str:
+    """Return what names the place behind a thing in its list."""
+    return base64.urlsafe_b64encode(last_id.encode()).decode().rstrip("=")
 
 
-def decode_cursor(cursor: str) -> str:
-    """Return the job that a cursor names.
+def decode_cursor(cursor: str, prefix: str = "job") -> str:
+    """Return the id that a cursor names, of the kind that is listed.
 
     Raises
     ------
@@ -23,12 +25,12 @@ def decode_cursor(cursor: str) -> str:
         It is not one of ours.
     """
     try:
-        job_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
+        last_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
     except ValueError:
-        job_id = ""
-    if not job_id.startswith("job_"):
+        last_id = ""
+    if re.fullmatch(id_pattern(prefix), last_id) is None:
         raise ParameterError(
             "The cursor is not one that this service gave.",
             errors=[{"loc": ["query", "cursor"], "msg": "not a cursor of this service", "type": "cursor"}],
         )
-    return job_id
+    return last_id

@@ -7,7 +7,7 @@ import sqlite3
 import ssl
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,12 @@ __all__ = ["Database"]
 _log = logging.getLogger(__name__)
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
+_IDLE_IN_TRANSACTION_S = 10.0
 _MIGRATION_LOCK = 0x6D657368  # any number that no other program takes
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _READ_ONLY = "meshdeform_read_only"
+_AWAY = frozenset({"08", "40", "53", "57", "58"})
+"""PostgreSQL's classes of errors that pass: connection, rollback (a deadlock), resources, operator, system."""
 
 
 class Database:
@@ -58,9 +61,13 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
-        """One consistent view."""
+        """For queries. On SQLite they see one state; on PostgreSQL each sees what is committed when it begins."""
+        options: dict[str, Any] = {_READ_ONLY: True}
+        if not self.is_sqlite:
+            # A transaction at PostgreSQL's own level would show no more, and cost two more trips to the server.
+            options["isolation_level"] = "AUTOCOMMIT"
         with _answers(), self._engine.connect() as connection:
-            connection = connection.execution_options(**{_READ_ONLY: True})
+            connection = connection.execution_options(**options)
             with connection.begin():
                 yield connection
 
@@ -73,11 +80,12 @@ class Database:
     def now(self, later_s: float = 0.0) -> Any:
         """The instant that it is, or one so many seconds later, by the clock that all processes share.
 
-        With PostgreSQL that is the server's clock: hosts whose clocks differ still agree on whether a lease is over.
+        With PostgreSQL that is the server's clock: hosts whose clocks differ still agree on whether a lease is over. It
+        stands still within a statement: a clock that moves on could be compared with no index.
         """
         if self.is_sqlite:
             return datetime.now(UTC) + timedelta(seconds=later_s)
-        clock = sa.func.clock_timestamp(type_=sa.DateTime(timezone=True))
+        clock = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
         return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
 
     def upsert(self, table: sa.Table) -> Any:
@@ -107,24 +115,39 @@ def _engine(url: str) -> sa.Engine:
             "MESHDEFORM_DATABASE_URL is no database URL.",
             advice="Write sqlite:////path/to/file or postgresql://user:password@host/database.",
         ) from error
-    if parsed.drivername in ("postgresql", "postgres"):
-        parsed = parsed.set(drivername="postgresql+pg8000")
+    ours = parsed.drivername in ("postgresql", "postgres", "postgresql+pg8000")
+    if ours:
+        from meshdeform.jobs.postgresql import DRIVER
+
+        parsed = parsed.set(drivername=DRIVER)
     if parsed.get_backend_name() == "sqlite":
         return _sqlite_engine(parsed)
     arguments: dict[str, Any] = {}
-    if parsed.drivername == "postgresql+pg8000":
+    if ours:
         arguments["timeout"] = _CONNECT_TIMEOUT_S
         if mode := parsed.query.get("sslmode"):
             parsed = parsed.difference_update_query(["sslmode"])
             if context := _ssl_context(str(mode)):
                 arguments["ssl_context"] = context
     try:
-        return sa.create_engine(parsed, connect_args=arguments, pool_pre_ping=True)
+        engine = sa.create_engine(parsed, connect_args=arguments, pool_pre_ping=True)
     except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
         raise DependencyError(
             f"The database driver {parsed.drivername} is not installed.",
             advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
         ) from error
+    event.listen(engine, "connect", lambda connection, _: _prepare_postgresql(engine, connection))
+    return engine
+
+
+def _prepare_postgresql(engine: sa.Engine, connection: Any) -> None:
+    # A process that is stopped, or whose host is cut off, in the middle of a transaction holds locks that the recovery
+    # of its job would wait for: the server ends such a session, whose transactions never pause by themselves.
+    with getattr(engine.dialect, "network", nullcontext)():
+        cursor = connection.cursor()
+        cursor.execute(f"SET idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'")
+        cursor.close()
+        connection.commit()
 
 
 def _ssl_context(mode: str) -> ssl.SSLContext | None:
@@ -184,10 +207,16 @@ def _answers() -> Iterator[None]:
         _log.warning("the record does not answer: %s", error)
         raise UnavailableError("The record does not answer.") from error
     except sqlalchemy.exc.DBAPIError as error:
-        if not error.connection_invalidated:
+        if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise
-        _log.warning("the record closed the connection: %s", error)
-        raise UnavailableError("The record closed the connection.") from error
+        _log.warning("the record cannot do it now: %s", error)
+        raise UnavailableError("The record cannot do it now.") from error
+
+
+def _sql_state(error: sqlalchemy.exc.DBAPIError) -> str:
+    """PostgreSQL's code of an error; empty where there is none."""
+    said = error.orig.args[0] if error.orig is not None and error.orig.args else None
+    return str(said.get("C", "")) if isinstance(said, dict) else ""
 
 
 def _version(connection: sa.Connection) -> str | None:

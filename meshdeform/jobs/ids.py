@@ -6,18 +6,32 @@ import secrets
 import threading
 import time
 
-__all__ = ["JOB_ID_PATTERN", "new_job_id"]
+__all__ = ["JOB_ID_PATTERN", "id_pattern", "new_id", "new_job_id"]
 
 # Crockford's alphabet: sorts as the number does, and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
-JOB_ID_PATTERN = r"^job_[0-7][0-9a-hjkmnp-tv-z]{25}$"
+
+
+def id_pattern(prefix: str) -> str:
+    """Return the regular expression of the ids with a prefix."""
+    return rf"^{prefix}_[0-7][0-9a-hjkmnp-tv-z]{{25}}$"
+
+
+JOB_ID_PATTERN = id_pattern("job")
 
 _lock = threading.Lock()
 _last = 0
 
 
 def new_job_id() -> str:
-    """Return `job_` and 26 characters: the 128 bits of a UUIDv7, milliseconds first, then a counter, then random.
+    """Return the id of a new job."""
+    return new_id("job")
+
+
+def new_id(prefix: str) -> str:
+    """Return the prefix, `_` and 26 characters: the 128 bits of a UUIDv7.
+
+    Milliseconds come first, then a counter, then random bits.
 
     Ids of one process rise strictly, also within a millisecond and when the clock is set back.
 
@@ -29,4 +43,4 @@ def new_job_id() -> str:
         _last = max(_last + 1, (time.time_ns() // 1_000_000) << 12 | secrets.randbits(11))
         moment = _last
     number = moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62)
-    return "job_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(125, -1, -5))
+    return f"{prefix}_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(125, -1, -5))

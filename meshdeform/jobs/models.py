@@ -12,7 +12,22 @@ from pydantic import BaseModel, ConfigDict, Field
 from meshdeform.config import DeformParams, JobKind, JobRequest
 from meshdeform.errors import MeshdeformError
 
-__all__ = ["Artifact", "CheckpointRef", "Job", "JobError", "JobState", "Page", "Progress", "StoredFile"]
+__all__ = [
+    "TERMINAL_STATES",
+    "Artifact",
+    "CheckpointRef",
+    "Event",
+    "EventType",
+    "Job",
+    "JobError",
+    "JobState",
+    "NewJob",
+    "Origin",
+    "OriginMode",
+    "Page",
+    "Progress",
+    "StoredFile",
+]
 
 
 class JobState(StrEnum):
@@ -33,6 +48,33 @@ class JobState(StrEnum):
 
 
 TERMINAL_STATES = frozenset({JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELED, JobState.EXPIRED})
+
+
+class EventType(StrEnum):
+    """What can happen to a job. The last four end it; a job has exactly one of them."""
+
+    QUEUED = "queued"
+    STARTED = "started"
+    PROGRESS = "progress"
+    CHECKPOINT = "checkpoint"
+    RECOVERED = "recovered"
+    CANCELING = "canceling"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELED = "canceled"
+    EXPIRED = "expired"
+
+    @property
+    def terminal(self) -> bool:
+        """Whether it is the job's last event."""
+        return self in {EventType(state.value) for state in TERMINAL_STATES}
+
+
+class OriginMode(StrEnum):
+    """How a job continues another one."""
+
+    RETRY = "retry"
+    BRANCH = "branch"
 
 
 class _Frozen(BaseModel):
@@ -96,14 +138,52 @@ class Artifact(_Frozen):
     created_at: datetime
 
 
+class Origin(_Frozen):
+    """What a job begins from that continues another one.
+
+    Attributes
+    ----------
+    job_id : str
+        The other job. It may be deleted since.
+    step : int
+        Steps that it had done.
+    mode : OriginMode
+        `retry`: the same request goes on, as if never interrupted. `branch`: another request begins with that shape.
+    key, sha256 : str
+        The object with the copy of its checkpoint; empty where there was none and the retry begins at the start.
+    """
+
+    job_id: str
+    step: int
+    mode: OriginMode
+    key: str = ""
+    sha256: str = ""
+
+
+class Event(_Frozen):
+    """Something that happened to a job."""
+
+    job_id: str
+    seq: int
+    type: EventType
+    at: datetime
+    attempt: int
+    data: dict[str, Any]
+
+
 @dataclass(frozen=True)
 class CheckpointRef:
-    """Where a checkpoint lies."""
+    """Where a checkpoint lies, and the mesh of that step where it was stored."""
 
     key: str
     step: int
     attempt: int
     sha256: str
+    size: int = 0
+    mesh_key: str | None = None
+    mesh_sha256: str | None = None
+    mesh_size: int | None = None
+    created_at: datetime | None = None
 
 
 class Job(_Frozen):
@@ -121,6 +201,14 @@ class Job(_Frozen):
     progress: Progress = Field(default_factory=Progress)
     attempt: int = 0
     version: int = 1
+    owner_id: str = ""
+    origin: Origin | None = None
+    deadline_at: datetime | None = None
+    retain_until: datetime | None = None
+    oom_attempts: int = 0
+    event_seq: int = 0
+    request_id: str | None = None
+    traceparent: str | None = None
 
     @property
     def kind(self) -> JobKind:
@@ -141,6 +229,38 @@ class Job(_Frozen):
     def metadata(self) -> dict[str, Any]:
         """The user's own labels."""
         return dict(self.request.metadata)
+
+
+@dataclass(frozen=True)
+class NewJob:
+    """What a new job is made of.
+
+    Attributes
+    ----------
+    request : JobRequest
+    asset, target : StoredFile
+        Stored by now.
+    owner_id : str
+        Whose it is; empty where keys are off.
+    origin : Origin, optional
+        What it begins from.
+    retention_s : float, optional
+        What holds where the request says nothing.
+    max_active : int
+        Unfinished jobs that the owner may have with this one; 0: any number.
+    request_id, traceparent : str, optional
+        The HTTP request that made it, for logs and traces.
+    """
+
+    request: JobRequest
+    asset: StoredFile
+    target: StoredFile | None = None
+    owner_id: str = ""
+    origin: Origin | None = None
+    retention_s: float | None = None
+    max_active: int = 0
+    request_id: str | None = None
+    traceparent: str | None = None
 
 
 @dataclass(frozen=True)

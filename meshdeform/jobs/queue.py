@@ -88,6 +88,11 @@ class JobQueue:
         with _redis_errors():
             return {entry.rpartition("-")[0] for entry in self._queue.get_job_ids()}
 
+    def length(self) -> int:
+        """How many messages wait in Redis."""
+        with _redis_errors():
+            return int(self._queue.count)
+
     def publish_cancel(self, job_id: str) -> None:
         """Tell whoever runs the job to stop; the record says so too, so losing this only costs time."""
         with _redis_errors():

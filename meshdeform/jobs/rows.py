@@ -7,10 +7,22 @@ from typing import Any
 import sqlalchemy as sa
 
 from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Artifact, CheckpointRef, Job, JobError, JobState, Progress, StoredFile
+from meshdeform.jobs.models import (
+    Artifact,
+    CheckpointRef,
+    Event,
+    EventType,
+    Job,
+    JobError,
+    JobState,
+    NewJob,
+    Origin,
+    Progress,
+    StoredFile,
+)
 from meshdeform.jobs.tables import jobs
 
-__all__ = ["OWNED", "artifact", "checkpoint", "fenced", "job", "new_job"]
+__all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job"]
 
 Row = sa.Row[Any]
 
@@ -20,25 +32,39 @@ OWNED = (JobState.RUNNING, JobState.CANCELING)
 
 def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
     """Whether a row is this job, in the hands of this attempt's worker: the guard of every write of a worker."""
-    return sa.and_(jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED))
+    return sa.and_(
+        jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
+    )
 
 
-def new_job(job_id: str, request: JobRequest, asset: StoredFile, target: StoredFile | None, now: Any) -> dict[str, Any]:
-    """Return the row of a job that nobody has touched. `now` may be an expression of the database."""
+def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
+    """Return the row of a job that nobody has touched. The instants may be expressions of the database."""
+    request, target, origin = new.request, new.target, new.origin
     return {
         "id": job_id,
+        "owner_id": new.owner_id,
         "kind": request.kind.value,
+        "workload": request.workload,
         "state": JobState.QUEUED,
         # As it was written: what the user left out may get another default in a later version.
         "request": request.model_dump(mode="json", exclude_unset=True),
-        "asset_key": asset.key,
-        "asset": asset.model_dump(),
+        "asset_key": new.asset.key,
+        "asset": new.asset.model_dump(),
         "target_key": target.key if target else None,
         "target": target.model_dump() if target else None,
+        "origin_key": origin.key or None if origin else None,
+        "origin": origin.model_dump(mode="json") if origin else None,
+        "priority": request.priority,
+        "deadline_at": deadline,
+        "retention_s": request.retention_s or new.retention_s,
+        "request_id": new.request_id,
+        "traceparent": new.traceparent,
         "created_at": now,
         "version": 1,
         "attempt": 0,
         "lost_attempts": 0,
+        "oom_attempts": 0,
+        "event_seq": 1,
         "step": 0,
         "total_steps": 0,
         "fraction": 0.0,
@@ -70,6 +96,14 @@ def job(row: Row) -> Job:
         ),
         attempt=row.attempt,
         version=row.version,
+        owner_id=row.owner_id,
+        origin=Origin.model_validate(row.origin) if row.origin else None,
+        deadline_at=row.deadline_at,
+        retain_until=row.retain_until,
+        oom_attempts=row.oom_attempts,
+        event_seq=row.event_seq,
+        request_id=row.request_id,
+        traceparent=row.traceparent,
     )
 
 
@@ -87,4 +121,21 @@ def artifact(row: Row) -> Artifact:
 
 def checkpoint(row: Row) -> CheckpointRef:
     """Return the checkpoint of a row."""
-    return CheckpointRef(key=row.key, step=row.step, attempt=row.attempt, sha256=row.sha256)
+    return CheckpointRef(
+        key=row.key,
+        step=row.step,
+        attempt=row.attempt,
+        sha256=row.sha256,
+        size=row.size,
+        mesh_key=row.mesh_key,
+        mesh_sha256=row.mesh_sha256,
+        mesh_size=row.mesh_size,
+        created_at=row.created_at,
+    )
+
+
+def event(row: Row) -> Event:
+    """Return the event of a row."""
+    return Event(
+        job_id=row.job_id, seq=row.seq, type=EventType(row.type), at=row.at, attempt=row.attempt, data=row.data
+    )

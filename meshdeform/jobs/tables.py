@@ -7,9 +7,30 @@ from typing import Any
 
 import sqlalchemy as sa
 
-__all__ = ["HEAD", "artifacts", "checkpoints", "discarded", "files", "jobs", "metadata"]
+__all__ = [
+    "HEAD",
+    "UtcDateTime",
+    "api_keys",
+    "artifacts",
+    "checkpoints",
+    "deliveries",
+    "delivery_attempts",
+    "discarded",
+    "events",
+    "files",
+    "idempotency",
+    "jobs",
+    "labels",
+    "metadata",
+    "outbox",
+    "secrets",
+    "tallies",
+    "uploads",
+    "webhooks",
+    "workers",
+]
 
-HEAD = "0001"
+HEAD = "0002"
 """The newest migration: a record that says so needs no look at the scripts (and no Alembic in memory)."""
 
 
@@ -50,14 +71,28 @@ jobs = sa.Table(
     "jobs",
     metadata,
     sa.Column("id", _ID, primary_key=True),
+    # Whose it is: every look-up of a user names it. Empty where keys are off.
+    sa.Column("owner_id", sa.String(64), nullable=False),
     sa.Column("kind", sa.String(32), nullable=False),
+    # Jobs that take about as long a step: the basis of estimates.
+    sa.Column("workload", sa.String(600), nullable=False),
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("request", sa.JSON, nullable=False),
     sa.Column("asset_key", sa.String(255), nullable=False),
     sa.Column("asset", sa.JSON, nullable=False),
     sa.Column("target_key", sa.String(255)),
     sa.Column("target", sa.JSON(none_as_null=True)),
+    # What a job begins from that continues another one: a copy of that one's checkpoint, and where it came from.
+    sa.Column("origin_key", sa.String(255)),
+    sa.Column("origin", sa.JSON(none_as_null=True)),
     sa.Column("error", sa.JSON(none_as_null=True)),
+    # The greater, the sooner.
+    sa.Column("priority", sa.Integer, nullable=False),
+    sa.Column("deadline_at", UtcDateTime),
+    sa.Column("retention_s", sa.Double),
+    sa.Column("retain_until", UtcDateTime),
+    sa.Column("request_id", sa.String(128)),
+    sa.Column("traceparent", sa.String(64)),
     sa.Column("created_at", UtcDateTime, nullable=False),
     sa.Column("started_at", UtcDateTime),
     sa.Column("finished_at", UtcDateTime),
@@ -65,17 +100,77 @@ jobs = sa.Table(
     sa.Column("attempt", sa.Integer, nullable=False),
     # Attempts whose worker fell silent. One that was handed back in order does not count.
     sa.Column("lost_attempts", sa.Integer, nullable=False),
+    # Attempts that ran out of the device's memory.
+    sa.Column("oom_attempts", sa.Integer, nullable=False),
     sa.Column("worker_id", sa.String(255)),
     sa.Column("lease_expires_at", UtcDateTime),
+    # Sequence number of the newest event.
+    sa.Column("event_seq", sa.Integer, nullable=False),
     sa.Column("step", sa.Integer, nullable=False),
     sa.Column("total_steps", sa.Integer, nullable=False),
     sa.Column("fraction", sa.Double, nullable=False),
     sa.Column("phase", sa.String(64), nullable=False),
     sa.Column("losses", sa.JSON, nullable=False),
     sa.Column("eta_s", sa.Double),
+    # Mean seconds of a step of the attempt that ended the job.
+    sa.Column("step_s", sa.Double),
     sa.Index(None, "state", "id"),
+    sa.Index(None, "owner_id", "id"),
+    sa.Index(None, "owner_id", "state", "id"),
     sa.Index(None, "asset_key"),
     sa.Index(None, "target_key"),
+    sa.Index(None, "origin_key"),
+    sa.Index(None, "workload", "state", "id"),
+    sa.Index(None, "deadline_at"),
+    sa.Index(None, "retain_until"),
+    sa.Index(None, "worker_id"),
+)
+# What workers take next.
+sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
+
+# A job's metadata, to be found by: SQL knows no common way to index JSON.
+labels = sa.Table(
+    "labels",
+    metadata,
+    sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("value", sa.String(500), nullable=False),
+    sa.Index(None, "name", "value", "job_id"),
+)
+
+events = sa.Table(
+    "events",
+    metadata,
+    sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    # 1, 2, 3 ... without a gap: given out under the lock on the job's row.
+    sa.Column("seq", sa.Integer, primary_key=True),
+    sa.Column("type", sa.String(32), nullable=False),
+    sa.Column("at", UtcDateTime, nullable=False),
+    sa.Column("attempt", sa.Integer, nullable=False),
+    sa.Column("data", sa.JSON, nullable=False),
+)
+
+# Jobs whose workers are still to be told; written with the job, taken off once Redis has heard.
+outbox = sa.Table(
+    "outbox",
+    metadata,
+    sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+)
+
+idempotency = sa.Table(
+    "idempotency",
+    metadata,
+    sa.Column("owner_id", sa.String(64), primary_key=True),
+    sa.Column("key", sa.String(255), primary_key=True),
+    sa.Column("request_hash", sa.String(64), nullable=False),
+    # Of the request that holds the key: only it may write the answer.
+    sa.Column("token", sa.String(32), nullable=False),
+    sa.Column("locked_until", UtcDateTime, nullable=False),
+    # The answer as it was given; null while the request is under way.
+    sa.Column("response", sa.JSON(none_as_null=True)),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Index(None, "created_at"),
 )
 
 artifacts = sa.Table(
@@ -98,16 +193,134 @@ checkpoints = sa.Table(
     sa.Column("attempt", sa.Integer, primary_key=True),
     sa.Column("step", sa.Integer, primary_key=True),
     sa.Column("sha256", sa.String(64), nullable=False),
+    sa.Column("size", sa.BigInteger, nullable=False),
     sa.Column("key", sa.String(255), nullable=False),
+    # The asset as it stood at that step, for people; null where it was not stored.
+    sa.Column("mesh_key", sa.String(255)),
+    sa.Column("mesh_sha256", sa.String(64)),
+    sa.Column("mesh_size", sa.BigInteger),
+    sa.Column("created_at", UtcDateTime, nullable=False),
 )
 
 files = sa.Table(
     "files",
     metadata,
     sa.Column("key", sa.String(255), primary_key=True),
-    # Requests that are about to make a job of this file: it must not be removed under them.
+    # Requests that are about to make a job of this file: it must not be removed under them. -1 while it is removed.
     sa.Column("pins", sa.Integer, nullable=False),
     sa.Column("touched_at", UtcDateTime, nullable=False),
+)
+
+uploads = sa.Table(
+    "uploads",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("owner_id", sa.String(64), nullable=False),
+    sa.Column("filename", sa.String(200), nullable=False),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    # As announced, if it was, until it is complete.
+    sa.Column("sha256", sa.String(64)),
+    # The stored file; null until it is complete.
+    sa.Column("key", sa.String(255)),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Column("expires_at", UtcDateTime, nullable=False),
+    sa.Index(None, "key"),
+    sa.Index(None, "expires_at"),
+)
+
+api_keys = sa.Table(
+    "api_keys",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("owner_id", sa.String(64), nullable=False),
+    sa.Column("name", sa.String(100), nullable=False),
+    # SHA-256 of the secret, which itself is shown once and kept nowhere.
+    sa.Column("secret_hash", sa.String(64), nullable=False),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Column("last_used_at", UtcDateTime),
+    sa.Column("revoked_at", UtcDateTime),
+    # Null: the deployment's setting.
+    sa.Column("requests_per_minute", sa.Integer),
+    sa.Column("max_active_jobs", sa.Integer),
+)
+
+webhooks = sa.Table(
+    "webhooks",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("owner_id", sa.String(64), nullable=False),
+    sa.Column("url", sa.String(2000), nullable=False),
+    # Types of events to send; an empty list means every one.
+    sa.Column("events", sa.JSON, nullable=False),
+    sa.Column("secret", sa.String(128), nullable=False),
+    # Signs beside the new one until `previous_until`.
+    sa.Column("previous_secret", sa.String(128)),
+    sa.Column("previous_until", UtcDateTime),
+    sa.Column("disabled_at", UtcDateTime),
+    sa.Column("disabled_reason", sa.String(255)),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Index(None, "owner_id", "id"),
+)
+
+# One message to one webhook, written with the event that it tells of.
+deliveries = sa.Table(
+    "deliveries",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("webhook_id", _ID, sa.ForeignKey("webhooks.id", ondelete="CASCADE"), nullable=False),
+    # Empty where the message tells of no job.
+    sa.Column("job_id", _ID, nullable=False),
+    # The first delivery of this message, whose id receivers know the message by; null for that one itself.
+    sa.Column("replay_of", _ID),
+    sa.Column("type", sa.String(64), nullable=False),
+    sa.Column("payload", sa.JSON, nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("attempts", sa.Integer, nullable=False),
+    # When to try (again); whoever takes it moves this on first, so nobody else sends it meanwhile.
+    sa.Column("next_at", UtcDateTime),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Index(None, "state", "next_at"),
+    sa.Index(None, "webhook_id", "id"),
+    sa.Index(None, "created_at", "state"),
+)
+
+delivery_attempts = sa.Table(
+    "delivery_attempts",
+    metadata,
+    sa.Column("delivery_id", _ID, sa.ForeignKey("deliveries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True),
+    sa.Column("at", UtcDateTime, nullable=False),
+    sa.Column("status", sa.Integer),
+    sa.Column("error", sa.String(500)),
+    sa.Column("seconds", sa.Double, nullable=False),
+)
+
+# Worker processes that are alive, as their supervisors say.
+workers = sa.Table(
+    "workers",
+    metadata,
+    sa.Column("id", sa.String(255), primary_key=True),
+    sa.Column("queue", sa.String(255), nullable=False),
+    sa.Column("device", sa.String(32), nullable=False),
+    sa.Column("started_at", UtcDateTime, nullable=False),
+    sa.Column("seen_at", UtcDateTime, nullable=False),
+)
+
+# Sums over all processes and restarts, for the metrics.
+tallies = sa.Table(
+    "tallies",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("label", sa.String(64), primary_key=True),
+    sa.Column("value", sa.Double, nullable=False),
+)
+
+# Keys that every API process must share: those of signed URLs.
+secrets = sa.Table(
+    "secrets",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("value", sa.String(128), nullable=False),
 )
 
 # Prefixes of objects whose job is deleted, until the store has forgotten them too.
