@@ -24,22 +24,19 @@ from meshdeform.errors import (
     AssetTruncatedError,
     DependencyError,
     MeshdeformError,
+    UnavailableError,
 )
 from meshdeform.gltf.inspect import AssetSummary, inspect_asset
-from meshdeform.gltf.limits import Limits
+from meshdeform.gltf.limits import CHECK_BASE_BYTES, CHECK_BYTES_PER_BYTE, Limits
 
 if TYPE_CHECKING:
     from meshdeform.gltf.surface import Surface
 
-__all__ = ["check_asset_subprocess", "main"]
-
-# Address space of the child: what Python, numpy and trimesh map, and a multiple of the file for its arrays.
-_BASE_ADDRESS_SPACE = 512 * 2**20
-_ADDRESS_SPACE_PER_BYTE = 16
+__all__ = ["bound_memory", "check_asset_subprocess", "check_memory", "has_area", "main"]
 
 
 def check_asset_subprocess(
-    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float = 60.0
+    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float | None = None
 ) -> AssetSummary:
     """Check a stored file from its JSON to its last vertex.
 
@@ -51,8 +48,8 @@ def check_asset_subprocess(
         The name that the user gave it; its own unless given.
     limits : Limits, optional
         What is allowed.
-    timeout_s : float
-        Seconds after which the file counts as too large.
+    timeout_s : float, optional
+        Seconds after which the file counts as too large; `limits.max_check_s` unless given.
 
     Returns
     -------
@@ -64,39 +61,60 @@ def check_asset_subprocess(
         One of its subclasses says what is wrong and what to do. A decoder that crashed is one, too.
     DependencyError
         A decoder is not installed.
+    UnavailableError
+        The machine cannot start a process now.
     """
     path = Path(path)
     limits = limits or Limits()
-    filename = filename or path.name
-    _inspect_file(path, filename, limits)
-    command = [sys.executable, "-m", "meshdeform.gltf.check", str(path), "--filename", filename]
+    timeout_s = limits.max_check_s if timeout_s is None else timeout_s
+    kind = _inspect_file(path, filename or path.name, limits).format
+    # The name may hold what no command line can; the child only has to know the format that was found.
+    command = [sys.executable, "-m", "meshdeform.gltf.check", str(path.absolute()), "--filename", f"asset.{kind}"]
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     try:
         child = subprocess.run(
             [*command, "--limits", json.dumps(asdict(limits))],
             env={**os.environ, **one_thread},
             stdin=subprocess.DEVNULL,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             timeout=timeout_s,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
-        raise AssetTooLargeError(f"The file could not be checked within {timeout_s:g} s.") from error
-    try:
-        verdict = json.loads(child.stdout)
-    except ValueError:
-        raise _crash(child.returncode, path) from None
+        raise AssetTooLargeError(
+            f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
+        ) from error
+    except OSError as error:
+        raise UnavailableError(f"The file cannot be checked now: {error.strerror}.") from error
+    verdict = _verdict(child.stdout)
+    if verdict is None:
+        raise _crash(child.returncode, path)
     if not verdict["ok"]:
         raise _error(verdict["error"])
     return _summary(verdict["summary"])
 
 
-def _inspect_file(path: Path, filename: str, limits: Limits) -> None:
+def check_memory(size: int) -> int:
+    """Address space, in bytes, that checking a file of `size` bytes may take."""
+    return CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size
+
+
+def _verdict(stdout: bytes) -> dict[str, Any] | None:
+    """Return what the child said, on its last line: a decoder may have printed something before it."""
+    try:
+        verdict = json.loads((stdout.splitlines() or [b""])[-1])
+    except ValueError:
+        return None
+    return verdict if isinstance(verdict, dict) and "ok" in verdict else None
+
+
+def _inspect_file(path: Path, filename: str, limits: Limits) -> AssetSummary:
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size == 0:
             raise AssetTruncatedError("The file is empty.")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            inspect_asset(data, filename, limits)
+            return inspect_asset(data, filename, limits)
 
 
 def _crash(returncode: int, path: Path) -> AssetError:
@@ -134,16 +152,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
-    _bound_memory(path.stat().st_size)
+    bound_memory(limits.memory_bytes(path.stat().st_size))
     from meshdeform.gltf.asset import load_asset
 
     asset = load_asset(path.read_bytes(), filename or path.name, limits)
-    if not _has_area(asset.surface):
+    if not has_area(asset.surface):
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
     return asdict(asset.summary)
 
 
-def _has_area(surface: Surface) -> bool:
+def has_area(surface: Surface) -> bool:
     """Whether any triangle spans a plane; a mesh of lines and points only would be accepted and then fail."""
     import numpy as np
 
@@ -153,12 +171,12 @@ def _has_area(surface: Surface) -> bool:
     return bool((cross > 1e-12 * longest).any())
 
 
-def _bound_memory(size: int) -> None:
+def bound_memory(wanted: int) -> None:
+    """Bound this process's address space to so many bytes, and let it write no core file."""
     try:
         import resource
     except ImportError:  # not on Windows; the limits on counts hold there all the same
         return
-    wanted = _BASE_ADDRESS_SPACE + _ADDRESS_SPACE_PER_BYTE * size
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     if hard == resource.RLIM_INFINITY or hard > wanted:
         resource.setrlimit(resource.RLIMIT_AS, (wanted, hard))

@@ -72,7 +72,7 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
         offset = start + length
     if not chunks or chunks[0][0] != _JSON:
         raise AssetError("The first chunk of the GLB is not JSON.")
-    _check_rest(data, offset)
+    _check_rest(data, offset, limits)
     _, start, end = chunks[0]
     if end - start > limits.max_json_bytes:
         raise AssetTooLargeError(
@@ -82,10 +82,13 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
     return Layout(slice(start, end), binary, slice(offset, size))
 
 
-def _check_rest(data: Data, offset: int) -> None:
+def _check_rest(data: Data, offset: int, limits: Limits) -> None:
     """Check the lengths of the chunks that nobody reads: a file that lies there may be cut anywhere."""
-    size = len(data)
+    size, chunks = len(data), 2
     while offset < size:
+        chunks += 1
+        if chunks > limits.max_chunks:
+            raise AssetTooLargeError(f"The GLB has more than {limits.max_chunks} chunks.", advice="Export it again.")
         if offset + 8 > size:
             raise AssetTruncatedError("The GLB ends inside a chunk's header.")
         (length,) = struct.unpack("<I", bytes(data[offset : offset + 4]))

@@ -12,6 +12,7 @@ from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, Ass
 from meshdeform.gltf.container import GLB_MAGIC, Data, glb_layout
 from meshdeform.gltf.fields import member, objects, text
 from meshdeform.gltf.foreign import inspect_foreign
+from meshdeform.gltf.images import Read, check_images
 from meshdeform.gltf.json_text import Json, parse_json
 from meshdeform.gltf.limits import Limits
 from meshdeform.gltf.scenegraph import (
@@ -82,13 +83,19 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
     if kind not in {"glb", "gltf"}:
         vertices, triangles = inspect_foreign(data, kind, limits)
         return AssetSummary(kind, vertices, triangles)
+    binary: slice | None = None
     if kind == "glb":
         layout = glb_layout(data, limits)
-        root = parse_json(bytes(data[layout.json]), limits)
-        binary_length = None if layout.binary is None else layout.binary.stop - layout.binary.start
+        root, binary = parse_json(bytes(data[layout.json]), limits), layout.binary
     else:
-        root, binary_length = parse_json(bytes(data), limits), None
-    return check_document(root, binary_length, limits, kind)
+        root = parse_json(bytes(data), limits)
+    summary = check_document(root, None if binary is None else binary.stop - binary.start, limits, kind)
+    check_images(root, None if binary is None else _reader(data, binary), limits)
+    return summary
+
+
+def _reader(data: Data, part: slice) -> Read:
+    return lambda at, count: bytes(data[part.start + at : min(part.start + at + count, part.stop)])
 
 
 def asset_format(data: Data, filename: str) -> str:
@@ -132,15 +139,24 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
     check_storage(root, binary_length, limits, *check_meshes(root))
     check_nodes(root)
     check_geometry(root)
+    objects(root, "animations")  # theirs are kept as they are; one of ours comes behind them
     return _summary(root, limits, kind, tuple(used))
 
 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
-    vertices = triangles = meshes = 0
+    vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
+    weights = [_weight(mesh) for mesh in objects(root, "meshes")]
     for instance in instances_of(root):
+        primitives += weights[instance.mesh]
+        if primitives > limits.max_primitives:
+            raise AssetTooLargeError(
+                f"The scene has more than {limits.max_primitives} primitives and morph targets "
+                "(each instance of a mesh counts).",
+                advice="Join meshes of the same material, or leave instances out.",
+            )
         if GPU_INSTANCING in root["nodes"][instance.node].get("extensions", {}):
             skipped.append({"node": instance.node, "reason": f"{GPU_INSTANCING} draws its mesh many times"})
             continue
@@ -156,6 +172,13 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
         reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
         raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped))
+
+
+def _weight(mesh: Json) -> int:
+    """Count what one instance of a mesh costs: each of its primitives gets as many targets as any of them has."""
+    primitives = objects(mesh, "primitives")
+    targets = max((len(primitive.get("targets", [])) for primitive in primitives), default=0)
+    return max(1, len(primitives) * (1 + targets), len(mesh.get("weights", [])))
 
 
 def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, list[dict[str, Any]]]:

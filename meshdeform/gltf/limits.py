@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["Limits"]
+__all__ = ["CHECK_BASE_BYTES", "CHECK_BYTES_PER_BYTE", "Limits"]
+
+# Address space of a check: what Python, numpy and trimesh map, and a multiple of the file for its arrays.
+CHECK_BASE_BYTES = 512 * 2**20
+CHECK_BYTES_PER_BYTE = 16
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Upper bounds on one asset; the first four are settings of a deployment.
+    """Upper bounds on one asset; those that `from_settings` names are settings of a deployment.
 
     Attributes
     ----------
@@ -29,7 +33,19 @@ class Limits:
     max_bare_elements : int
         `count` of a vertex or index accessor that has no data in the file (its elements are zeros by definition).
     max_json_values, max_json_depth : int
-        Values in the JSON (Python objects cost up to 100 times their text), and how deep they nest.
+        Values in the JSON (Python objects cost up to 100 times their text), and how deep they nest. They bound how
+        many nodes, meshes, materials, images and animations there can be, since each takes two values or more.
+    max_primitives : int
+        Primitives and their morph targets in the default scene, every instance counted: a few hundred values of
+        JSON can show a thousand primitives a thousand times.
+    max_chunks : int
+        Chunks of a GLB.
+    max_image_pixels, max_total_pixels : int
+        Pixels that one image decodes to, and all of them together.
+    max_memory_bytes : int
+        Address space of the process that decodes a file for the first time; a small file gets less.
+    max_check_s : float
+        Seconds that this may take.
     """
 
     max_bytes: int = 100 * 2**20
@@ -39,6 +55,12 @@ class Limits:
     max_bare_elements: int = 250_000
     max_json_values: int = 500_000
     max_json_depth: int = 128
+    max_primitives: int = 100_000
+    max_chunks: int = 1000
+    max_image_pixels: int = 8192 * 8192
+    max_total_pixels: int = 4 * 8192 * 8192
+    max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20
+    max_check_s: float = 30.0
 
     @property
     def max_vertices(self) -> int:
@@ -53,4 +75,11 @@ class Limits:
             max_json_bytes=settings.max_json_bytes,
             max_accessor_elements=settings.max_accessor_elements,
             max_triangles=settings.max_triangles,
+            max_image_pixels=settings.max_image_pixels,
+            max_total_pixels=settings.max_total_pixels,
+            max_memory_bytes=CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * settings.max_upload_bytes,
         )
+
+    def memory_bytes(self, size: int) -> int:
+        """Return the address space in which a file of this many bytes is checked."""
+        return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)

@@ -27,7 +27,7 @@ __all__ = ["ANIMATION_NAME", "add_morph_targets"]
 
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
-_POINTER = re.compile(r"/(nodes|meshes)/(\d+)/weights")
+_POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
 
 
 def add_morph_targets(
@@ -103,18 +103,25 @@ def _grow_weights(node: Json, mesh: Json, count: int) -> None:
 def _grow_animations(document: Document, owners: dict[int, int], before: dict[int, int]) -> None:
     """Give the existing animations of deformed nodes' weights a column for the new target."""
     grown: dict[tuple[int, int, int], int] = {}
+    outputs: dict[tuple[str, str, int], int | None] = {}
+    by_mesh = {mesh: node for node, mesh in owners.items()}
     for a, animation in enumerate(document.root.get("animations", [])):
         samplers, channels = animation.get("samplers"), animation.get("channels")
         if not isinstance(samplers, list) or not isinstance(channels, list):
             continue
         for channel in channels:
-            node = _weights_node(channel, owners)
+            node = _weights_node(channel, owners, by_mesh)
             sampler = channel.get("sampler") if isinstance(channel, dict) else None
             if node is None or before[node] == 0 or not _is_index(sampler, samplers):
                 continue
             key = (a, sampler, before[node])
             if key not in grown:
-                output = _grown_output(document, samplers[sampler], before[node])
+                # Samplers that share an output go on sharing it.
+                source = samplers[sampler]
+                made = (str(source.get("output")), str(source.get("interpolation")), before[node])
+                if made not in outputs:
+                    outputs[made] = _grown_output(document, source, before[node])
+                output = outputs[made]
                 if output is None:
                     continue
                 samplers.append({**samplers[sampler], "output": output})
@@ -126,21 +133,23 @@ def _is_index(value: object, array: list[Json]) -> TypeGuard[int]:
     return isinstance(value, int) and 0 <= value < len(array) and isinstance(array[value], dict)
 
 
-def _weights_node(channel: object, owners: dict[int, int]) -> int | None:
+def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, int]) -> int | None:
     """Return the deformed node whose weights a channel moves, by name or by KHR_animation_pointer."""
     target = channel.get("target") if isinstance(channel, dict) else None
     if not isinstance(target, dict):
         return None
     if target.get("path") == "weights":
         node = target.get("node")
-        return node if node in owners else None
+        return node if isinstance(node, int) and not isinstance(node, bool) and node in owners else None
     extensions = target.get("extensions")
     pointer = extensions.get("KHR_animation_pointer") if isinstance(extensions, dict) else None
     match = _POINTER.fullmatch(str(pointer.get("pointer"))) if isinstance(pointer, dict) else None
     if match is None:
         return None
     kind, index = match.group(1), int(match.group(2))
-    return next((node for node, mesh in owners.items() if index == (node if kind == "nodes" else mesh)), None)
+    if kind == "nodes":
+        return index if index in owners else None
+    return by_mesh.get(index)
 
 
 def _grown_output(document: Document, sampler: Json, count: int) -> int | None:

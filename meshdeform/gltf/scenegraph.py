@@ -70,7 +70,7 @@ def check_nodes(root: Json) -> None:
             if parents.setdefault(child, i) != i:
                 raise AssetError(f"nodes[{child}] is a child of two nodes.")
     _refuse_cycles(parents, len(nodes))
-    scenes = objects(root, "scenes")
+    scenes, accessors = objects(root, "scenes"), objects(root, "accessors")
     for i, scene in enumerate(scenes):
         indices(scene, "nodes", len(nodes), f"scenes[{i}]")
     index(root, "scene", len(scenes), "the document")
@@ -78,7 +78,6 @@ def check_nodes(root: Json) -> None:
         joints = indices(skin, "joints", len(nodes), f"skins[{i}]")
         if not joints:
             raise AssetError(f"skins[{i}] has no joints.")
-        accessors = objects(root, "accessors")
         matrices = index(skin, "inverseBindMatrices", len(accessors), f"skins[{i}]")
         if matrices is not None and not (
             accessors[matrices]["type"] == "MAT4"
@@ -110,7 +109,7 @@ def check_meshes(root: Json) -> tuple[set[int], set[int]]:
     -------
     The accessors that only a Draco stream fills, and those of morph targets alone, which are never read.
     """
-    accessors, from_draco = objects(root, "accessors"), set[int]()
+    accessors, views, from_draco = objects(root, "accessors"), objects(root, "bufferViews"), set[int]()
     of_targets, read = set[int](), set[int]()
     for m, mesh in enumerate(objects(root, "meshes")):
         numbers(mesh, "weights", None, f"meshes[{m}]")
@@ -128,7 +127,7 @@ def check_meshes(root: Json) -> tuple[set[int], set[int]]:
             draco = extension(primitive, DRACO, where)
             if draco is not None:
                 where = f"{where}.extensions.{DRACO}"
-                if index(draco, "bufferView", len(objects(root, "bufferViews")), where) is None:
+                if index(draco, "bufferView", len(views), where) is None:
                     raise AssetError(f"{where}.bufferView is missing.")
                 ids = member(draco, "attributes", where)
                 for name in ids:

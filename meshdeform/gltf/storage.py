@@ -85,12 +85,13 @@ def check_storage(
     AssetError
         Anything else that is not valid.
     """
+    # Each array is looked through once: doing so again for every element would take hours for a hostile file.
+    views = objects(root, "bufferViews")
     for i, image in enumerate(objects(root, "images")):
         _refuse_external(text(image, "uri", f"images[{i}]"), f"images[{i}]")
-        index(image, "bufferView", len(objects(root, "bufferViews")), f"images[{i}]")
+        index(image, "bufferView", len(views), f"images[{i}]")
     for i, buffer in enumerate(objects(root, "buffers")):
         _check_buffer(buffer, i, binary_length)
-    views = objects(root, "bufferViews")
     decoded = sum(_check_view(root, i, binary_length) for i in range(len(views)))
     for i in range(len(objects(root, "accessors"))):
         bare = _check_accessor(root, i, limits)
@@ -141,15 +142,15 @@ def _check_buffer(buffer: Json, i: int, binary_length: int | None) -> None:
 
 
 def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
-    """Return a buffer view's meshopt extension and its name, checked, or None."""
-    data = objects(root, "bufferViews")[view]
+    """Return a buffer view's meshopt extension and its name, checked, or None; `check_storage` checks the arrays."""
+    data = root["bufferViews"][view]
     where = f"bufferViews[{view}]"
     name = next((name for name in MESHOPT_EXTENSIONS if extension(data, name, where) is not None), None)
     if name is None:
         return None
     body = member(member(data, "extensions", where), name, where)
     where = f"{where}.extensions.{name}"
-    buffers = objects(root, "buffers")
+    buffers = root.get("buffers", [])
     buffer = index(body, "buffer", len(buffers), where)
     if buffer is None:
         raise AssetError(f"{where}.buffer is missing.")
@@ -180,7 +181,7 @@ def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
 def _check_view(root: Json, i: int, binary_length: int | None) -> int:
     """Check one buffer view; return how many bytes have to be decoded for it."""
     view, where = root["bufferViews"][i], f"bufferViews[{i}]"
-    buffers = objects(root, "buffers")
+    buffers = root.get("buffers", [])
     buffer = index(view, "buffer", len(buffers), where)
     if buffer is None:
         raise AssetError(f"{where}.buffer is missing.")
@@ -223,7 +224,7 @@ def _check_accessor(root: Json, i: int, limits: Limits) -> int:
 
 
 def _check_fits(root: Json, holder: Json, where: str, count: int, size: int, *, strided: bool = True) -> None:
-    views = objects(root, "bufferViews")
+    views = root.get("bufferViews", [])
     at = index(holder, "bufferView", len(views), where)
     if at is None:
         raise AssetError(f"{where}.bufferView is missing.")

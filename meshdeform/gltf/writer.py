@@ -101,11 +101,15 @@ def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
     nodes, meshes = document.root["nodes"], document.items("meshes")
     deformed: dict[int, list[int]] = defaultdict(list)
     for block in blocks:
-        if block.node not in deformed[block.mesh]:
+        if not deformed[block.mesh] or deformed[block.mesh][-1] != block.node:  # a node's blocks follow each other
             deformed[block.mesh].append(block.node)
+    shown: dict[int, set[int]] = defaultdict(set)
+    for i, node in enumerate(nodes):
+        if "mesh" in node:
+            shown[node["mesh"]].add(i)
     owners: dict[int, int] = {}
     for mesh, shown_by in deformed.items():
-        others = {i for i, node in enumerate(nodes) if node.get("mesh") == mesh} - set(shown_by)
+        others = shown[mesh] - set(shown_by)
         for node in shown_by if others else shown_by[1:]:
             meshes.append(clone(meshes[mesh]))
             nodes[node]["mesh"] = len(meshes) - 1

@@ -9,10 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetNotFiniteError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    UnavailableError,
+)
 from meshdeform.gltf import check
 from meshdeform.gltf.check import check_asset_subprocess
 from meshdeform.gltf.limits import Limits
+from meshdeform.settings import Settings
 from tests.unit.gltf.builders import QUAD_VERTS, Builder, quad
 
 
@@ -22,6 +30,17 @@ def nan_quad() -> bytes:
     primitive["attributes"]["POSITION"] = builder.accessor(QUAD_VERTS * np.float32("nan"))
     builder.node(builder.mesh(primitive))
     return builder.glb()
+
+
+def stand_in_for_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: str) -> None:
+    """Write a good file, and let a program of ours check it."""
+    (tmp_path / "quad.glb").write_bytes(quad())
+    program = tmp_path / "child.py"
+    program.write_text(child)
+    stand_in = tmp_path / "python"
+    stand_in.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{program}"\n')
+    stand_in.chmod(0o755)
+    monkeypatch.setattr(check.sys, "executable", str(stand_in))
 
 
 def test_a_good_file(tmp_path: Path) -> None:
@@ -76,20 +95,15 @@ def test_an_empty_file(tmp_path: Path) -> None:
 def test_a_child_that_dies_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: str, error: type[AssetError], message: str
 ) -> None:
-    path = tmp_path / "quad.glb"
-    path.write_bytes(quad())
-    stand_in = tmp_path / "python"
-    stand_in.write_text(f"#!/bin/sh\nexec {sys.executable} -c {child!r}\n".replace("'", '"'))
-    stand_in.chmod(0o755)
-    monkeypatch.setattr(check.sys, "executable", str(stand_in))
+    stand_in_for_child(tmp_path, monkeypatch, child)
     with pytest.raises(error, match=message):
-        check_asset_subprocess(path, timeout_s=0.5 if "sleep" in child else 60)
+        check_asset_subprocess(tmp_path / "quad.glb", timeout_s=0.5 if "sleep" in child else 60)
 
 
 def test_the_command_prints_a_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(check, "_bound_memory", lambda size: None)  # not for the process that runs the tests
+    monkeypatch.setattr(check, "bound_memory", lambda wanted: None)  # not for the process that runs the tests
     path = tmp_path / "a.glb"
     path.write_bytes(quad())
     assert check.main([str(path)]) == 0
@@ -99,3 +113,42 @@ def test_the_command_prints_a_verdict(
     error = json.loads(capsys.readouterr().out)["error"]
     assert error["code"] == "asset_not_finite"
     assert set(error) == {"code", "detail", "advice", "extra"}
+
+
+@pytest.mark.parametrize("name", ["-x.glb", "--help", "a\0b.glb", "\ud800.glb", "a\nb.glb", "x" * 200_000 + ".glb"])
+def test_a_name_that_no_command_line_takes(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "stored"
+    path.write_bytes(quad())
+    assert check_asset_subprocess(path, name).triangles == 2
+
+
+def test_a_decoder_that_prints_is_still_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in_for_child(tmp_path, monkeypatch, "print('decoding {'); print('[]'); import sys; sys.exit(3)")
+    with pytest.raises(AssetError, match="exit status 3"):
+        check_asset_subprocess(tmp_path / "quad.glb")
+
+
+def test_a_machine_that_starts_no_process_is_not_the_files_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "quad.glb"
+    path.write_bytes(quad())
+    monkeypatch.setattr(check.sys, "executable", str(tmp_path / "nothing"))
+    with pytest.raises(UnavailableError):
+        check_asset_subprocess(path)
+
+
+def test_a_file_that_takes_more_memory_than_it_may_is_too_large(tmp_path: Path) -> None:
+    path = tmp_path / "quad.glb"
+    path.write_bytes(quad())
+    with pytest.raises(AssetError) as raised:
+        check_asset_subprocess(path, limits=Limits(max_memory_bytes=24 * 2**20))
+    assert raised.value.status in (413, 422)
+
+
+def test_memory_and_time_are_limits() -> None:
+    limits = Limits()
+    assert limits.memory_bytes(limits.max_bytes) == limits.max_memory_bytes == check.check_memory(limits.max_bytes)
+    assert limits.memory_bytes(0) < limits.max_memory_bytes
+    assert Limits(max_memory_bytes=5).memory_bytes(10**9) == 5
+    assert Limits.from_settings(Settings(max_upload_bytes=2**30)).max_memory_bytes == check.check_memory(2**30)
