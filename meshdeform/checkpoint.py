@@ -17,7 +17,7 @@ from torch import Tensor
 
 from meshdeform.errors import CheckpointError
 
-__all__ = ["Checkpoint", "dump_checkpoint", "fingerprint", "load_checkpoint"]
+__all__ = ["Checkpoint", "dump_checkpoint", "fingerprint", "load_checkpoint", "load_shape"]
 
 _FORMAT = "meshdeform-checkpoint-1"
 
@@ -44,9 +44,9 @@ def fingerprint(**parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def dump_checkpoint(checkpoint: Checkpoint, run: str) -> bytes:
-    """Serialise a checkpoint of the run with fingerprint `run`."""
-    metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run}
+def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
+    """Serialise a checkpoint of the run with fingerprint `run`, made of the asset with the SHA-256 `asset`."""
+    metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
     return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
 
 
@@ -58,12 +58,34 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
     CheckpointError
         The bytes are torn, or belong to another run.
     """
+    checkpoint, metadata = _read(data)
+    if metadata.get("run") != run:
+        raise CheckpointError("The checkpoint was made with other parameters, another asset or another model.")
+    return checkpoint
+
+
+def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
+    """Read the tensors of a checkpoint of any run that deformed the asset with the SHA-256 `asset`.
+
+    Raises
+    ------
+    CheckpointError
+        The bytes are torn, or belong to another asset.
+    """
+    checkpoint, metadata = _read(data)
+    # Checkpoints that were made before the asset was noted have none; whether they fit is seen by their shape alone.
+    if metadata.get("asset") not in (None, "", asset):
+        raise CheckpointError("The checkpoint was made with another asset.")
+    return checkpoint.tensors
+
+
+def _read(data: bytes) -> tuple[Checkpoint, dict[str, str]]:
     try:
         metadata = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
         tensors = safetensors.torch.load(data)
         step = int(metadata["step"])
     except (SafetensorError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
         raise CheckpointError("The checkpoint is torn or not a checkpoint.") from error
-    if metadata.get("format") != _FORMAT or metadata.get("run") != run:
-        raise CheckpointError("The checkpoint was made with other parameters, another asset or another model.")
-    return Checkpoint(step, tensors)
+    if metadata.get("format") != _FORMAT:
+        raise CheckpointError("The checkpoint was made by another version of meshdeform.")
+    return Checkpoint(step, tensors), metadata

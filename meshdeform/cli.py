@@ -1,4 +1,4 @@
-"""The command line: `meshdeform run | serve | api | worker | version`.
+"""The command line: `meshdeform run | serve | api | worker | keys | version`.
 
 Nothing heavy is imported before a command needs it, so `--help` answers at once. Every expected error is one line and
 its advice on standard error; the exit code says what kind it was (`meshdeform.commands.exits`).
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import typer
 
+from meshdeform.commands.keys import keys
 from meshdeform.commands.run import run
 from meshdeform.commands.servers import api, serve, worker
 from meshdeform.commands.version import version
@@ -27,6 +28,7 @@ app.command()(run)
 app.command()(serve)
 app.command()(api)
 app.command()(worker)
+app.add_typer(keys, name="keys")
 app.command()(version)
 
 

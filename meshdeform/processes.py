@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import IO, Self
 
@@ -111,6 +111,11 @@ class Child:
         if self.exit_code is None:
             self._process.terminate()
 
+    def kill(self) -> None:
+        """Send SIGKILL, to it and to what it started; return at once."""
+        if self.exit_code is None:
+            self._kill_group()
+
     def stop(self, grace_s: float) -> int:
         """Wait for it after SIGTERM; kill it, with what it started, when the time is up."""
         self.ask_to_stop()
@@ -157,12 +162,20 @@ class KeptChild:
         Gets one sentence when it ended.
     on_end : callable, optional
         Called once for each time that it ended by itself.
+    at_once : collection of int
+        Exit codes after which it is started again without a wait: it ended in order to be.
     """
 
     def __init__(
-        self, start: Callable[[], Child], log: Callable[[str], None], on_end: Callable[[], None] | None = None
+        self,
+        start: Callable[[], Child],
+        log: Callable[[str], None],
+        on_end: Callable[[], None] | None = None,
+        *,
+        at_once: Collection[int] = (),
     ) -> None:
         self._start, self._log, self._on_end, self._backoff = start, log, on_end, Backoff()
+        self._at_once = at_once
         self._due: float | None = None
         self.child = start()
 
@@ -173,7 +186,8 @@ class KeptChild:
                 self._due = None
                 self.child = self._start()
         elif (code := self.child.exit_code) is not None:
-            delay = self._backoff.after(time.monotonic() - self.child.started)
+            lived_s = time.monotonic() - self.child.started
+            delay = 0.0 if code in self._at_once else self._backoff.after(lived_s)
             self._due = time.monotonic() + delay
             self._log(f"{self.child.name} {_how_it_ended(code)}; starting it again in {delay:g} s")
             if self._on_end is not None:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from meshdeform.config import BUILTIN_MODEL
+from meshdeform.config import BUILTIN_MODEL, MAX_STEPS
 
 __all__ = ["Settings"]
 
@@ -28,6 +29,11 @@ class Settings(BaseSettings):
         "",
         description="Object store: a folder, or s3://bucket/prefix. Default: a folder in the data directory.",
     )
+    storage_public_url: str = Field(
+        "",
+        description="URL under which clients reach an S3 store, for signed URLs, where it is not the one of "
+        "AWS_ENDPOINT_URL.",
+    )
     model: str = Field(BUILTIN_MODEL, min_length=1, description="The diffusion prior where a job names none.")
     allowed_models: list[str] = Field(
         default_factory=list,
@@ -39,6 +45,38 @@ class Settings(BaseSettings):
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
     lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for so long has lost its job.")
     max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
+    step_timeout_s: float = Field(
+        600.0, ge=1.0, description="A worker that does no step for so long is taken for hung, killed and started again."
+    )
+    checkpoints_kept: int = Field(
+        10, ge=2, le=10_000, description="Checkpoints that a job keeps, the newest ones; older ones give way."
+    )
+    retention_s: float = Field(
+        0.0, ge=0.0, description="Seconds after its end when a job is deleted, where it says nothing. 0: never."
+    )
+    auth: Literal["auto", "on", "off"] = Field(
+        "auto",
+        description="Whether requests need an API key. `auto`: only where the API listens on more than loopback.",
+    )
+    requests_per_minute: int = Field(
+        600, ge=0, description="Requests that an API key may make in a minute, where the key says nothing. 0: any."
+    )
+    max_active_jobs: int = Field(
+        1000, ge=0, description="Unfinished jobs that an API key may have, where the key says nothing. 0: any number."
+    )
+    upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an upload is kept that no job has used.")
+    signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
+    webhook_networks: list[str] = Field(
+        default_factory=list,
+        description="Networks besides the public internet that webhooks may reach, as a JSON list of CIDR blocks; "
+        "there plain http is allowed too.",
+    )
+    log_format: Literal["text", "json"] = Field("text", description="`text`: lines to read. `json`: one object a line.")
+    max_image_pixels: int = Field(8192 * 8192, ge=1, description="Largest number of pixels of one image of an asset.")
+    max_total_pixels: int = Field(
+        4 * 8192 * 8192, ge=1, description="Largest number of pixels of all images of an asset together."
+    )
+    max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS, description="Largest number of steps of a job.")
     max_upload_bytes: int = Field(100 * 2**20, ge=1024, description="Largest request body.")
     max_accessor_elements: int = Field(
         20_000_000, ge=1, description="Largest number of elements that one accessor may declare."

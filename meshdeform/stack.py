@@ -19,6 +19,7 @@ from pathlib import Path
 
 from meshdeform.directory_lock import DirectoryLock
 from meshdeform.errors import UnavailableError
+from meshdeform.logs import PART, json_line
 from meshdeform.processes import Child, KeptChild, SignalInbox, python_command
 from meshdeform.redis_server import RedisServer
 from meshdeform.settings import Settings
@@ -72,7 +73,8 @@ class Stack:
     announce : callable
         Gets the URL once, when the service is ready.
     log : callable
-        Gets the parts' output, line by line with the part's name in front, and what happens to the parts.
+        Gets the parts' output, line by line with the part's name in front, and what happens to the parts. With
+        `log_format` json each line is an object with the part's name in it.
     """
 
     def __init__(
@@ -129,9 +131,9 @@ class Stack:
             return Child(
                 name,
                 python_command(*command),
-                env=environment,
+                env={**environment, PART: name},
                 pass_fds=descriptors,
-                on_line=lambda line: self._log(f"{name:<6} | {line}"),
+                on_line=lambda line: self._pass_on(name, line),
             )
 
         self._parts.append(KeptChild(start, self._say))
@@ -158,7 +160,11 @@ class Stack:
             part.stop(deadline - time.monotonic())
 
     def _say(self, text: str) -> None:
-        self._log(f"serve  | {text}")
+        self._pass_on("serve", text, __name__)
+
+    def _pass_on(self, part: str, line: str, logger: str = "output") -> None:
+        json = self._settings.log_format == "json"
+        self._log(json_line(line, part, logger) if json else f"{part:<6} | {line}")
 
 
 def _environment(settings: Settings, redis_url: str) -> dict[str, str]:
@@ -171,6 +177,8 @@ def _environment(settings: Settings, redis_url: str) -> dict[str, str]:
         "MESHDEFORM_MODEL": settings.model,
         "MESHDEFORM_DEVICE": settings.device,
         "MESHDEFORM_THREADS": str(settings.threads),
+        "MESHDEFORM_AUTH": settings.auth,
+        "MESHDEFORM_LOG_FORMAT": settings.log_format,
         "PYTHONUNBUFFERED": "1",
     }
 

@@ -52,5 +52,8 @@ class JobRun(Protocol):
     def checkpoint(self) -> bytes:
         """Everything that the rest of the run depends on; valid between two steps."""
 
+    def snapshot(self) -> ArtifactData:
+        """Write the asset as it stands now; valid between two steps."""
+
     def finish(self) -> dict[str, ArtifactData]:
         """Write the results, by artifact name."""

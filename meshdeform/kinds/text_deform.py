@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.checkpoint import dump_checkpoint, fingerprint, load_checkpoint
+from meshdeform.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.deform import Deformation
 from meshdeform.errors import ParameterError, PromptError
@@ -36,6 +36,7 @@ _FRAME_RADIUS = 0.6
 """Radius of the source in the frame where the cameras see the unit sphere: room to grow into."""
 
 _GLB = "model/gltf-binary"
+_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ def start(
     target: bytes | None = None,
     target_filename: str = "",
     checkpoint: bytes | None = None,
+    initial: bytes | None = None,
     default_model: str = BUILTIN_MODEL,
     limits: Limits | None = None,
     device: str = "cpu",
@@ -82,6 +84,8 @@ def start(
         What `params.guidance = sds` needs, loaded by the caller so that it can be kept between jobs.
     checkpoint : bytes, optional
         A checkpoint of the same request to go on from.
+    initial : bytes, optional
+        A checkpoint of any request with the same asset, whose shape the run begins with at step 0.
     default_model : str
         The model where the request names none.
     limits : Limits, optional
@@ -110,7 +114,8 @@ def start(
             guidance=guidance.identity,
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
-        deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state)
+        shape = load_shape(initial, sha256_hex(asset)) if initial is not None else None
+        deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state, initial=shape)
     facts = RunFacts(request, params, sha256_hex(asset), len(asset), filename, guidance.identity, run, device)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock)
 
@@ -186,11 +191,21 @@ class TextDeformRun:
 
     def checkpoint(self) -> bytes:
         """Everything that the rest of the run depends on; valid between two steps."""
-        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint)
+        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.asset_sha256)
 
     def positions(self) -> NDArray[np.float64]:
         """Positions (N, 3) float64 of the asset's own vertices as they stand now, in the world."""
         return self._welded.scatter(self._world_verts(), self._asset.surface.positions)
+
+    def snapshot(self) -> ArtifactData:
+        """Write the asset as it stands now, as `result.glb` would be.
+
+        Raises
+        ------
+        NumericalError
+            The shape is not finite.
+        """
+        return ArtifactData(self._asset.replace(*self._surface(self._world_verts())), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Write `result.glb`, `report.json`, `preview.png`, and `morph.glb` where it was asked for.
@@ -200,15 +215,9 @@ class TextDeformRun:
         NumericalError
             The result is not finite.
         """
-        surface, rest = self._asset.surface, self._welded.mesh
-        verts = self._world_verts()
+        rest, verts = self._welded.mesh, self._world_verts()
         with self._clock.phase("write"):
-            positions = self._welded.scatter(verts, surface.positions)
-            jacobians = completed_jacobians(rest.verts, verts, rest.faces)
-            areas = torch.from_numpy(effective_face_areas(rest))
-            triangles = surface.triangles[self._welded.face_source]
-            normals = transform_normals(surface.normals, triangles, jacobians, areas)
-            tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
+            positions, normals, tangents = self._surface(verts)
             result = self._asset.replace(positions, normals, tangents)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph:
@@ -227,6 +236,16 @@ class TextDeformRun:
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
+
+    def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
+        """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""
+        surface, rest = self._asset.surface, self._welded.mesh
+        jacobians = completed_jacobians(rest.verts, verts, rest.faces)
+        areas = torch.from_numpy(effective_face_areas(rest))
+        triangles = surface.triangles[self._welded.face_source]
+        normals = transform_normals(surface.normals, triangles, jacobians, areas)
+        tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
+        return self._welded.scatter(verts, surface.positions), normals, tangents
 
     def _world_verts(self) -> Tensor:
         return self._frame.leave(self._deformation.verts())

@@ -25,6 +25,7 @@ _UNBOUNDED = Limits(
     max_triangles=2**40,
     max_bare_elements=2**40,
     max_json_values=2**40,
+    max_primitives=2**40,
 )
 """For our own output: the input has passed the limits, and the output is a little larger."""
 

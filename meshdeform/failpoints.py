@@ -1,0 +1,120 @@
+"""Named places where a process can be made to die, stop, fail or wait: how the tests strike exactly there.
+
+A call costs a look at an empty dict unless ``MESHDEFORM_FAILPOINTS`` is set, which is read once, at import, and is no
+setting: no deployment has a use for it. It lists points and what they do::
+
+    NAME=ACTION[@N][:FILE][;ONCE],NAME=...
+
+    kill          SIGKILL to this process
+    stop          SIGSTOP to this process
+    raise         RuntimeError
+    pause:FILE    create FILE.reached, then wait until there is FILE.go
+    @N            only the N-th time that this process comes by
+    ;ONCE         only if the file ONCE can be created: a process that is started again does not act again
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["FAILPOINTS", "failpoint"]
+
+FAILPOINTS: tuple[str, ...] = (
+    "api.received",
+    "api.stored",
+    "api.recorded",
+    "api.told",
+    "worker.told",
+    "worker.claimed",
+    "worker.started",
+    "worker.step",
+    "worker.checkpoint.stored",
+    "worker.checkpoint.recorded",
+    "worker.finished",
+    "worker.result.stored",
+    "worker.results.stored",
+    "worker.ended",
+    "supervisor.reclaimed",
+    "reconciler.reclaimed",
+    "reconciler.told",
+)
+"""Every name, in the order in which a job comes by."""
+
+_VARIABLE = "MESHDEFORM_FAILPOINTS"
+_POLL_S = 0.01
+_POINT = re.compile(
+    r"(?P<name>[a-z.]+)=(?P<action>kill|stop|raise|pause)(@(?P<hit>[1-9]\d*))?(:(?P<file>[^;]+))?(;(?P<once>.+))?"
+)
+
+
+@dataclass(frozen=True)
+class _Point:
+    action: str
+    hit: int | None
+    file: str | None
+    once: str | None
+
+
+def _parse(text: str) -> dict[str, _Point]:
+    points = {}
+    for part in filter(None, text.split(",")):
+        match = _POINT.fullmatch(part)
+        if match is None or match["name"] not in FAILPOINTS or (match["action"] == "pause") != bool(match["file"]):
+            raise ValueError(f"{_VARIABLE}: {part!r} is no failpoint")
+        hit = int(match["hit"]) if match["hit"] else None
+        points[match["name"]] = _Point(match["action"], hit, match["file"], match["once"])
+    return points
+
+
+_points = _parse(os.environ.get(_VARIABLE, ""))
+_hits: Counter[str] = Counter()
+_lock = threading.Lock()
+
+
+def failpoint(name: str) -> None:
+    """Do what the environment wants done at this place; almost always nothing.
+
+    Raises
+    ------
+    RuntimeError
+        The action is `raise`.
+    """
+    if _points:
+        _come_by(name)
+
+
+def _come_by(name: str) -> None:
+    point = _points.get(name)
+    if point is None:
+        return
+    with _lock:
+        _hits[name] += 1
+        hit = _hits[name]
+    if (point.hit is None or point.hit == hit) and (point.once is None or _first(Path(point.once))):
+        _act(name, point)
+
+
+def _first(path: Path) -> bool:
+    try:
+        path.open("x").close()
+    except FileExistsError:
+        return False
+    return True
+
+
+def _act(name: str, point: _Point) -> None:
+    if point.action == "raise":
+        raise RuntimeError(f"failpoint {name}")
+    if point.action == "pause":
+        Path(f"{point.file}.reached").touch()
+        while not Path(f"{point.file}.go").exists():
+            time.sleep(_POLL_S)
+        return
+    os.kill(os.getpid(), signal.SIGKILL if point.action == "kill" else signal.SIGSTOP)
