@@ -13,19 +13,24 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from meshdeform.errors import (
+    IdempotencyBusyError,
+    LimitError,
     MeshdeformError,
     MethodNotAllowedError,
     NotFoundError,
     ParameterError,
     RangeError,
     RequestError,
+    UnauthorizedError,
     UnavailableError,
 )
+from service.middleware import request_id
 
 __all__ = ["PROBLEM_TYPE", "add_error_handlers", "parameter_error", "problem_responses"]
 
 PROBLEM_TYPE = "application/problem+json"
 _METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
+_BUSY_S = 5  # when to come again where nobody knows when there will be room
 _log = logging.getLogger(__name__)
 
 
@@ -72,6 +77,7 @@ def _document(error: MeshdeformError, path: str, status: int | None = None) -> d
         "code": error.code,
         "advice": error.advice_text,
         "instance": path,
+        **({"request_id": identity} if (identity := request_id()) else {}),
     }
 
 
@@ -79,12 +85,18 @@ def _answer(
     request: Request, error: MeshdeformError, *, status: int | None = None, headers: dict[str, str] | None = None
 ) -> JSONResponse:
     headers = dict(headers or {})
+    if isinstance(error, UnauthorizedError):
+        headers["WWW-Authenticate"] = "Bearer"
     if isinstance(error, UnavailableError):
         headers["Retry-After"] = "2"
+    if isinstance(error, IdempotencyBusyError):
+        headers["Retry-After"] = "1"
+    if isinstance(error, LimitError):
+        headers["Retry-After"] = str(error.extra.get("retry_after_s", _BUSY_S))
     if isinstance(error, RangeError):
         headers["Content-Range"] = f"bytes */{error.extra['size']}"
     document = _document(error, request.url.path, status)
-    if request.method == "POST" and document["status"] == 413:
+    if request.method in ("PATCH", "POST", "PUT") and document["status"] in (408, 413):
         # The rest of the body is not read: the connection cannot carry another request.
         headers["Connection"] = "close"
     return JSONResponse(document, document["status"], headers, PROBLEM_TYPE)
@@ -108,6 +120,9 @@ async def _on_validation(request: Request, error: Exception) -> JSONResponse:
 
 async def _on_http(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
+    if isinstance(error.__cause__, MeshdeformError):
+        # FastAPI's words for whatever went wrong while it read a body; ours are better.
+        return _answer(request, error.__cause__)
     headers = dict(error.headers or {})
     if error.status_code == 404:
         advice = "The routes are in /openapi.json."

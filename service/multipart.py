@@ -13,17 +13,17 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from meshdeform.errors import AssetTooLargeError, RequestError
+from service.bodies import MAX_DOCUMENT_BYTES
+from service.documents import MAX_FILENAME
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-__all__ = ["ReceivedFile", "ReceivedForm", "receive_form"]
+__all__ = ["ReceivedFile", "ReceivedForm", "clean_filename", "receive_form"]
 
 FILES = ("asset", "target")
 DOCUMENT = "request"
-MAX_DOCUMENT_BYTES = 256 * 1024
 _MAX_HEADER_BYTES = 8 * 1024
-_MAX_FILENAME = 200
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class ReceivedFile:
 
 @dataclass(frozen=True)
 class ReceivedForm:
-    """The parts of one request."""
+    """The parts of one request; a file that is not among them may be named in the document."""
 
     document: bytes
-    asset: ReceivedFile
+    asset: ReceivedFile | None
     target: ReceivedFile | None
 
 
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> ReceivedForm:
-    """Receive the parts `asset`, `request` and, if it is sent, `target`.
+    """Receive the part `request` and, where they are sent, `asset` and `target`.
 
     Parameters
     ----------
@@ -140,15 +140,14 @@ class _Receiver:
     def form(self) -> ReceivedForm:
         if not self._ended:
             raise RequestError("The body ends before its last boundary.", advice="Send the whole body.")
-        missing = [name for name in ("asset", DOCUMENT) if name not in self._parts]
-        if missing:
+        if DOCUMENT not in self._parts:
             raise RequestError(
-                f"The part `{missing[0]}` is missing.",
+                f"The part `{DOCUMENT}` is missing.",
                 advice="Send the file as the part `asset` and the JSON document as the part `request`.",
             )
-        document, asset, target = self._parts[DOCUMENT], self._parts["asset"], self._parts.get("target")
+        document, (asset, target) = self._parts[DOCUMENT], (self._parts.get(name) for name in FILES)
         assert isinstance(document, _DocumentPart)
-        return ReceivedForm(bytes(document.data), _file(asset), _file(target) if target else None)
+        return ReceivedForm(bytes(document.data), _file(asset) if asset else None, _file(target) if target else None)
 
     def close(self) -> None:
         for part in self._parts.values():
@@ -177,7 +176,9 @@ class _Receiver:
         if name == DOCUMENT:
             self._part = _DocumentPart()
         else:
-            self._part = _FilePart(self._folder / name, _clean(options.get(b"filename", b"")))
+            self._part = _FilePart(
+                self._folder / name, clean_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
+            )
         self._parts[name] = self._part
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
@@ -230,7 +231,7 @@ def _file(part: _Part) -> ReceivedFile:
     return ReceivedFile(part.path, part.filename, part.size, part.digest.hexdigest())
 
 
-def _clean(filename: bytes) -> str:
+def clean_filename(filename: str) -> str:
     """Keep the last part of the sender's path, without control characters; its end, which has the format, if long."""
-    name = re.split(r"[/\\]", filename.decode("utf-8", "replace"))[-1]
-    return "".join(letter for letter in name if letter.isprintable())[-_MAX_FILENAME:]
+    name = re.split(r"[/\\]", filename)[-1]
+    return "".join(letter for letter in name if letter.isprintable())[-MAX_FILENAME:]

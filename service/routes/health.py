@@ -44,7 +44,7 @@ def readyz(parts: PartsDep) -> JSONResponse:
     found = {
         "record": _ask(parts.record.ping),
         "redis": _ask(parts.queue.ping),
-        "store": _ask(parts.store.ping),
+        "store": _ask(parts.probe.ping),
     }
     ready = all(part.status == "ok" for part in found.values())
     readiness = Readiness(status="ok" if ready else "unavailable", **found)

@@ -1,133 +1,51 @@
-"""Jobs: post, look, list, cancel, delete."""
+"""Jobs: look, list, cancel, delete. `creation` makes them."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
-import tempfile
-from pathlib import Path as FilePath
+import re
 from typing import Annotated
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from meshdeform.errors import (
-    AssetEmptyError,
-    AssetError,
-    AssetExternalError,
-    AssetFormatError,
-    AssetNotFiniteError,
-    AssetTooLargeError,
-    AssetTruncatedError,
-    AssetUnsupportedError,
-    ConflictError,
-    ModelError,
-    NotFoundError,
-    ParameterError,
-    PromptError,
-    RequestError,
-    UnavailableError,
-    VocabularyError,
-)
+from meshdeform.config import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
+from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.jobs.cleanup import remove_unreachable
-from meshdeform.jobs.ids import JOB_ID_PATTERN
 from meshdeform.jobs.models import Job, JobState
 from meshdeform.jobs.views import JobList, JobView
+from service.auth import PrincipalDep
 from service.deps import PartsDep
 from service.errors import problem_responses
-from service.intake import take_in
-from service.multipart import receive_form
+from service.intake import job_headers
+from service.preferences import Prefer, applied, preferred_wait
 from service.ranges import matches
+from service.routes.described import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
+from service.waiting import settled
 
-__all__ = ["JobId", "router"]
+__all__ = ["MAX_PAGE", "JobId", "router", "shown"]
 
 _log = logging.getLogger(__name__)
-_POLL_S = "1"
+_LABEL = re.compile(r"metadata\[(.*)\]", re.DOTALL)
+_METADATA = {
+    "name": "metadata",
+    "in": "query",
+    "required": False,
+    "style": "deepObject",
+    "explode": True,
+    "description": "Only jobs with all of these labels: `?metadata[shot]=sc010`. Default: all.",
+    "schema": {
+        "type": "object",
+        "maxProperties": MAX_METADATA_ENTRIES,
+        "propertyNames": {"minLength": 1, "maxLength": MAX_METADATA_NAME},
+        "additionalProperties": {"type": "string", "maxLength": MAX_METADATA_VALUE},
+    },
+    "example": {"shot": "sc010"},
+}
+MAX_PAGE = 200
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
-
-JobId = Annotated[
-    str,
-    Path(
-        description="The job's id, as `POST /v1/jobs` gave it.",
-        pattern=JOB_ID_PATTERN,
-        examples=["job_01kg9zqk2xf3v8c5m7n9p1r4t6"],
-    ),
-]
-
-_ASSET_ERRORS = (
-    AssetTooLargeError,
-    AssetFormatError,
-    AssetError,
-    AssetTruncatedError,
-    AssetExternalError,
-    AssetUnsupportedError,
-    AssetNotFiniteError,
-    AssetEmptyError,
-)
-_REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
-_ETAG = {"ETag": {"description": "Changes with the job.", "schema": {"type": "string"}, "example": 'W/"7"'}}
-_RETRY = {
-    "Retry-After": {"description": "When to look again, in seconds.", "schema": {"type": "integer"}, "example": 1}
-}
-_LOCATION = {
-    "Location": {
-        "description": "The job's URL.",
-        "schema": {"type": "string"},
-        "example": "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6",
-    }
-}
-_FORM = {
-    "required": True,
-    "content": {
-        "multipart/form-data": {
-            "schema": {
-                "type": "object",
-                "required": ["asset", "request"],
-                "additionalProperties": False,
-                "properties": {
-                    "asset": {
-                        "type": "string",
-                        "contentMediaType": "application/octet-stream",
-                        "description": "The file to deform: GLB, OBJ, PLY or STL.",
-                    },
-                    "request": {"$ref": "#/components/schemas/JobRequest"},
-                    "target": {
-                        "type": "string",
-                        "contentMediaType": "application/octet-stream",
-                        "description": "A second mesh, where `params.guidance` is `target`.",
-                    },
-                },
-            },
-            "encoding": {"request": {"contentType": "application/json"}},
-        }
-    },
-}
-
-
-@router.post(
-    "",
-    operation_id="create_job",
-    summary="Post an asset and say what it shall become",
-    status_code=202,
-    responses={
-        202: {"model": JobView, "description": "Accepted.", "headers": {**_LOCATION, **_RETRY, **_ETAG}},
-        **problem_responses(*_ASSET_ERRORS, *_REQUEST_ERRORS, UnavailableError),
-    },
-    openapi_extra={"requestBody": _FORM},
-)
-async def create_job(request: Request, parts: PartsDep) -> Response:
-    """Everything is checked first: what is accepted can be run, and reaches exactly one terminal state."""
-    with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-        form = await receive_form(
-            request.headers.get("content-type", ""),
-            request.headers.get("content-length", ""),
-            request.stream(),
-            FilePath(folder),
-            parts.settings.max_upload_bytes,
-        )
-        job = await to_thread.run_sync(take_in, parts, form, limiter=parts.intake)
-    return _answer(job, status=202, headers={"Location": f"/v1/jobs/{job.id}"})
 
 
 @router.get(
@@ -136,15 +54,18 @@ async def create_job(request: Request, parts: PartsDep) -> Response:
     summary="List jobs, newest first",
     responses={
         200: {"model": JobList, "description": "A page of jobs."},
-        **problem_responses(ParameterError, UnavailableError),
+        **problem_responses(ParameterError, *CALLER_ERRORS),
     },
+    openapi_extra={"parameters": [_METADATA]},
 )
 def list_jobs(
+    request: Request,
     parts: PartsDep,
+    principal: PrincipalDep,
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
-    limit: Annotated[int, Query(description="Length of a page.", ge=1, le=200, examples=[50])] = 50,
+    limit: Annotated[int, Query(description="Length of a page.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
     cursor: Annotated[
         str | None,
         Query(
@@ -155,7 +76,8 @@ def list_jobs(
     ] = None,
 ) -> Response:
     """Jobs that come in between two pages do not shift the second one."""
-    page = parts.record.list_jobs(state, cursor, limit)
+    labels = _labels(request)
+    page = parts.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
     return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 
 
@@ -164,13 +86,15 @@ def list_jobs(
     operation_id="get_job",
     summary="Look at a job",
     responses={
-        200: {"model": JobView, "description": "The job.", "headers": {**_ETAG, **_RETRY}},
-        304: {"description": "Not changed since the version that `If-None-Match` names.", "headers": _ETAG},
-        **problem_responses(NotFoundError, UnavailableError),
+        200: {"model": JobView, "description": "The job.", "headers": {**ETAG, **RETRY_AFTER, **WAITED}},
+        304: {"description": "Not changed since the version that `If-None-Match` names.", "headers": ETAG},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def get_job(
+async def get_job(
+    request: Request,
     parts: PartsDep,
+    principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     if_none_match: Annotated[
         str | None,
@@ -178,12 +102,18 @@ def get_job(
             description="The `ETag` of the version that you have. Default: none.", max_length=1000, examples=['W/"7"']
         ),
     ] = None,
+    prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
 ) -> Response:
     """With `If-None-Match` a job that has not changed costs a 304 without a body."""
-    job = parts.record.get(id)
-    if matches(if_none_match, _tag(job)):
-        return Response(status_code=304, headers=_headers(job))
-    return _answer(job)
+    wait_s = preferred_wait(request)
+    if wait_s is None:
+        job = await to_thread.run_sync(parts.record.get, id, principal.owner_id)
+    else:
+        job = await settled(parts, id, principal.owner_id, wait_s, request=request)
+    headers = {**job_headers(job), **applied(wait_s)}
+    if matches(if_none_match, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return shown(job, headers=headers)
 
 
 @router.post(
@@ -191,20 +121,26 @@ def get_job(
     operation_id="cancel_job",
     summary="Cancel a job",
     responses={
-        200: {"model": JobView, "description": "`canceled`, or `canceling` until its worker stops.", "headers": _ETAG},
-        **problem_responses(NotFoundError, ConflictError, UnavailableError),
+        200: {"model": JobView, "description": "`canceled`, or `canceling` until its worker stops.", "headers": ETAG},
+        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
     },
 )
-def cancel_job(parts: PartsDep, id: JobId) -> Response:  # noqa: A002
-    """A queued job is canceled at once, a running one within a step. A job that is over gives 409."""
-    job = parts.record.request_cancel(id)
+def cancel_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+    """A queued job is canceled at once, a running one within a step. One that ended otherwise gives 409."""
+    try:
+        job = parts.record.request_cancel(id, principal.owner_id)
+    except ConflictError:
+        job = parts.record.get(id, principal.owner_id)
+        if job.state is not JobState.CANCELED:
+            raise
+        # What was asked for is so: a request that is sent again is no mistake.
     if job.state is JobState.CANCELING:
         try:
             parts.queue.publish_cancel(id)
         except UnavailableError as error:
             # Its worker reads the record with every heartbeat: it stops a little later.
             _log.warning("job %s: its worker is not told at once: %s", id, error)
-    return _answer(job)
+    return shown(job)
 
 
 @router.delete(
@@ -215,26 +151,48 @@ def cancel_job(parts: PartsDep, id: JobId) -> Response:  # noqa: A002
     response_class=Response,
     responses={
         204: {"description": "It is gone."},
-        **problem_responses(NotFoundError, ConflictError, UnavailableError),
+        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
     },
 )
-def delete_job(parts: PartsDep, id: JobId) -> Response:  # noqa: A002
+def delete_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
     """Only a job that is over: cancel it first. The asset goes too, unless another job uses it."""
-    parts.record.delete(id)
+    parts.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
         # The record knows what is left to remove: if the store is away now, the reconciler does it later.
         remove_unreachable(parts.record, parts.store)
     return Response(status_code=204)
 
 
-def _tag(job: Job) -> str:
-    return f'W/"{job.version}"'
+def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:
+    """Return the answer that shows a job."""
+    return JSONResponse(JobView.of(job).as_json(), status, {**job_headers(job), **(headers or {})})
 
 
-def _headers(job: Job) -> dict[str, str]:
-    retry = {} if job.state.terminal else {"Retry-After": _POLL_S}
-    return {"ETag": _tag(job), "Cache-Control": "no-cache", **retry}
-
-
-def _answer(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:
-    return JSONResponse(JobView.of(job).as_json(), status, {**_headers(job), **(headers or {})})
+def _labels(request: Request) -> dict[str, str]:
+    """The labels that the query names, in the form in which OpenAPI writes objects: `metadata[NAME]=VALUE`."""
+    labels: dict[str, str] = {}
+    for parameter, value in request.query_params.multi_items():
+        match = _LABEL.fullmatch(parameter)
+        if match is None:
+            continue
+        name = match[1]
+        reason = (
+            "comes twice"
+            if name in labels
+            else f"a name has 1 to {MAX_METADATA_NAME} characters"
+            if not 1 <= len(name) <= MAX_METADATA_NAME
+            else "the character U+0000 is in no label"
+            if "\0" in name + value
+            else f"a value has at most {MAX_METADATA_VALUE} characters"
+            if len(value) > MAX_METADATA_VALUE
+            else f"at most {MAX_METADATA_ENTRIES} labels"
+            if len(labels) == MAX_METADATA_ENTRIES
+            else ""
+        )
+        if reason:
+            place = ["query", "metadata", name[:MAX_METADATA_NAME]]
+            raise ParameterError(
+                f"query.metadata: {reason}.", errors=[{"loc": place, "msg": reason, "type": "value_error"}]
+            )
+        labels[name] = value
+    return labels

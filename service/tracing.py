@@ -1,0 +1,33 @@
+"""A span around every request, as a child of the caller's where it says which."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshdeform.telemetry import span
+from service.metrics import route_of
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Receive, Scope, Send
+
+__all__ = ["TracingMiddleware"]
+
+_QUIET = ("/healthz", "/readyz", "/metrics")
+
+
+class TracingMiddleware:
+    """Traces requests; those of probes and of Prometheus are left out."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer within a span."""
+        if scope["type"] != "http" or scope["path"] in _QUIET:
+            await self._app(scope, receive, send)
+            return
+        caller = next((value.decode("latin-1") for name, value in scope["headers"] if name == b"traceparent"), None)
+        route = route_of(scope)
+        attributes = {"http.request.method": scope["method"], "http.route": route}
+        with span(f"{scope['method']} {route}", attributes, traceparent=caller):
+            await self._app(scope, receive, send)
