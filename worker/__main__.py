@@ -5,15 +5,17 @@ from __future__ import annotations
 import sys
 
 from meshdeform.errors import MeshdeformError
+from meshdeform.logs import configure_logging
 from meshdeform.settings import Settings
-from worker.supervisor import Supervisor, configure_logging
+from worker.supervisor import PROCESS_MODULE, Supervisor
 
 
-def main() -> None:
+def main(process_module: str = PROCESS_MODULE) -> None:
     """Run until SIGINT or SIGTERM."""
-    configure_logging()
+    settings = Settings()
+    configure_logging(settings)
     try:
-        Supervisor(Settings()).run()
+        Supervisor(settings, process_module).run()
     except MeshdeformError as error:
         sys.exit(f"{error.detail} {error.advice_text}")
 

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import time
 from collections.abc import Iterator
 
-from meshdeform.errors import CheckpointError, NotFoundError
-from meshdeform.jobs.models import Job
+from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.failpoints import failpoint
+from meshdeform.jobs.models import Artifact, CheckpointRef, Job
 from meshdeform.jobs.record import JobRecord
+from meshdeform.kinds.base import ArtifactData, JobRun
 from meshdeform.storage import ObjectStore
+from worker.patience import Patience
+from worker.results import store_artifact
 
 __all__ = ["CheckpointStore"]
 
 _log = logging.getLogger(__name__)
-_KEPT = 2
 _CONTENT_TYPE = "application/octet-stream"
+_PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
+"""After a failure: the least time, and how much longer than the failure took. Most of it goes to steps."""
 
 
 class CheckpointStore:
@@ -27,42 +33,113 @@ class CheckpointStore:
     store : ObjectStore
     job : Job
         As claimed: its attempt is in the keys, so two attempts never write the same object.
+    kept : int
+        How many stay, the newest.
+
+    Attributes
+    ----------
+    step : int
+        The newest step that this attempt has stored; 0 for none.
     """
 
-    def __init__(self, record: JobRecord, store: ObjectStore, job: Job) -> None:
-        self._record, self._store, self._job = record, store, job
+    def __init__(self, record: JobRecord, store: ObjectStore, job: Job, kept: int) -> None:
+        self._record, self._store, self._job, self._kept = record, store, job, kept
+        self._not_before = 0.0
+        self._missed = False
+        self.step = 0
 
-    def usable(self) -> Iterator[bytes]:
+    def usable(self, patience: Patience) -> Iterator[bytes]:
         """The stored checkpoints that are whole, newest first."""
-        for reference in self._record.checkpoints(self._job.id):
-            try:
-                data = self._store.get(reference.key)
-            except NotFoundError:
-                _log.warning("job %s: the checkpoint of step %d is gone", self._job.id, reference.step)
-                continue
-            if hashlib.sha256(data).hexdigest() == reference.sha256:
+        about = f"job {self._job.id}: the checkpoints"
+        for reference in patience.insist(about, lambda: self._record.checkpoints(self._job.id)):
+            what = f"the checkpoint of step {reference.step}"
+            data = self._whole(reference.key, reference.sha256, what, patience)
+            if data is not None:
                 yield data
-            else:
-                _log.warning("job %s: the checkpoint of step %d is torn", self._job.id, reference.step)
 
-    def save(self, step: int, data: bytes) -> None:
-        """Store the state after `step` steps; the last two stay.
+    def origin(self, patience: Patience) -> bytes | None:
+        """The checkpoint that the job's origin names; None where there is none or it is not whole."""
+        origin = self._job.origin
+        if origin is None or not origin.key:
+            return None
+        return self._whole(origin.key, origin.sha256, f"the checkpoint of job {origin.job_id}", patience)
+
+    def _whole(self, key: str, sha256: str, what: str, patience: Patience) -> bytes | None:
+        try:
+            data = patience.insist(f"job {self._job.id}: {what}", lambda: self._store.get(key))
+        except NotFoundError:
+            _log.warning("job %s: %s is gone", self._job.id, what)
+            return None
+        if hashlib.sha256(data).hexdigest() != sha256:
+            _log.warning("job %s: %s is torn", self._job.id, what)
+            return None
+        return data
+
+    def due(self, step: int, every: int) -> bool:
+        """Whether step `step` shall be stored: by the interval, or because an earlier one could not be."""
+        return (step % every == 0 or self._missed) and time.monotonic() >= self._not_before
+
+    def try_to_save(self, run: JobRun, *, mesh: bool = True) -> bool:
+        """Store the state as it is now; where the store or the record is away, warn and be due again a little later.
+
+        Returns
+        -------
+        bool
+            Whether it is stored.
 
         Raises
         ------
-        CheckpointError
-            What the store gives back is not what was written.
+        StaleAttemptError
+            Another attempt has taken the job over.
+        """
+        began = time.monotonic()
+        try:
+            self.save(run, mesh=mesh)
+        except UnavailableError as error:
+            now = time.monotonic()
+            self._missed, self._not_before = True, now + max(_PAUSE_S, _PAUSE_PER_S * (now - began))
+            _log.warning("job %s: no checkpoint of step %d yet: %s", self._job.id, run.step, error.detail)
+            return False
+        self._missed = False
+        return True
+
+    def save(self, run: JobRun, *, mesh: bool = True) -> None:
+        """Store the state as it is now, with the mesh of that step; the newest ones stay.
+
+        Raises
+        ------
         StaleAttemptError
             Another attempt has taken the job over.
         UnavailableError
-            The store or the record does not answer.
+            The store or the record does not answer, or the store does not keep what was written.
         """
-        key = f"jobs/{self._job.id}/{self._job.attempt}/checkpoint-{step:06d}"
-        sha256 = hashlib.sha256(data).hexdigest()
-        self._store.put(key, data, _CONTENT_TYPE)
-        if hashlib.sha256(self._store.get(key)).hexdigest() != sha256:
-            raise CheckpointError(f"The object store did not keep the checkpoint of step {step} as it was written.")
-        self._record.set_checkpoint(self._job.id, self._job.attempt, key=key, step=step, sha256=sha256)
-        for reference in self._record.checkpoints(self._job.id)[_KEPT:]:
+        job, step = self._job, run.step
+        name = f"checkpoint-{step:06d}"
+        stored = store_artifact(self._store, job, name, ArtifactData(run.checkpoint(), _CONTENT_TYPE))
+        shape = self._save_mesh(run, name) if mesh else None
+        failpoint("worker.checkpoint.stored")
+        self._record.set_checkpoint(
+            job.id, job.attempt, key=stored.key, step=step, sha256=stored.sha256, size=stored.size, mesh=shape
+        )
+        failpoint("worker.checkpoint.recorded")
+        self.step = step
+        self._forget(self._record.checkpoints(job.id)[self._kept :])
+
+    def _save_mesh(self, run: JobRun, name: str) -> Artifact | None:
+        """The mesh is for people to look at: a checkpoint without it still saves the work."""
+        try:
+            mesh = run.snapshot()
+        except Exception:
+            _log.exception("job %s: no mesh of step %d", self._job.id, run.step)
+            return None
+        return store_artifact(self._store, self._job, f"{name}.glb", mesh)
+
+    def _forget(self, references: list[CheckpointRef]) -> None:
+        for reference in references:
             self._record.forget_checkpoint(self._job.id, self._job.attempt, reference.key)
-            self._store.delete(reference.key)
+            try:
+                for key in filter(None, (reference.key, reference.mesh_key)):
+                    self._store.delete(key)
+            except MeshdeformError as error:
+                # Nothing points at it any more; it goes with the job.
+                _log.warning("job %s: an old checkpoint stays for now: %s", self._job.id, error.detail)

@@ -5,34 +5,89 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import sys
+import threading
+from collections.abc import Callable
 
 from redis import Redis
+from redis.exceptions import RedisError
 
-from meshdeform.devices import use_threads
+from meshdeform.jobs.queue import JobQueue
+from meshdeform.jobs.record import JobRecord
+from meshdeform.logs import configure_logging
 from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from meshdeform.telemetry import start_tracing, stop_tracing
 from worker import tasks
+from worker.engine import Engine, torch_engine
+from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
+from worker.pulse import Pulse
 from worker.rq_worker import InProcessWorker
-from worker.supervisor import STOP_GRACE_S, configure_logging
+from worker.runner import JobRunner
+from worker.workplace import Workplace
 
 __all__ = ["main"]
 
 _log = logging.getLogger(__name__)
 
 
-def main() -> None:
-    """Take jobs until a signal says to stop."""
-    configure_logging()
-    # A signal before RQ's loop begins ends the process at once, which is right: nothing has been claimed yet.
+def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
+    """Take jobs until a signal says to stop.
+
+    Parameters
+    ----------
+    load_engine : callable
+        Gives what computes; a test's process may have another one.
+
+    Returns
+    -------
+    int
+        The exit code: 0, or `OUT_OF_MEMORY` where the device needs a clean context.
+    """
     settings = Settings()
-    threads = use_threads(settings.threads)
-    runner = tasks.runner()
-    _log.info("worker %d: %d threads, device %s, queue %s", os.getpid(), threads, runner.device, settings.queue)
-    connection = Redis.from_url(settings.redis_url)
-    InProcessWorker(settings.queue, connection, _stop).work(logging_level="WARNING")
+    configure_logging(settings)
+    start_tracing("worker")
+    # A signal before RQ's loop begins ends the process at once, which is right: nothing has been claimed yet.
+    pulse = Pulse.of_environment()
+    engine = load_engine(settings)
+    # Only ever polled by the main thread, so a signal handler may set it.
+    stopping, spent = threading.Event(), threading.Event()
+    worker = InProcessWorker(settings.queue, Redis.from_url(settings.redis_url), lambda: _stop(stopping))
+
+    def renew() -> None:
+        _log.warning("this process ends, for a clean context of the device")
+        spent.set()
+        worker.end_after_job()
+
+    workplace = Workplace(
+        settings=settings,
+        record=JobRecord(settings.resolved_database_url),
+        store=ObjectStore(settings.resolved_storage_url),
+        listen=JobQueue(settings.redis_url, settings.queue).listen_for_cancel,
+        start=engine.start,
+        load_prior=engine.load_prior,
+        device=engine.device,
+        stopping=stopping.is_set,
+        worker_id=os.environ.get(WORKER_ID) or new_worker_id(),
+        renew=renew,
+        pulse=pulse,
+    )
+    tasks.use(JobRunner(workplace))
+    _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
+    pulse.rest()
+    try:
+        worker.work(logging_level="WARNING")
+    except RedisError:
+        if not stopping.is_set() and not spent.is_set():
+            raise
+        _log.warning("Redis was not told that this worker ends")
+    finally:
+        stop_tracing()
+    return OUT_OF_MEMORY if spent.is_set() and not stopping.is_set() else 0
 
 
-def _stop() -> None:
-    tasks.stopping.set()
+def _stop(stopping: threading.Event) -> None:
+    stopping.set()
     # Should a step hang and the supervisor be gone, nobody else would end this process: the kernel's alarm does, and
     # it needs no thread, which a signal handler cannot start safely.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -40,4 +95,4 @@ def _stop() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

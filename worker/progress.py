@@ -19,6 +19,7 @@ from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
 from meshdeform.jobs.models import Job, JobState, Progress
 from meshdeform.jobs.record import JobRecord
 from meshdeform.kinds.base import StepReport
+from meshdeform.logs import carried
 
 __all__ = ["CancelListener", "JobWatch", "StepTimer"]
 
@@ -28,6 +29,10 @@ PUBLISH_EVERY_S = 0.5
 """Twice as often as promised, so that a slow write does not make a gap of more than a second."""
 
 _HEARTBEATS_PER_LEASE = 6
+
+_TOLD_PARTS = 200
+_TOLD_EVERY_S = 5.0
+"""An event for each of so many parts of the way, and one at least so often while there is anything new."""
 
 
 class CancelListener(Protocol):
@@ -99,8 +104,10 @@ class JobWatch:
         self._timer = StepTimer()
         self._latest = self._progress(0, 0, "loading", {})
         self._published: Progress | None = None
+        self._told: Progress | None = None
+        self._told_at = 0.0
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"watch {job.id}", daemon=True)
+        self._thread = threading.Thread(target=carried(self._run), name=f"watch {job.id}", daemon=True)
         self.canceled = job.state is JobState.CANCELING
         self.lost = False
 
@@ -177,5 +184,18 @@ class JobWatch:
     def _publish(self) -> None:
         latest = self._latest
         if latest is not self._published:
-            self._record.save_progress(self._job.id, self._job.attempt, latest)
+            tell = self._worth_telling(latest)
+            self._record.save_progress(self._job.id, self._job.attempt, latest, tell=tell)
             self._published = latest
+            if tell:
+                self._told, self._told_at = latest, time.monotonic()
+
+    def _worth_telling(self, progress: Progress) -> bool:
+        """Whether it shall be an event: a job of many hours is not to leave a hundred thousand of them behind."""
+        told = self._told
+        return (
+            told is None
+            or progress.phase != told.phase
+            or (progress.step - told.step) * _TOLD_PARTS >= progress.total_steps
+            or time.monotonic() - self._told_at >= _TOLD_EVERY_S
+        )

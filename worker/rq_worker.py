@@ -54,6 +54,7 @@ class InProcessWorker(SimpleWorker):  # type: ignore[misc]
     """
 
     death_penalty_class = _NoTimeLimit
+    max_connection_wait_time = 5.0
 
     def __init__(self, queue: str, connection: Redis, on_stop: Callable[[], None]) -> None:
         self._on_stop = on_stop
@@ -81,6 +82,10 @@ class InProcessWorker(SimpleWorker):  # type: ignore[misc]
         self._stop_requested = True
         if self.get_state() != WorkerStatus.BUSY:
             raise StopRequested
+
+    def end_after_job(self) -> None:
+        """Take no other job."""
+        self._stop_requested = True
 
     def _install_signal_handlers(self) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -2,55 +2,28 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import logging
-from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from enum import Enum, auto
-from typing import Protocol
 
-from meshdeform.config import GuidanceKind, JobRequest, resolve
-from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
-from meshdeform.gltf import Limits
-from meshdeform.jobs.models import Artifact, Job, JobError, JobState
-from meshdeform.jobs.record import JobRecord
-from meshdeform.kinds.base import ArtifactData, JobRun
-from meshdeform.priors.base import Prior
-from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
-from worker.checkpoints import CheckpointStore
-from worker.progress import CancelListener, JobWatch
+from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError, UnavailableError
+from meshdeform.failpoints import failpoint
+from meshdeform.jobs.models import Job, JobState
+from meshdeform.logs import bound
+from meshdeform.telemetry import span
+from worker.attempt import Attempt, Ended, Outcome
+from worker.patience import Patience
+from worker.progress import JobWatch
+from worker.workplace import Workplace
 
-__all__ = ["JobRunner", "StartRun"]
+__all__ = ["JobRunner"]
 
 _log = logging.getLogger(__name__)
-
-
-class StartRun(Protocol):
-    """How a kind of job starts: `meshdeform.kinds.text_deform.start`."""
-
-    def __call__(
-        self,
-        *,
-        asset: bytes,
-        filename: str,
-        request: JobRequest,
-        prior: Prior | None,
-        target: bytes | None,
-        target_filename: str,
-        checkpoint: bytes | None,
-        default_model: str,
-        limits: Limits | None,
-        device: str,
-    ) -> JobRun:
-        """Read the asset and get ready to run."""
-
-
-class _Outcome(Enum):
-    FINISHED = auto()
-    CANCELED = auto()
-    HANDED_BACK = auto()
+_TERMINAL = {
+    Outcome.SUCCEEDED: JobState.SUCCEEDED,
+    Outcome.FAILED: JobState.FAILED,
+    Outcome.CANCELED: JobState.CANCELED,
+}
 
 
 @dataclass(frozen=True)
@@ -59,155 +32,96 @@ class JobRunner:
 
     Attributes
     ----------
-    settings : Settings
-    record, store : JobRecord, ObjectStore
-    listen : callable
-        Opens a listener for the cancel of a job.
-    start : StartRun
-    load_prior : callable
-        Gives the prior of a model; keeps it between jobs.
-    device : str
-    stopping : callable
-        True once this process shall end: the job is then handed back after its step.
-    worker_id : str
-        Who the leases of this process belong to: no other process, ever, has the same.
+    at : Workplace
     """
 
-    settings: Settings
-    record: JobRecord
-    store: ObjectStore
-    listen: Callable[[str], AbstractContextManager[CancelListener]]
-    start: StartRun
-    load_prior: Callable[[str], Prior]
-    device: str
-    stopping: Callable[[], bool]
-    worker_id: str
+    at: Workplace
 
     def run(self, job_id: str) -> None:
-        """Run the job if it is there to be claimed.
+        """Run a job: the most urgent one, of which the message that named `job_id` only says that there is one.
 
-        Nothing is raised for what is wrong with the job: that is recorded. When the record or the store does not
-        answer, the error is raised and the job keeps its lease; once that is over, another attempt takes it up.
+        Nothing is raised for what is wrong with the job: that is recorded. Where the record or the store is away for
+        too long, the job goes back to the queue, or, if not even that can be written, waits for the end of its lease.
+
+        Raises
+        ------
+        UnavailableError
+            The record does not answer, so nothing is claimed.
         """
-        job = self.record.claim(job_id, self.worker_id, self.settings.lease_s)
-        if job is None:
-            _log.info("job %s: not to be claimed (a duplicate delivery, or somebody else has it)", job_id)
-            return
-        _log.info("job %s: attempt %d", job.id, job.attempt)
+        failpoint("worker.told")
+        self.at.pulse.beat()
         try:
-            self._attempt(job)
-        except StaleAttemptError:
-            _log.warning("job %s: attempt %d has lost its lease and stops", job.id, job.attempt)
-        except UnavailableError:
-            _log.exception("job %s: attempt %d leaves the job to another one", job.id, job.attempt)
-            raise
+            job = self.at.record.claim_next(self.at.worker_id, self.at.settings.lease_s)
+            if job is None:
+                _log.info("told of job %s, but no job waits (a duplicate message, or somebody else has it)", job_id)
+                return
+            with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
+                if job.id != job_id:
+                    _log.info("told of job %s; the most urgent is job %s", job_id, job.id)
+                self._claimed(job)
+        finally:
+            self.at.pulse.rest()
 
-    def _attempt(self, job: Job) -> None:
-        error: JobError | None = None
-        outcome = _Outcome.FINISHED
-        with JobWatch(self.record, job, lambda: self.listen(job.id), self.settings.lease_s) as watch:
-            try:
-                outcome = self._work(job, watch)
-            except (StaleAttemptError, UnavailableError):
-                raise
-            except MeshdeformError as problem:
-                _log.warning("job %s: failed: %s", job.id, problem)
-                error = JobError.of(problem)
-            except Exception:
-                _log.exception("job %s: failed", job.id)
-                # What an unforeseen error says may hold paths of this machine: it stays in the log.
-                error = JobError.of(MeshdeformError("The worker met an error that it does not know; its log has it."))
+    def _claimed(self, job: Job) -> None:
+        _log.info("job %s: attempt %d", job.id, job.attempt)
+        failpoint("worker.claimed")
+        try:
+            ended = self._attempt(job)
+            # The watch has ended: nothing can follow what is written now.
+            self._record(job, ended)
+        except (StaleAttemptError, NotFoundError):
+            _log.warning("job %s: attempt %d has lost its lease and stops", job.id, job.attempt)
+        except UnavailableError as error:
+            _log.error("job %s: attempt %d leaves the job to another one: %s", job.id, job.attempt, error.detail)
+            self._leave(job)
+        else:
+            failpoint("worker.ended")
+            _log.info("job %s: attempt %d %s", job.id, job.attempt, ended.outcome.name.lower())
+
+    def _attempt(self, job: Job) -> Ended:
+        at = self.at
+        with JobWatch(at.record, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
+            ended = Attempt(at, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")
-        # The watch has ended: nothing can follow what is written now.
-        if error is not None:
-            self.record.finish(job.id, job.attempt, JobState.FAILED, error)
-        elif outcome is _Outcome.CANCELED:
-            self.record.finish(job.id, job.attempt, JobState.CANCELED)
-        elif outcome is _Outcome.HANDED_BACK:
-            self.record.release(job.id, job.attempt)
-        else:
-            self.record.finish(job.id, job.attempt, JobState.SUCCEEDED)
-        _log.info("job %s: attempt %d %s", job.id, job.attempt, "failed" if error else outcome.name.lower())
+        return ended
 
-    def _work(self, job: Job, watch: JobWatch) -> _Outcome:
-        checkpoints = CheckpointStore(self.record, self.store, job)
-        if self._must_stop(watch):
-            return self._stop(watch)
-        run = self._start(job, checkpoints.usable())
-        watch.phase("optimizing", step=run.step, total_steps=run.total_steps)
-        if self._must_stop(watch):
-            return self._stop(watch)
-        every = job.request.params.checkpoint_every_steps
-        for report in run:
-            watch.step(report)
-            stop = self._must_stop(watch)
-            due = report.step % every == 0 and report.step < report.total_steps
-            # A canceled job needs no checkpoint; one that is handed back needs it most of all.
-            if (due or stop) and not watch.canceled:
-                checkpoints.save(report.step, run.checkpoint())
-            if stop:
-                return self._stop(watch)
-        watch.phase("writing")
-        artifacts = run.finish()
-        if watch.canceled:
-            return _Outcome.CANCELED
-        watch.phase("uploading")
-        self._publish(job, artifacts)
-        return _Outcome.CANCELED if watch.canceled else _Outcome.FINISHED
-
-    def _must_stop(self, watch: JobWatch) -> bool:
-        if watch.lost:
-            raise StaleAttemptError("The lease is lost.")
-        return watch.canceled or self.stopping()
-
-    def _stop(self, watch: JobWatch) -> _Outcome:
-        return _Outcome.CANCELED if watch.canceled else _Outcome.HANDED_BACK
-
-    def _start(self, job: Job, checkpoints: Iterable[bytes]) -> JobRun:
-        """Start from the newest checkpoint that can be used, else from the beginning."""
-        asset = self.store.get(job.asset.key)
-        target = self.store.get(job.target.key) if job.target else None
-        params = resolve(job.request.params, default_model=self.settings.model)
-        prior = self.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None
-
-        def start(checkpoint: bytes | None) -> JobRun:
-            return self.start(
-                asset=asset,
-                filename=job.asset.filename,
-                request=job.request,
-                prior=prior,
-                target=target,
-                target_filename=job.target.filename if job.target else "",
-                checkpoint=checkpoint,
-                default_model=self.settings.model,
-                limits=Limits.from_settings(self.settings),
-                device=self.device,
-            )
-
-        for checkpoint in checkpoints:
+    def _record(self, job: Job, ended: Ended) -> None:
+        """Write how it ended; while the record is away, try again: whoever has taken the job meanwhile is noticed."""
+        patience = Patience(self._between, self.at.patience_s)
+        record, about = self.at.record, f"job {job.id}: its end"
+        if ended.outcome is Outcome.OUT_OF_MEMORY:
+            attempts = self.at.settings.max_attempts
             try:
-                run = start(checkpoint)
-            except CheckpointError as error:
-                _log.warning("job %s: %s", job.id, error)
-                continue
-            _log.info("job %s: goes on from step %d", job.id, run.step)
-            return run
-        return start(None)
-
-    def _publish(self, job: Job, artifacts: dict[str, ArtifactData]) -> None:
-        for name, artifact in artifacts.items():
-            key = f"jobs/{job.id}/{job.attempt}/{name}"
-            stored = self.store.put(key, artifact.data, artifact.content_type)
-            self.record.add_artifact(
-                job.id,
-                job.attempt,
-                Artifact(
-                    name=name,
-                    content_type=artifact.content_type,
-                    size=stored.size,
-                    sha256=stored.sha256,
-                    key=key,
-                    created_at=dt.datetime.now(dt.UTC),
-                ),
+                patience.insist(about, lambda: record.out_of_memory(job.id, job.attempt, attempts))
+            finally:
+                self.at.renew()
+        elif ended.outcome is Outcome.HANDED_BACK:
+            patience.insist(about, lambda: record.release(job.id, job.attempt))
+        else:
+            state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
+            patience.insist(
+                about,
+                lambda: record.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
             )
+
+    def _between(self) -> None:
+        self.at.pulse.beat()
+        if self.at.stopping():
+            raise UnavailableError("The worker is to end.")
+
+    def _leave(self, job: Job) -> None:
+        try:
+            self.at.record.release(job.id, job.attempt)
+        except MeshdeformError as error:
+            _log.warning("job %s: waits for the end of its lease: %s", job.id, error.detail)
+
+
+def _traced(job: Job) -> AbstractContextManager[None]:
+    """A span in the trace of the request that made the job."""
+    attributes: dict[str, str | int | float] = {
+        "job.id": job.id,
+        "job.kind": job.kind.value,
+        "job.attempt": job.attempt,
+    }
+    return span("attempt", attributes, traceparent=job.traceparent)

@@ -1,39 +1,37 @@
 """Keeps one worker process running, and the queue in step with the record. Never imports torch.
 
 It stays up when its worker dies of a crash, of the out-of-memory killer or of a signal, and starts it again with
-back-off. It also runs the reconciler, which takes jobs back from workers that are gone.
+back-off; it kills one that hangs. It also runs the reconciler, which takes jobs back from workers that are gone.
 """
 
 from __future__ import annotations
 
 import logging
 import signal
-import sys
+import time
 
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, UnavailableError
+from meshdeform.failpoints import failpoint
 from meshdeform.jobs.queue import JobQueue
 from meshdeform.jobs.reconciler import Reconciler
 from meshdeform.jobs.record import JobRecord
 from meshdeform.processes import Child, KeptChild, SignalInbox, python_command
 from meshdeform.settings import Settings
-from worker.identity import WORKER_ID, new_worker_id
+from worker.health import SignOfLife
+from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
+from worker.presence import Presence
+from worker.pulse import PULSE, PulseMonitor
 
-__all__ = ["STOP_GRACE_S", "Supervisor", "configure_logging"]
+__all__ = ["PROCESS_MODULE", "Supervisor"]
 
 _log = logging.getLogger(__name__)
 
-STOP_GRACE_S = 30.0
-"""What a worker gets after SIGTERM to finish its step and write a checkpoint."""
-
+PROCESS_MODULE = "worker.process"
 _TEND_EVERY_S = 0.25
-
-
-def configure_logging() -> None:
-    """One line per event on standard error, the same in supervisor and worker."""
-    logging.basicConfig(
-        level=logging.INFO, format="%(asctime)s %(levelname)-7s %(message)s", datefmt="%H:%M:%S", stream=sys.stderr
-    )
-    logging.getLogger("alembic").setLevel(logging.WARNING)
+_OPEN_EVERY_S = 2.0
+_LOADING_S = 120.0
+"""What a process gets at least to import what it needs, however short the time for a step is."""
+_STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 
 
 class Supervisor:
@@ -42,43 +40,89 @@ class Supervisor:
     Parameters
     ----------
     settings : Settings
+    process_module : str
+        What runs as the worker process; a test may have another one.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self, settings: Settings, process_module: str = PROCESS_MODULE) -> None:
+        self._settings, self._process_module = settings, process_module
         self._worker_id = ""
+        self._monitor: PulseMonitor | None = None
+        self._killed_at = 0.0
 
     def run(self) -> None:
         """Tend the worker until SIGINT or SIGTERM, then let it hand its job back and end.
 
         Raises
         ------
-        UnavailableError
-            The record cannot be opened.
+        DependencyError
+            A URL of the settings cannot be used at all. A record that only does not answer is waited for.
         """
-        with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox:
-            record = JobRecord(self._settings.resolved_database_url)
+        with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox, SignOfLife(self._settings) as sign:
+            record = self._open_record(inbox, sign)
+            if record is None:
+                return
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
-            with Reconciler(record, queue, max_attempts=self._settings.max_attempts):
-                worker = KeptChild(self._start_worker, _log.warning, lambda: self._give_up_lease(record))
-                while not inbox.wait(_TEND_EVERY_S) & {signal.SIGINT, signal.SIGTERM}:
+            presence = Presence(record.registry, self._settings.queue, self._settings.device)
+            with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s), presence:
+                worker = KeptChild(
+                    lambda: self._start_worker(presence),
+                    _log.warning,
+                    lambda: self._give_up_lease(record),
+                    at_once={OUT_OF_MEMORY},
+                )
+                while not inbox.wait(_TEND_EVERY_S) & _STOP:
+                    sign.give()
+                    self._kill_if_hung(worker)
                     worker.tend()
                 worker.stop(STOP_GRACE_S)
+                # It has handed its job back, unless it had to be killed.
+                self._give_up_lease(record)
             queue.close()
             record.close()
 
-    def _start_worker(self) -> Child:
+    def _open_record(self, inbox: SignalInbox, sign: SignOfLife) -> JobRecord | None:
+        """The record, as soon as it answers: after a power cut its server may be up later than this process."""
+        while True:
+            sign.give()
+            try:
+                return JobRecord(self._settings.resolved_database_url)
+            except UnavailableError as error:
+                _log.warning("waiting for the record: %s", error.detail)
+            if inbox.wait(_OPEN_EVERY_S) & _STOP:
+                return None
+
+    def _start_worker(self, presence: Presence) -> Child:
         # Read by the libraries below torch and numba when they are loaded, so before the process starts.
         threads = str(self._settings.threads)
         limits = {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads} if self._settings.threads else {}
         self._worker_id = new_worker_id()
-        environment = {**limits, WORKER_ID: self._worker_id}
-        return Child("worker process", python_command("worker.process"), env=environment)
+        if self._monitor is not None:
+            self._monitor.close()
+        self._monitor, self._killed_at = PulseMonitor(), 0.0
+        descriptor = self._monitor.descriptor
+        environment = {**limits, WORKER_ID: self._worker_id, PULSE: str(descriptor)}
+        command = python_command(self._process_module)
+        child = Child("worker process", command, env=environment, pass_fds=[descriptor])
+        presence.announce(self._worker_id)
+        return child
+
+    def _kill_if_hung(self, worker: KeptChild) -> None:
+        if self._monitor is None or worker.child.exit_code is not None:
+            return
+        silent_s, limit_s = self._monitor.silent_s(), self._settings.step_timeout_s
+        if self._monitor.loading:
+            limit_s = max(limit_s, _LOADING_S)
+        if silent_s > limit_s and time.monotonic() > self._killed_at + limit_s:
+            _log.error("the worker process has done nothing for %.0f s: it hangs, and is killed", silent_s)
+            self._killed_at = time.monotonic()
+            worker.child.kill()
 
     def _give_up_lease(self, record: JobRecord) -> None:
         """Let the job of the worker that just died be taken back now, not when its lease is over."""
         try:
             if record.worker_ended(self._worker_id):
                 _log.warning("the worker process held a job; it is taken back")
+                failpoint("supervisor.reclaimed")
         except MeshdeformError as error:
             _log.warning("the job of the worker process waits for the end of its lease: %s", error)
