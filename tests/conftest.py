@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_server, redis_server
 
 ROOT = Path(__file__).resolve().parent.parent

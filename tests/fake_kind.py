@@ -10,7 +10,11 @@ from meshdeform.config import JobRequest
 from meshdeform.errors import CheckpointError
 from meshdeform.kinds.base import ArtifactData, StepReport
 
-__all__ = ["FakeKind"]
+__all__ = ["FakeKind", "OutOfMemoryError"]
+
+
+class OutOfMemoryError(RuntimeError):
+    """Called as torch's own."""
 
 
 class _FakeRun:
@@ -23,16 +27,19 @@ class _FakeRun:
 
     def __iter__(self) -> Iterator[StepReport]:
         while self._step < self.total_steps:
+            self._on_step(self._step + 1)
             self._step += 1
             self.value = self.value * 3 + self._step
-            self._on_step(self._step)
             yield StepReport(self._step, self.total_steps, "optimizing", {"total": 1.0 / self._step})
 
     def checkpoint(self) -> bytes:
         return json.dumps({"step": self._step, "value": self.value}).encode()
 
+    def snapshot(self) -> ArtifactData:
+        return ArtifactData(str(self.value).encode(), "model/gltf-binary")
+
     def finish(self) -> dict[str, ArtifactData]:
-        return {"result.glb": ArtifactData(str(self.value).encode(), "model/gltf-binary")}
+        return {"result.glb": self.snapshot()}
 
 
 class FakeKind:
@@ -41,7 +48,7 @@ class FakeKind:
     Attributes
     ----------
     on_step : callable
-        Called in every step with its number; may raise, cancel, or stop the worker.
+        Called in every step with its number, before anything is changed; may raise, cancel, or stop the worker.
     started : list of dict
         What each start was given.
     started_at : list of int
@@ -53,14 +60,18 @@ class FakeKind:
         self.started: list[dict[str, Any]] = []
         self.started_at: list[int] = []
 
-    def start(self, *, request: JobRequest, checkpoint: bytes | None, **others: Any) -> _FakeRun:
+    def start(
+        self, *, request: JobRequest, checkpoint: bytes | None, initial: bytes | None = None, **others: Any
+    ) -> _FakeRun:
         """Take the place of `meshdeform.kinds.text_deform.start`."""
-        self.started.append({"request": request, "checkpoint": checkpoint, **others})
+        self.started.append({"request": request, "checkpoint": checkpoint, "initial": initial, **others})
         state = {"step": 0, "value": 1}
-        if checkpoint is not None:
-            try:
+        try:
+            if initial is not None:
+                state = {"step": 0, "value": json.loads(initial)["value"]}
+            if checkpoint is not None:
                 state = json.loads(checkpoint)
-            except ValueError as error:
-                raise CheckpointError("The checkpoint is torn.") from error
+        except ValueError as error:
+            raise CheckpointError("The checkpoint is torn.") from error
         self.started_at.append(state["step"])
         return _FakeRun(request.params.steps or 10, state["value"], state["step"], lambda step: self.on_step(step))

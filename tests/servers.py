@@ -29,11 +29,11 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for_port(port: int, child: subprocess.Popen[bytes], log: Path) -> None:
+def wait_for_port(port: int, child: subprocess.Popen[bytes], log: Path, host: str = "127.0.0.1") -> None:
     """Return when something accepts connections; fail with the log when the child ends or time is up."""
     deadline = time.monotonic() + DEADLINE_S
     while time.monotonic() < deadline and child.poll() is None:
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+        with contextlib.suppress(OSError), socket.create_connection((host, port), timeout=1):
             return
         time.sleep(0.02)
     raise RuntimeError(f"{child.args} does not answer on port {port}:\n{log.read_text(errors='replace')[-2000:]}")
@@ -48,24 +48,55 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         child.wait()
 
 
+class RedisServer:
+    """A Redis on a port of its own that can be killed and started again. It keeps nothing: the worst of all Redises.
+
+    Parameters
+    ----------
+    folder : Path
+    host : str
+        Where it listens.
+    """
+
+    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+        try:
+            self._program = find_redis_server()
+        except DependencyError as missing:
+            raise NotInstalledError(missing.advice_text) from None
+        self._folder, self._host, self.port = folder, host, free_port()
+        self._child: subprocess.Popen[bytes] | None = None
+        self.url = f"redis://{host}:{self.port}/0"
+
+    def start(self) -> None:
+        """Start it and return when it answers."""
+        command = [self._program, "--port", str(self.port), "--bind", self._host, "--dir", str(self._folder)]
+        command += ["--save", "", "--appendonly", "no", "--protected-mode", "no"]
+        log = self._folder / "redis.log"
+        with log.open("ab") as output:
+            self._child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=output)
+        wait_for_port(self.port, self._child, log, self._host)
+
+    def kill(self) -> None:
+        """End it with SIGKILL."""
+        if self._child is not None:
+            self._child.kill()
+            self._child.wait()
+
+    def stop(self) -> None:
+        """End it in order."""
+        if self._child is not None:
+            _stop(self._child)
+
+
 @contextlib.contextmanager
 def redis_server(folder: Path) -> Iterator[str]:
     """Run a Redis without persistence and give its URL."""
+    server = RedisServer(folder)
+    server.start()
     try:
-        program = find_redis_server()
-    except DependencyError as missing:
-        raise NotInstalledError(missing.advice_text) from None
-    port, log = free_port(), folder / "redis.log"
-    command = [program, "--port", str(port), "--bind", "127.0.0.1", "--dir", str(folder)]
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            [*command, "--save", "", "--appendonly", "no"], stdin=subprocess.DEVNULL, stdout=output, stderr=output
-        )
-    try:
-        wait_for_port(port, child, log)
-        yield f"redis://127.0.0.1:{port}/0"
+        yield server.url
     finally:
-        _stop(child)
+        server.stop()
 
 
 def _postgres_binaries() -> Path:
@@ -90,33 +121,69 @@ def _unprivileged() -> list[str]:
     raise NotInstalledError("PostgreSQL does not run as root, and there is no runuser with a user postgres or nobody")
 
 
+class PostgresServer:
+    """A PostgreSQL cluster of its own that can be killed and started again; the superuser is `meshdeform`.
+
+    Parameters
+    ----------
+    folder : Path
+        Others may enter it: PostgreSQL does not run as root.
+    host : str
+        Where it listens; everybody on that network is trusted.
+    durable : bool
+        Whether it syncs to the disk. Without, it is faster, and loses what it has when the machine dies, not when it
+        does.
+    """
+
+    def __init__(self, folder: Path, host: str = "127.0.0.1", *, durable: bool = False) -> None:
+        self._binaries, self._runas = _postgres_binaries(), _unprivileged()
+        self._folder, self._data, self._host, self._durable = folder, folder / "data", host, durable
+        self.port = free_port()
+        self._child: subprocess.Popen[bytes] | None = None
+        if self._runas:
+            user = pwd.getpwnam(self._runas[2])
+            os.chown(folder, user.pw_uid, user.pw_gid)
+        subprocess.run(
+            [*self._runas, self._binaries / "initdb", "-D", self._data, "-U", "meshdeform", "-A", "trust"]
+            + ["-E", "UTF8", "-N", "--locale=C"],
+            check=True,
+            cwd=folder,
+            stdout=subprocess.DEVNULL,
+        )
+        if host != "127.0.0.1":
+            with (self._data / "pg_hba.conf").open("a") as rules:
+                rules.write("host all all samenet trust\n")
+
+    @property
+    def url(self) -> str:
+        """The database `postgres` on it."""
+        return f"postgresql://meshdeform@{self._host}:{self.port}/postgres"
+
+    def start(self) -> None:
+        """Start it and return when it answers."""
+        log = self._folder / "postgres.log"
+        command = [*self._runas, self._binaries / "postgres", "-D", self._data, "-k", self._folder]
+        command += ["-h", self._host, "-p", str(self.port)] + ([] if self._durable else ["-F"])
+        with log.open("ab") as output:
+            self._child = subprocess.Popen(
+                command, cwd=self._folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
+        wait_for_port(self.port, self._child, log, self._host)
+
+    def kill(self) -> None:
+        """End it without a checkpoint and without waiting for anybody, as a crash does."""
+        command = [*self._runas, self._binaries / "pg_ctl", "-D", self._data, "stop", "-m", "immediate", "-s"]
+        subprocess.run(command, check=False, cwd=self._folder)
+        if self._child is not None:
+            _stop(self._child)
+
+
 @contextlib.contextmanager
 def postgres_server(folder: Path) -> Iterator[int]:
     """Run a PostgreSQL cluster of its own, without fsync, and give its port; the superuser is `meshdeform`."""
-    binaries, runas = _postgres_binaries(), _unprivileged()
-    data, log, port = folder / "data", folder / "postgres.log", free_port()
-    if runas:
-        user = pwd.getpwnam(runas[2])
-        os.chown(folder, user.pw_uid, user.pw_gid)
-    subprocess.run(
-        [*runas, binaries / "initdb", "-D", data, "-U", "meshdeform", "-A", "trust", "-E", "UTF8", "-N", "--locale=C"],
-        check=True,
-        cwd=folder,
-        stdout=subprocess.DEVNULL,
-    )
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            [*runas, binaries / "postgres", "-D", data, "-k", folder, "-h", "127.0.0.1", "-p", str(port), "-F"],
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-        )
+    server = PostgresServer(folder)
+    server.start()
     try:
-        wait_for_port(port, child, log)
-        yield port
+        yield server.port
     finally:
-        subprocess.run(
-            [*runas, binaries / "pg_ctl", "-D", data, "stop", "-m", "immediate", "-s"], check=False, cwd=folder
-        )
-        _stop(child)
+        server.kill()

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Job, JobState, StoredFile
+from meshdeform.jobs.models import Job, JobState, NewJob, StoredFile
 from meshdeform.jobs.queue import JobQueue
 from meshdeform.jobs.record import JobRecord
 from meshdeform.storage import ObjectStore
@@ -51,7 +51,7 @@ class Deployment:
     def submit(self, **params: Any) -> str:
         """Record a job and tell the queue."""
         params = {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, **params}
-        job = self.record.create(JobRequest.model_validate({"params": params}), *self._files)
+        job = self.record.create(NewJob(JobRequest.model_validate({"params": params}), *self._files))
         self.queue.enqueue(job.id)
         return job.id
 

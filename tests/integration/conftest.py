@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import threading
 import time
 import uuid
@@ -9,14 +11,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 import sqlalchemy as sa
 import uvicorn
+from fastapi import FastAPI
 
 from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Job, StoredFile
+from meshdeform.jobs.models import Job, NewJob, StoredFile
 from meshdeform.jobs.record import JobRecord
 from meshdeform.jobs.tables import metadata
 from meshdeform.settings import Settings
@@ -62,7 +66,20 @@ def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
 
 def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
     """A queued job."""
-    return record.create(JobRequest(prompt=prompt), stored_file(letter))
+    return record.create(NewJob(JobRequest(prompt=prompt), stored_file(letter)))
+
+
+@pytest.fixture(scope="session")
+def sphere(repository: Path) -> bytes:
+    """A small GLB."""
+    return (repository / "examples" / "sphere.glb").read_bytes()
+
+
+@pytest.fixture(scope="session")
+def openapi(repository: Path) -> dict[str, Any]:
+    """The OpenAPI document as it is committed."""
+    document: dict[str, Any] = json.loads((repository / "openapi" / "openapi.json").read_text())
+    return document
 
 
 @dataclass(frozen=True)
@@ -76,13 +93,23 @@ class Api:
     http: httpx.Client
 
 
+class _Server(uvicorn.Server):
+    """In a thread no signal tells the application that it ends; this does."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self.app.state.parts.hub.close()
+        await super().shutdown(sockets)
+
+    app: FastAPI
+
+
 @contextmanager
-def serving(settings: Settings) -> Iterator[str]:
-    """Run the application on uvicorn, in a thread, and give its URL."""
+def serving_app(settings: Settings) -> Iterator[tuple[str, FastAPI]]:
+    """Run the application on uvicorn, in a thread, and give its URL and itself."""
     port = free_port()
-    server = uvicorn.Server(
-        uvicorn.Config(create_app(settings), host="127.0.0.1", port=port, log_level="warning", access_log=False)
-    )
+    app = create_app(settings)
+    server = _Server(uvicorn.Config(app, host="127.0.0.1", port=port, log_level="warning", access_log=False))
+    server.app = app
     thread = threading.Thread(target=server.run)
     thread.start()
     try:
@@ -91,10 +118,17 @@ def serving(settings: Settings) -> Iterator[str]:
             assert thread.is_alive(), "the server did not start"
             assert time.monotonic() < deadline, "the server did not start in time"
             time.sleep(0.01)
-        yield f"http://127.0.0.1:{port}"
+        yield f"http://127.0.0.1:{port}", app
     finally:
         server.should_exit = True
         thread.join()
+
+
+@contextmanager
+def serving(settings: Settings) -> Iterator[str]:
+    """Run the application on uvicorn, in a thread, and give its URL."""
+    with serving_app(settings) as (url, _):
+        yield url
 
 
 @pytest.fixture(scope="module")

@@ -56,8 +56,7 @@ def publish(api: Api, job_id: str, content: bytes = CONTENT) -> None:
         key=f"jobs/{job_id}/1/result.glb",
         created_at=datetime.now(UTC),
     )
-    api.record.add_artifact(job_id, 1, made)
-    api.record.finish(job_id, 1, JobState.SUCCEEDED)
+    api.record.finish(job_id, 1, JobState.SUCCEEDED, results=[made])
 
 
 def answering(*answers: Any) -> Client:

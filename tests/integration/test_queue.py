@@ -1,11 +1,9 @@
-"""The queue on a real Redis, and what mends it when Redis forgets or workers fall silent."""
+"""The queue on a real Redis: what workers hear, and what is said when Redis is away."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 import redis
@@ -13,13 +11,8 @@ from rq import Queue
 from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.jobs.cleanup import remove_unreachable
-from meshdeform.jobs.models import JobState
 from meshdeform.jobs.queue import TASK, JobQueue
-from meshdeform.jobs.reconciler import Reconciler
-from meshdeform.jobs.record import JobRecord
-from meshdeform.storage import ObjectStore
-from tests.integration.conftest import DEADLINE_S, new_job, stored_file
+from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
 
 
@@ -85,79 +78,3 @@ def test_a_redis_that_is_away_is_unavailable(nowhere: JobQueue) -> None:
 def test_a_url_that_is_none_is_refused() -> None:
     with pytest.raises(DependencyError, match="MESHDEFORM_REDIS_URL"):
         JobQueue("http://somewhere", "test")
-
-
-def test_what_redis_forgot_is_told_again_and_only_that(record: JobRecord, queue: JobQueue, redis_url: str) -> None:
-    jobs = [new_job(record) for _ in range(3)]
-    for job in jobs:
-        queue.enqueue(job.id)
-    record.claim(jobs[0].id, "worker", 60.0)
-    reconciler = Reconciler(record, queue, 3)
-    assert reconciler.run_once() == []
-    with redis.Redis.from_url(redis_url) as connection:
-        connection.flushall()
-    assert reconciler.run_once() == [jobs[1].id, jobs[2].id]
-    assert reconciler.run_once() == []
-    assert queue.told() == {jobs[1].id, jobs[2].id}
-
-
-def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
-    job = new_job(record)
-    record.claim(job.id, "worker", -1.0)
-    assert Reconciler(record, queue, 3).run_once() == [job.id]
-    assert record.get(job.id).state is JobState.QUEUED
-
-
-def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: str) -> None:
-    job = new_job(record)
-    queue = JobQueue(redis_url, "test")
-    enqueue, failures = queue.enqueue, iter([UnavailableError("away"), RuntimeError("a mistake")])
-
-    def flaky(job_id: str) -> None:
-        if error := next(failures, None):
-            raise error
-        enqueue(job_id)
-
-    queue.enqueue = flaky  # type: ignore[method-assign]
-    with Reconciler(record, queue, 3, every_s=0.01):
-        deadline = time.monotonic() + DEADLINE_S
-        while job.id not in queue.told():
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-    queue.close()
-
-
-def test_deleted_jobs_leave_nothing_and_shared_files_stay(record: JobRecord, tmp_path: Path) -> None:
-    store = ObjectStore(tmp_path)
-    shared, own = stored_file("a"), stored_file("b")
-    for file in (shared, own):
-        store.put(file.key, b"xyz")
-    first, second, third = new_job(record, letter="a"), new_job(record, letter="a"), new_job(record, letter="b")
-    for job in (first, third):
-        store.put(f"jobs/{job.id}/1/result.glb", b"result")
-        record.request_cancel(job.id)
-        record.delete(job.id)
-    remove_unreachable(record, store)
-    assert store.exists(shared.key)
-    assert not store.exists(own.key)
-    assert not store.exists(f"jobs/{first.id}/1/result.glb")
-    assert record.discarded_prefixes() == []
-    record.request_cancel(second.id)
-    record.delete(second.id)
-    remove_unreachable(record, store)
-    assert not store.exists(shared.key)
-
-
-def test_what_the_store_could_not_remove_stays_on_the_record(record: JobRecord, tmp_path: Path) -> None:
-    store = ObjectStore(tmp_path)
-    job = new_job(record)
-    record.request_cancel(job.id)
-    record.delete(job.id)
-
-    def away(prefix: str) -> None:
-        raise UnavailableError("away")
-
-    store.delete_prefix = away  # type: ignore[method-assign]
-    with pytest.raises(UnavailableError):
-        remove_unreachable(record, store)
-    assert record.discarded_prefixes() == [f"jobs/{job.id}/"]

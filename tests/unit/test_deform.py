@@ -142,6 +142,74 @@ def test_checkpoints_do_not_change_with_the_run() -> None:
     assert all(torch.equal(kept[k], v) for k, v in state.tensors.items())
 
 
+def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_it() -> None:
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    first = Deformation(icosphere(2, 0.6), guidance, params(steps=20, seed=11))
+    run(first, 7)
+    shape = first.checkpoint().tensors
+    second = Deformation(icosphere(2, 0.6), guidance, params(steps=3, seed=12), initial=shape)
+    assert second.step == 0
+    assert torch.equal(second.verts(), first.verts())
+    fresh = Deformation(icosphere(2, 0.6), guidance, params(steps=3, seed=12)).checkpoint().tensors
+    begun = second.checkpoint().tensors
+    assert set(begun) == set(fresh), "no moments of the optimiser"
+    assert torch.equal(begun["generator"], fresh["generator"])
+    assert len(run(second)) == 3
+    assert not torch.equal(second.verts(), first.verts())
+    assert all(torch.equal(shape[name], value) for name, value in first.checkpoint().tensors.items())
+    with pytest.raises(CheckpointError, match="mesh"):
+        Deformation(icosphere(1, 0.6), guidance, params(steps=3), initial=shape)
+
+
+class _OutOfMemory:
+    """Fails once in the third step, after it has drawn random numbers."""
+
+    style = STYLE
+    identity = {"kind": "out of memory"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        self.guidance = TargetGuidance(ellipsoid(), style=STYLE)
+        self.failed = True
+
+    def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        torch.randn(3, generator=context.generator)
+        if context.step == 2 and not self.failed:
+            self.failed = True
+            raise torch.OutOfMemoryError("CUDA out of memory.")
+        return self.guidance.loss(image, context)
+
+
+def test_a_step_that_raises_leaves_the_state_as_it_was() -> None:
+    settings, guidance = params(steps=6, seed=3), _OutOfMemory()
+    whole = Deformation(icosphere(1, 0.6), guidance, settings)
+    run(whole)
+    guidance.failed = False
+    broken = Deformation(icosphere(1, 0.6), guidance, settings)
+    with pytest.raises(torch.OutOfMemoryError):
+        run(broken)
+    assert broken.step == 2
+    resumed = Deformation(icosphere(1, 0.6), guidance, settings, checkpoint=broken.checkpoint())
+    run(resumed)
+    run(broken)
+    for name, value in whole.checkpoint().tensors.items():
+        assert torch.equal(resumed.checkpoint().tensors[name], value), name
+        assert torch.equal(broken.checkpoint().tensors[name], value), name
+
+
+def test_an_optimiser_that_fails_in_the_midst_leaves_no_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=5))
+    run(deformation, 2)
+
+    def fail() -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(deformation._optimizer, "step", fail)
+    with pytest.raises(MemoryError):
+        run(deformation)
+    with pytest.raises(CheckpointError, match="broke off"):
+        deformation.checkpoint()
+
+
 class _Broken:
     style = STYLE
     identity = {"kind": "broken"}  # noqa: RUF012

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from meshdeform.settings import Settings
 
@@ -18,6 +23,15 @@ DOCKERFILES = ["docker/service.Dockerfile", "docker/worker.Dockerfile"]
 def services(repository: Path, name: str) -> dict[str, dict[str, Any]]:
     """Return the services of a compose file."""
     return dict(yaml.safe_load((repository / name).read_text())["services"])
+
+
+@pytest.mark.parametrize("name", COMPOSE)
+def test_compose_files_are_of_the_specification(name: str, repository: Path) -> None:
+    # The Compose Specification's own schema (Apache-2.0), beside this file.
+    schema = json.loads((Path(__file__).parent / "compose_spec.json").read_text())
+    jsonschema.Draft7Validator(schema).validate(
+        {key: value for key, value in yaml.safe_load((repository / name).read_text()).items() if key[:2] != "x-"}
+    )
 
 
 @pytest.mark.parametrize("name", COMPOSE)
@@ -32,15 +46,65 @@ def test_compose_builds_from_files_that_exist_and_pins_the_rest(repository: Path
         if "build" in service:
             assert (repository / service["build"]["dockerfile"]).is_file()
         else:
-            assert re.fullmatch(r"[\w/]+:\d[\w.-]*", service["image"])
+            # Down to the last number: 16.10, not 16.
+            assert re.fullmatch(r"[\w/]+:v?\d+\.\d+[\w.-]*", service["image"])
 
 
-def test_everything_that_is_waited_for_has_a_health_check(repository: Path) -> None:
+def test_everything_that_is_waited_for_is_ready_or_done(repository: Path) -> None:
     found = services(repository, "docker-compose.yml")
     for service in found.values():
         for name, how in service.get("depends_on", {}).items():
-            assert how == {"condition": "service_healthy"}
-            assert "healthcheck" in found[name]
+            if "healthcheck" in found[name]:
+                assert how == {"condition": "service_healthy"}
+            else:
+                assert how == {"condition": "service_completed_successfully"}
+                assert found[name]["restart"] != "unless-stopped"
+    assert {name for name in found if "healthcheck" not in found[name]} == {"bucket"}
+
+
+def test_every_container_has_no_more_than_it_needs(repository: Path) -> None:
+    for name, service in services(repository, "docker-compose.yml").items():
+        assert service["read_only"] is True, name
+        assert "/tmp" in service["tmpfs"], name
+        assert service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert "cap_add" not in service, name
+        assert "privileged" not in service, name
+        # The images of the project and of curl have users of their own; s3 is root, without any capability.
+        assert (str(service.get("user", "")).split(":")[0] in {"0", "root"}) == (name == "s3"), name
+        ports = service.get("ports", [])
+        assert all(port.startswith("127.0.0.1:") for port in ports), name
+        assert name in ("service", "s3") or ports == []
+
+
+def test_no_secret_has_a_default_and_the_example_names_them_all(repository: Path) -> None:
+    text = (repository / "docker-compose.yml").read_text()
+    required = set(re.findall(r"(?<!\$)\$\{(\w+):\?", text))
+    optional = set(re.findall(r"(?<!\$)\$\{(\w+):-", text))
+    assert required == {"POSTGRES_PASSWORD", "REDIS_PASSWORD", "S3_ACCESS_KEY", "S3_SECRET_KEY"}
+    assert optional == {"MESHDEFORM_MODEL", "MESHDEFORM_AUTH", "S3_PUBLIC_URL"}
+    example = (repository / ".env.example").read_text()
+    assert set(re.findall(r"^(?:# )?(\w+)=", example, re.MULTILINE)) == required | optional
+    assert re.findall(r"^\w*(?:PASSWORD|SECRET)\w*=(.+)$", example, re.MULTILINE) == []
+    assert ".env" in (repository / ".gitignore").read_text().splitlines()
+
+
+def test_requests_need_keys_unless_somebody_says_otherwise(repository: Path) -> None:
+    for name in ("service", "worker"):
+        assert services(repository, "docker-compose.yml")[name]["environment"]["MESHDEFORM_AUTH"].endswith(":-on}")
+
+
+def test_what_the_images_install_is_pinned(repository: Path) -> None:
+    lines = (repository / "docker/constraints.txt").read_text().splitlines()
+    pinned = dict(line.split("==") for line in lines if not line.startswith("#"))
+    project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    asked = [*project["dependencies"]]
+    for extra in ("stack", "asset", "service", "worker", "sd", "otel"):
+        asked += project["optional-dependencies"][extra]
+    for requirement in map(Requirement, asked):
+        if requirement.name not in {"meshdeform", "torch"}:
+            assert requirement.specifier.contains(pinned[canonicalize_name(requirement.name)]), requirement
+    assert "torch" not in pinned
 
 
 @pytest.mark.parametrize("name", DOCKERFILES)
@@ -48,9 +112,9 @@ def test_images_are_pinned_and_run_without_root(name: str, repository: Path) -> 
     lines = (repository / name).read_text().splitlines()
     bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
     assert bases
-    assert all(re.fullmatch(r"python:3\.11-slim-\w+", base) for base in bases)
+    assert all(re.fullmatch(r"python:3\.11\.\d+-slim-\w+", base) for base in bases)
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
-    assert users == ["meshdeform"]
+    assert users == ["10001:10001"]  # a number: what starts containers can tell that it is not root
 
 
 @pytest.mark.parametrize("name", DOCKERFILES)

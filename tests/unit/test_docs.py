@@ -88,7 +88,7 @@ def test_no_section_documents_a_setting_that_is_gone(repository: Path) -> None:
 
 
 def test_every_setting_that_any_page_names_exists(repository: Path) -> None:
-    known = {f"MESHDEFORM_{name.upper()}" for name in Settings.model_fields}
+    known = {f"MESHDEFORM_{name.upper()}" for name in Settings.model_fields} | {"MESHDEFORM_FAILPOINTS"}
     for page in [repository / "README.md", *(repository / "docs").glob("*.md")]:
         named = set(re.findall(r"MESHDEFORM_[A-Z_]*[A-Z]", page.read_text()))
         assert named <= known, page.name
@@ -135,7 +135,10 @@ def test_every_command_and_flag_is_documented(repository: Path) -> None:
     documented = sections(repository / "docs/cli.md")
     for name, found in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
         text = documented[f"meshdeform {name}"]
-        shown = [parameter for parameter in found.params if not getattr(parameter, "hidden", False)]
+        parts = [found, *getattr(found, "commands", {}).values()]
+        for part in parts[1:]:
+            assert f"`{name} {part.name}" in text, (name, part.name)
+        shown = [parameter for part in parts for parameter in part.params if not getattr(parameter, "hidden", False)]
         flags = {option for parameter in shown for option in parameter.opts if option.startswith("--")}
         assert {flag for flag in flags - {"--help"} if f"`{flag}" not in text} == set(), name
 
@@ -168,10 +171,10 @@ def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:
                 assert (repository / word).exists(), (page, line)
         if "meshdeform" in words:
             first = words.index("meshdeform")
-            name, flags = words[first + 1], [word for word in words[first + 2 :] if word.startswith("-")]
-            known = {
-                option for parameter in command(name).params for option in [*parameter.opts, *parameter.secondary_opts]
-            }
+            found, flags = command(words[first + 1]), [word for word in words[first + 2 :] if word.startswith("-")]
+            if hasattr(found, "commands"):
+                found = found.commands[words[first + 2]]
+            known = {option for parameter in found.params for option in [*parameter.opts, *parameter.secondary_opts]}
             assert set(flags) <= known | {"--help"}, (page, line)
 
 

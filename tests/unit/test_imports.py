@@ -18,6 +18,7 @@ NUMPY_FREE = [
     "meshdeform.settings",
     "meshdeform.jobs",
     "meshdeform.storage",
+    "meshdeform.webhooks",
     "meshdeform.client",
     "service",
 ]
@@ -29,6 +30,8 @@ TORCH_FREE = [
     "meshdeform.kinds.*",
     "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
+    "worker.health",
+    "worker.process",
     "worker.supervisor",
 ]
 

@@ -32,6 +32,7 @@ class RecordStub:
     def __init__(self) -> None:
         self.beats: list[float] = []
         self.progress: list[Progress] = []
+        self.told: list[Progress] = []
         self.threads: set[str] = set()
         self.state = JobState.RUNNING
         self.failing: Exception | None = None
@@ -41,9 +42,11 @@ class RecordStub:
         self.beats.append(lease_s)
         return self.state
 
-    def save_progress(self, job_id: str, attempt: int, progress: Progress) -> None:
+    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, tell: bool) -> None:
         self._called(job_id, attempt)
         self.progress.append(progress)
+        if tell:
+            self.told.append(progress)
 
     def _called(self, job_id: str, attempt: int) -> None:
         assert (job_id, attempt) == (JOB.id, JOB.attempt)
@@ -159,6 +162,29 @@ def test_an_outage_of_the_record_is_outlived(record: RecordStub, ear: Ear) -> No
         record.failing = None
         until(lambda: bool(record.progress) and record.progress[-1].step == 7)
         assert not watch.lost
+
+
+def test_few_of_many_steps_become_events(record: RecordStub, ear: Ear) -> None:
+    with watch_of(record, ear) as watch:
+        watch.phase("optimizing", step=0, total_steps=10_000)
+        for n in (1, 49, 50, 99, 100, 5000):
+            until(lambda: not watch._thread.is_alive() or record.progress[-1:] == [watch._latest])
+            watch.step(step(n, 10_000))
+        until(lambda: record.progress[-1].step == 5000)
+        watch.phase("writing")
+    steps = [progress.step for progress in record.progress if progress.phase != "loading"]
+    assert steps == [0, 1, 49, 50, 99, 100, 5000, 5000], "the row has them all"
+    told = [(progress.phase, progress.step) for progress in record.told if progress.phase != "loading"]
+    assert told == [("optimizing", n) for n in (0, 50, 100, 5000)] + [("writing", 5000)]
+
+
+def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("worker.progress._TOLD_EVERY_S", 0.0)
+    with watch_of(record, ear) as watch:
+        for n in (1, 2, 3):
+            watch.step(step(n, 10_000))
+            until(lambda n=n: record.progress[-1].step == n)  # type: ignore[misc]
+    assert [progress.step for progress in record.told][-3:] == [1, 2, 3]
 
 
 def test_losses_that_are_not_finite_are_left_out(record: RecordStub, ear: Ear) -> None:

@@ -95,7 +95,7 @@ def _installed(name: str) -> bool:
 
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
     ours = {"meshdeform", "service", "worker", "tests", "bench"}
-    for path in sorted(path for path in folder.rglob("*.py") if "node_modules" not in path.parts):
+    for path in sorted(path for path in folder.rglob("*.py") if not {"node_modules", ".swift"} & set(path.parts)):
         for node in ast.walk(ast.parse(path.read_text())):
             modules = []
             if isinstance(node, ast.Import):

@@ -2,96 +2,30 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import logging
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
-from meshdeform.errors import NumericalError, UnavailableError
-from meshdeform.jobs.models import Job, JobState, StoredFile
-from meshdeform.jobs.record import JobRecord
+from meshdeform.errors import NumericalError
+from meshdeform.jobs.models import Job, JobState
+from meshdeform.jobs.tables import jobs
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
-from tests.fake_kind import FakeKind
-from worker.runner import JobRunner
-
-STEPS, EVERY = 50, 10
-
-
-class World:
-    """A worker's surroundings."""
-
-    def __init__(self, folder: Path) -> None:
-        self.record = JobRecord(f"sqlite:///{folder / 'record.sqlite'}")
-        self.store = ObjectStore(str(folder / "objects"))
-        self.kind = FakeKind()
-        self.priors: list[str] = []
-        self.stop = False
-
-    def runner(self) -> JobRunner:
-        return JobRunner(
-            settings=Settings(),
-            record=self.record,
-            store=self.store,
-            listen=self._listen,
-            start=self.kind.start,
-            load_prior=self._load_prior,
-            device="cpu",
-            stopping=lambda: self.stop,
-            worker_id="a worker",
-        )
-
-    def create(self, **params: Any) -> Job:
-        data = b"an asset"
-        stored = self.store.put("assets/a", data, "model/gltf-binary")
-        asset = StoredFile(key="assets/a", filename="a.glb", size=stored.size, sha256=stored.sha256)
-        params = {"steps": STEPS, "checkpoint_every_steps": EVERY, "guidance": "target", **params}
-        return self.record.create(JobRequest.model_validate({"prompt": "a vase", "params": params}), asset, asset)
-
-    def expire(self, job: Job) -> None:
-        """Let the lease of whoever has the job be over."""
-        self.record.heartbeat(job.id, self.record.get(job.id).attempt, -1.0)
-
-    def run(self, job: Job) -> Job:
-        self.runner().run(job.id)
-        return self.record.get(job.id)
-
-    def result(self, job: Job) -> bytes:
-        (artifact,) = self.record.artifacts(job.id)
-        return self.store.get(artifact.key)
-
-    def kept(self, job: Job) -> list[int]:
-        return [reference.step for reference in self.record.checkpoints(job.id)]
-
-    def _load_prior(self, model: str) -> Any:
-        self.priors.append(model)
-        return object()
-
-    @contextlib.contextmanager
-    def _listen(self, job_id: str) -> Iterator[Any]:
-        import time
-
-        class Deaf:
-            def wait(self, timeout_s: float) -> bool:
-                time.sleep(min(timeout_s, 0.005))
-                return False
-
-        yield Deaf()
+from tests.worker_world import STEPS, World, new_world
 
 
 @pytest.fixture
 def world(tmp_path: Path) -> Iterator[World]:
-    world = World(tmp_path)
-    yield world
-    world.record.close()
+    with new_world(tmp_path) as world:
+        yield world
 
 
-def test_a_job_succeeds_with_its_results_and_the_last_two_checkpoints(world: World) -> None:
+def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> None:
     job = world.run(world.create())
     assert (job.state, job.attempt, job.error) == (JobState.SUCCEEDED, 1, None)
     (artifact,) = world.record.artifacts(job.id)
@@ -99,7 +33,7 @@ def test_a_job_succeeds_with_its_results_and_the_last_two_checkpoints(world: Wor
     assert (artifact.size, artifact.sha256) == (len(data), hashlib.sha256(data).hexdigest())
     assert artifact.key == f"jobs/{job.id}/1/result.glb"
     assert (job.progress.step, job.progress.fraction) == (STEPS, 1.0)
-    assert world.kept(job) == [40, 30]
+    assert world.kept(job) == [40, 30, 20, 10]
     (given,) = world.kind.started
     assert (given["asset"], given["filename"], given["target"], given["prior"]) == (
         b"an asset",
@@ -154,9 +88,7 @@ def test_a_cancel_stops_the_job(world: World) -> None:
     job = world.create(steps=50_000)
     world.kind.on_step = lambda step: world.record.request_cancel(job.id) and None if step == 5 else None
     # The channel is deaf here: the record alone must be enough, at the next heartbeat.
-    settings = Settings(lease_s=1.0)
-    runner = world.runner()
-    JobRunner(**{**vars(runner), "settings": settings}).run(job.id)
+    world.runner(settings=Settings(lease_s=1.0)).run(job.id)
     job = world.record.get(job.id)
     assert job.state is JobState.CANCELED
     assert world.record.artifacts(job.id) == []
@@ -220,7 +152,7 @@ def test_a_lost_attempt_is_resumed_from_the_last_checkpoint(world: World) -> Non
     assert world.result(job) == world.result(whole)
 
 
-@pytest.mark.parametrize(("damaged", "resumed_at"), [([0], 20), ([0, 1], 0)])
+@pytest.mark.parametrize(("damaged", "resumed_at"), [([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
 @pytest.mark.parametrize("damage", ["torn", "gone"])
 def test_a_torn_checkpoint_falls_back_to_the_one_before(
     world: World, damaged: list[int], resumed_at: int, damage: str
@@ -257,26 +189,64 @@ def test_an_attempt_that_lost_its_lease_writes_nothing_more(world: World) -> Non
     def usurp(step: int) -> None:
         if step == 15:
             world.expire(job)
+            assert world.record.reclaim_expired(3) == [job.id]
             assert world.record.claim(job.id, "another", 30.0) is not None
 
     world.kind.on_step = usurp
-    JobRunner(**{**vars(world.runner()), "settings": Settings(lease_s=1.0)}).run(job.id)
+    world.runner(settings=Settings(lease_s=1.0)).run(job.id)
     left = world.record.get(job.id)
     assert (left.state, left.attempt, left.error) == (JobState.RUNNING, 2, None)
     assert world.record.artifacts(job.id) == []
 
 
-def test_a_store_that_is_away_leaves_the_job_to_the_next_attempt(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_so_many_checkpoints_stay_and_each_has_its_mesh(world: World) -> None:
     job = world.create()
-    with monkeypatch.context() as patch:
-        patch.setattr(world.store, "put", _away)
-        with pytest.raises(UnavailableError):
-            world.run(job)
-    assert world.record.get(job.id).state is JobState.RUNNING
-    world.expire(job)
-    assert world.record.reclaim_expired(3) == [job.id]
-    assert world.run(job).state is JobState.SUCCEEDED
+    world.runner(settings=Settings(checkpoints_kept=2)).run(job.id)
+    references = world.record.checkpoints(job.id)
+    assert [reference.step for reference in references] == [40, 30]
+    for reference in references:
+        data = world.store.get(reference.key)
+        assert (reference.size, reference.sha256) == (len(data), hashlib.sha256(data).hexdigest())
+        assert reference.key == f"jobs/{job.id}/1/checkpoint-{reference.step:06d}"
+        assert reference.mesh_key == f"{reference.key}.glb"
+        assert hashlib.sha256(world.store.get(reference.mesh_key)).hexdigest() == reference.mesh_sha256
+    left = {key.rpartition("/")[2] for key, _ in world.store.list(f"jobs/{job.id}/")}
+    assert left == {f"checkpoint-0000{n}0{end}" for n in (3, 4) for end in ("", ".glb")} | {"result.glb"}
 
 
-def _away(*_: Any, **__: Any) -> Any:
-    raise UnavailableError("the store does not answer")
+def test_a_mesh_that_cannot_be_written_costs_no_checkpoint(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(run: Any) -> Any:
+        raise NumericalError("The shape is not finite.")
+
+    monkeypatch.setattr("tests.fake_kind._FakeRun.snapshot", broken)
+    job = world.create()
+    world.kind.on_step = lambda step: setattr(world, "stop", step == 17)
+    assert world.run(job).state is JobState.QUEUED
+    assert [(each.step, each.mesh_key) for each in world.record.checkpoints(job.id)] == [(17, None), (10, None)]
+
+
+def test_the_most_urgent_job_comes_first_whichever_was_told(world: World) -> None:
+    usual = world.create()
+    urgent = world.create(priority=5)
+    world.runner().run(usual.id)
+    assert world.record.get(urgent.id).state is JobState.SUCCEEDED
+    assert world.record.get(usual.id).state is JobState.QUEUED
+
+
+def test_a_deadline_that_passes_stops_the_run_and_the_next_job_begins(world: World) -> None:
+    job, steps = world.create(steps=50_000, checkpoint_every_steps=50_000, deadline_s=60.0), []
+
+    def expire(step: int) -> None:
+        steps.append(step)
+        if step == 15:
+            with world.record._database.write() as connection:
+                connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(deadline_at=jobs.c.created_at))
+            assert world.record.expire_deadlines() == [job.id]
+        time.sleep(0.001)
+
+    world.kind.on_step = expire
+    assert world.run(job).state is JobState.EXPIRED
+    assert 15 <= len(steps) < 50_000
+    assert world.record.artifacts(job.id) == []
+    world.kind.on_step = lambda step: None
+    assert world.run(world.create()).state is JobState.SUCCEEDED

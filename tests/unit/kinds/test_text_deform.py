@@ -114,6 +114,46 @@ def test_a_checkpoint_of_other_parameters_is_refused() -> None:
         start(glb(icosphere(1), scale=2.0), checkpoint=state)
 
 
+def test_a_branch_begins_exactly_at_the_shape_of_the_checkpoint() -> None:
+    asset = glb(icosphere(2), scale=30.0, offset=100.0)
+    first = start(asset)
+    for report in first:
+        if report.step == 5:
+            break
+    for other in (request(), request(seed=9, steps=4, learning_rate=0.01)):
+        branch = start(asset, other, initial=first.checkpoint())
+        assert branch.step == 0
+        assert np.array_equal(branch.positions(), first.positions())
+        assert branch.snapshot() == first.snapshot()
+        assert [report.step for report in branch] == list(range(1, branch.total_steps + 1))
+        assert not np.array_equal(branch.positions(), first.positions())
+    with pytest.raises(CheckpointError, match="another asset"):
+        start(glb(icosphere(2), scale=31.0), initial=first.checkpoint())
+
+
+def test_a_resumed_branch_is_the_uninterrupted_one() -> None:
+    asset = glb(icosphere(1))
+    first = start(asset)
+    next(iter(first))
+    whole = start(asset, request(seed=9), initial=first.checkpoint())
+    for report in whole:
+        if report.step == 4:
+            stored = whole.checkpoint()
+    resumed = start(asset, request(seed=9), checkpoint=stored)
+    assert resumed.step == 4
+    for _ in resumed:
+        pass
+    assert resumed.finish()["result.glb"].data == whole.finish()["result.glb"].data
+
+
+def test_a_snapshot_is_the_result_of_that_step() -> None:
+    run = start(glb(icosphere(2)))
+    shots = [run.snapshot().data for _ in run]
+    assert shots[-1] == run.finish()["result.glb"].data
+    assert shots[3] != shots[-1]
+    assert run.snapshot().content_type == "model/gltf-binary"
+
+
 def test_where_nothing_pulls_the_source_comes_back() -> None:
     """Through frame, weld, solve, scatter and file, every number is as it was."""
     asset = glb(icosphere(2), scale=7.0, offset=-3.0)

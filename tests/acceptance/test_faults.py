@@ -1,0 +1,340 @@
+"""The fault matrix: every part is killed at every named failpoint, and more; `docs/durability.md` has it as a table.
+
+Each row ends with `Cluster.check`: one terminal event, contiguous numbers, a fraction that never goes back, one
+published result, and that result the uninterrupted one.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import httpx
+import pytest
+
+from meshdeform.failpoints import FAILPOINTS
+from meshdeform.jobs.models import JobState
+from tests.acceptance.cluster import LEASE_S, Cluster, lives, running_redis, until
+from tests.servers import NotInstalledError, PostgresServer
+
+# A driver that is cut off while it connects leaves its socket to the garbage collector.
+pytestmark = [pytest.mark.acceptance, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
+
+WORKER_POINTS = [name for name in FAILPOINTS if name.startswith("worker.")]
+API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]
+STEPS = 12
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A deployment on SQLite and a folder, with nothing started but Redis."""
+    with running_redis(tmp_path) as redis:
+        made = Cluster(tmp_path, redis)
+        yield made
+        made.clean_up()
+
+
+def paused(cluster: Cluster, point: str) -> tuple[dict[str, str], Path, Path]:
+    """What makes a process wait at a failpoint, the file that says that it is there, and the one that lets it go."""
+    gate = cluster.folder / point
+    return {"MESHDEFORM_FAILPOINTS": f"{point}=pause:{gate}"}, Path(f"{gate}.reached"), Path(f"{gate}.go")
+
+
+# SIGKILL of the worker process
+
+
+@pytest.mark.parametrize("point", WORKER_POINTS)
+def test_a_worker_killed_at_a_failpoint_loses_nothing(cluster: Cluster, point: str, tmp_path: Path) -> None:
+    job_id = cluster.submit(STEPS)
+    died = tmp_path / "died"
+    cluster.start_worker(MESHDEFORM_FAILPOINTS=f"{point}=kill;{died}")
+    job = cluster.check(job_id, steps=STEPS)
+    until("the worker died where it should", died.exists)
+    # Before the claim there was no attempt to lose, and after the end there is nothing left to lose.
+    assert job.attempt == (1 if point in ("worker.told", "worker.ended") else 2)
+
+
+# SIGKILL of the API
+
+
+@pytest.mark.parametrize("point", API_POINTS)
+def test_an_api_killed_at_a_failpoint_makes_one_job_of_a_repeated_request(
+    cluster: Cluster, point: str, tmp_path: Path
+) -> None:
+    api = cluster.start_api(MESHDEFORM_FAILPOINTS=f"{point}=kill;{tmp_path / 'died'}")
+    with pytest.raises(httpx.TransportError):
+        cluster.post(STEPS, key="once")
+    api.process.wait()
+    recorded = cluster.record.list_jobs().jobs
+    assert len(recorded) == (1 if point in ("api.recorded", "api.told") else 0)
+    cluster.start_api()
+    cluster.start_worker()
+
+    def again() -> httpx.Response | None:
+        # While the dead request still holds the key, the answer is 409; its hold ends by itself.
+        answer = cluster.post(STEPS, key="once")
+        return answer if answer.status_code == 202 else None
+
+    if recorded:
+        answer = again()
+        assert answer is not None
+        assert answer.json()["id"] == recorded[0].id
+    else:
+        assert cluster.post(STEPS, key="once").status_code in (202, 409)
+        assert cluster.post(STEPS, key="another").status_code == 202
+    for job in cluster.record.list_jobs().jobs:
+        cluster.check(job.id, steps=STEPS)
+
+
+# SIGKILL of the supervisor, with its worker
+
+
+@pytest.mark.parametrize("point", WORKER_POINTS)
+def test_a_supervisor_killed_at_a_failpoint_of_its_worker_loses_nothing(cluster: Cluster, point: str) -> None:
+    environment, reached, go = paused(cluster, point)
+    job_id = cluster.submit(STEPS)
+    first = cluster.start_worker("first", **environment)
+    until("the worker is there", reached.exists)
+    family = first.children()
+    first.kill()
+    # The worker is told by the kernel; it ends in order as soon as it is let go.
+    go.touch()
+    until("its worker has noticed", lambda: not any(lives(process) for process in family))
+    cluster.start_worker("second")
+    cluster.check(job_id, steps=STEPS)
+
+
+@pytest.mark.parametrize("point", ["supervisor.reclaimed", "reconciler.reclaimed", "reconciler.told"])
+def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(
+    cluster: Cluster, point: str, tmp_path: Path
+) -> None:
+    points = f"worker.step=kill@6;{tmp_path / 'worker-died'},{point}=kill;{tmp_path / 'supervisor-died'}"
+    job_id = cluster.submit(STEPS)
+    first = cluster.start_worker("first", MESHDEFORM_FAILPOINTS=points)
+    first.process.wait(timeout=60)
+    cluster.start_worker("second")
+    cluster.check(job_id, steps=STEPS)
+
+
+# SIGKILL of Redis, which forgets everything
+
+
+@pytest.mark.parametrize("point", [*API_POINTS, *WORKER_POINTS])
+def test_a_redis_killed_at_a_failpoint_loses_nothing(cluster: Cluster, point: str) -> None:
+    environment, reached, go = paused(cluster, point)
+    in_api = point.startswith("api.")
+    cluster.start_api(**(environment if in_api else {}))
+    if in_api:
+        job_id = _posted_while(cluster, reached, go)
+    else:
+        job_id = cluster.submit(STEPS)
+        cluster.start_worker(**environment)
+        until("the worker is there", reached.exists)
+        cluster.redis.kill()
+        cluster.redis.start()
+        go.touch()
+    if in_api:
+        cluster.start_worker()
+    cluster.check(job_id, steps=STEPS)
+
+
+def _posted_while(cluster: Cluster, reached: Path, go: Path) -> str:
+    """Post a job; while its request waits at the failpoint, Redis dies and comes back."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        posting = pool.submit(cluster.post, STEPS)
+        until("the request is there", reached.exists)
+        cluster.redis.kill()
+        cluster.redis.start()
+        go.touch()
+        answer = posting.result()
+    assert answer.status_code == 202, answer.text
+    return str(answer.json()["id"])
+
+
+def test_a_redis_that_is_away_for_a_while_delays_jobs_only(cluster: Cluster) -> None:
+    cluster.start_api()
+    cluster.start_worker()
+    running = cluster.submit(400)
+    cluster.at_step(running, 20)
+    cluster.redis.kill()
+    posted = cluster.post(STEPS)
+    assert posted.status_code == 202, posted.text
+    cluster.check(running, steps=400)
+    cluster.redis.start()
+    cluster.check(posted.json()["id"], steps=STEPS)
+
+
+def test_jobs_that_redis_forgot_are_told_again(cluster: Cluster) -> None:
+    cluster.start_api()
+    jobs = [cluster.submit(STEPS) for _ in range(21)]
+    import redis
+
+    with redis.Redis.from_url(cluster.redis.url) as connection:
+        connection.flushall()
+    cluster.start_worker()
+    for job_id in jobs:
+        assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+# A worker that sleeps past its lease
+
+
+def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster) -> None:
+    sleeper = cluster.start_worker("sleeper", MESHDEFORM_STEP_TIMEOUT_S="600")
+    job_id = cluster.submit(200)
+    cluster.at_step(job_id, 30)
+    asleep = sleeper.child()
+    cluster.put_to_sleep(asleep)
+    sleeper.send(signal.SIGSTOP)
+    cluster.start_worker("other")
+    cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
+    asleep.send_signal(signal.SIGCONT)
+    sleeper.send(signal.SIGCONT)
+    job = cluster.check(job_id, steps=200)
+    assert job.attempt == 2
+    until("the sleeper noticed", lambda: "lost its lease" in sleeper.log)
+    last = cluster.events(job_id)[-1].seq
+    assert [e.attempt for e in cluster.events(job_id) if e.type == "started"] == [1, 2]
+    # It goes on with the next job as if nothing had been.
+    cluster.parts["other"].stop()
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert cluster.events(job_id)[-1].seq == last
+
+
+def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
+    points = f"worker.step=pause@6:{tmp_path / 'hang'};{tmp_path / 'hung'}"
+    job_id = cluster.submit(STEPS)
+    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="2")
+    assert cluster.check(job_id, steps=STEPS).attempt == 2
+
+
+# Messages that come twice
+
+
+def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) -> None:
+    job_id = cluster.submit(60)
+    for _ in range(6):
+        cluster.queue.enqueue(job_id)
+    cluster.start_worker("one")
+    cluster.start_worker("two")
+    assert cluster.check(job_id, steps=60).attempt == 1
+    until("every message was read", lambda: not cluster.queue.told())
+    assert cluster.job(job_id).attempt == 1
+
+
+# Checkpoints
+
+
+@pytest.mark.parametrize("damage", ["torn", "gone", "foreign"])
+def test_a_checkpoint_that_is_damaged_falls_back_to_the_one_before(
+    cluster: Cluster, damage: str, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+    # The second checkpoint is recorded, and then the worker waits to be killed.
+    points = f"worker.checkpoint.recorded=pause@2:{gate};{tmp_path / 'once'}"
+    job_id = cluster.submit(STEPS)
+    worker = cluster.start_worker(MESHDEFORM_FAILPOINTS=points)
+    until("two checkpoints", Path(f"{gate}.reached").exists)
+    newest, before = cluster.record.checkpoints(job_id)[:2]
+    assert (newest.step, before.step) == (8, 4)
+    whole = cluster.store.get(newest.key)
+    if damage == "gone":
+        cluster.store.delete(newest.key)
+    else:
+        cluster.store.put(newest.key, whole[:-3] if damage == "torn" else cluster.store.get(before.key))
+    worker.child().kill()
+    job = cluster.check(job_id, steps=STEPS)
+    assert job.attempt == 2
+    steps = [e.data["step"] for e in cluster.events(job_id) if e.type == "checkpoint" and e.attempt == 2]
+    assert steps[0] == 8, "the second attempt began at step 4 and stored step 8 anew"
+
+
+# The record
+
+
+def test_a_postgresql_that_crashes_and_comes_back_loses_nothing(tmp_path: Path, server_folder: Path) -> None:
+    folder = server_folder / f"crash-{time.time_ns()}"
+    folder.mkdir()
+    try:
+        server = PostgresServer(folder, durable=True)
+    except NotInstalledError as missing:
+        pytest.skip(str(missing))
+    server.start()
+    try:
+        with running_redis(tmp_path) as redis:
+            cluster = Cluster(tmp_path, redis, database_url=server.url)
+            try:
+                cluster.start_api()
+                cluster.start_worker()
+                job_id = cluster.submit(300)
+                cluster.at_step(job_id, 20)
+                server.kill()
+                assert cluster.post(STEPS).status_code == 503
+                server.start()
+                later = until("posting works again", lambda: _accepted(cluster))
+                cluster.check(job_id, steps=300)
+                cluster.check(later, steps=STEPS)
+            finally:
+                cluster.clean_up()
+    finally:
+        server.kill()
+
+
+def _accepted(cluster: Cluster) -> str | None:
+    answer = cluster.post(STEPS)
+    return str(answer.json()["id"]) if answer.status_code == 202 else None
+
+
+def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_most(cluster: Cluster) -> None:
+    # The clock of the process that gave the lease was an hour ahead; then its worker was killed with its supervisor.
+    job_id = cluster.submit(400)
+    worker = cluster.start_worker("first")
+    cluster.at_step(job_id, 20)
+    cluster.put_to_sleep(worker.child())
+    worker.kill()
+    job = cluster.job(job_id)
+    cluster.record.heartbeat(job_id, job.attempt, timedelta(hours=1).total_seconds())
+    before = time.monotonic()
+    cluster.start_worker("second")
+    cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
+    assert time.monotonic() - before < 60 * LEASE_S, "it did not wait for the hour to pass"
+    cluster.check(job_id, steps=400)
+
+
+# The end of a job has the last word
+
+
+def test_a_cancel_while_parts_die_ends_in_one_state(cluster: Cluster, tmp_path: Path) -> None:
+    cluster.start_api()
+    job_id = cluster.submit(400)
+    worker = cluster.start_worker()
+    cluster.at_step(job_id, 10)
+    cluster.put_to_sleep(worker.child())
+    assert cluster.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceling"
+    worker.child().kill()
+    cluster.check(job_id, state=JobState.CANCELED)
+
+
+def test_a_worker_that_dies_in_every_attempt_fails_the_job(cluster: Cluster) -> None:
+    job_id = cluster.submit(STEPS)
+    cluster.start_worker(MESHDEFORM_FAILPOINTS="worker.started=kill")
+    job = cluster.check(job_id, state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("worker_lost", 3)
+
+
+def test_sigterm_stores_a_checkpoint_and_counts_no_attempt_as_lost(cluster: Cluster) -> None:
+    job_id = cluster.submit(300)
+    worker = cluster.start_worker("first")
+    reached = cluster.at_step(job_id, 25).progress.step
+    assert worker.stop() == 0
+    job = cluster.job(job_id)
+    assert job.state is JobState.QUEUED
+    assert cluster.record.checkpoints(job_id)[0].step >= reached
+    cluster.start_worker("second", MESHDEFORM_MAX_ATTEMPTS="1")
+    cluster.check(job_id, steps=300)

@@ -1,0 +1,107 @@
+"""A real `meshdeform serve` that others can reach: no start without a key, and none without it let in."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.acceptance.meshes import write_ellipsoid
+from tests.acceptance.service import Service, serving, until
+from tests.servers import free_port
+
+pytestmark = pytest.mark.acceptance
+
+REQUEST: dict[str, Any] = {"params": {"guidance": "target", "steps": 3}}
+
+
+def meshdeform(*arguments: str, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "meshdeform", *arguments]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, **(environment or {})}, timeout=120
+    )
+
+
+def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(server_folder: Path) -> None:
+    data = server_folder / "open address"
+    refused = meshdeform("serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(data))
+    assert refused.returncode == 3, refused.stderr
+    assert "Traceback" not in refused.stderr
+    command = f"meshdeform keys create --owner me --data-dir '{data}'"
+    assert command in refused.stderr
+    assert not (data / "serve.lock").exists()  # nothing was started
+    # What it says works, and a key that was revoked opens nothing.
+    made = meshdeform("keys", "create", "--owner", "me", "--data-dir", str(data), "--json")
+    key = json.loads(made.stdout)["id"]
+    assert meshdeform("keys", "revoke", key, "--data-dir", str(data)).returncode == 0
+    again = meshdeform("serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(data))
+    assert (again.returncode, command in again.stderr) == (3, True)
+
+
+def test_the_api_alone_refuses_too(server_folder: Path) -> None:
+    environment = {
+        "MESHDEFORM_DATA_DIR": str(server_folder / "api alone"),
+        "MESHDEFORM_REDIS_URL": f"redis://127.0.0.1:{free_port()}/0",
+    }
+    for host, more in (("0.0.0.0", {}), ("::", {}), ("127.0.0.1", {"MESHDEFORM_AUTH": "on"})):
+        refused = meshdeform("api", "--host", host, "--port", "0", environment={**environment, **more})
+        assert refused.returncode == 3, (host, refused.stderr)
+        assert "meshdeform keys create --owner me." in refused.stderr
+
+
+@pytest.fixture(scope="module")
+def guarded(server_folder: Path) -> Iterator[tuple[Service, dict[str, str], str, Path]]:
+    """A service that asks for keys, with one of them, logging JSON; on loopback, where the test may listen."""
+    data = server_folder / "guarded"
+    flags = ["--owner", "studio", "--requests-per-minute", "0", "--data-dir", str(data), "--json"]
+    made = json.loads(meshdeform("keys", "create", *flags).stdout)
+    environment = {"MESHDEFORM_AUTH": "on", "MESHDEFORM_LOG_FORMAT": "json"}
+    with serving(data, **environment) as service:
+        yield service, {"Authorization": f"Bearer {made['key']}"}, made["id"], data
+
+
+def test_a_key_opens_a_job_is_its_owners_and_every_line_is_json(
+    guarded: tuple[Service, dict[str, str], str, Path], tmp_path: Path
+) -> None:
+    service, headers, _, _ = guarded
+    assert service.http.get("/v1/jobs").status_code == 401
+    sphere, egg = write_ellipsoid(tmp_path / "sphere.obj", 1.0), write_ellipsoid(tmp_path / "egg.obj", 1.6)
+    service.http.headers.update({**headers, "X-Request-ID": "shot-10"})
+    broken = service.http.post(
+        "/v1/jobs?signature=secret",
+        content=b"--x\r\nnonsense",
+        headers={"Content-Type": "multipart/form-data; boundary=x"},
+    )
+    assert broken.status_code == 422
+    job = service.submit(sphere, REQUEST, egg)
+    assert service.finished(job)["state"] == "succeeded", service.log
+    until("the worker says that it is done", lambda: any(f"{job}: attempt 1 succeeded" in e for e in service.errors))
+    lines = [json.loads(line) for line in list(service.errors)]
+    assert all(line["message"] is not None and datetime.fromisoformat(line["time"]) for line in lines)
+    assert {line["part"] for line in lines} >= {"api", "worker"}
+    of_the_job = [line for line in lines if line.get("job_id") == job]
+    assert {line["part"] for line in of_the_job} == {"worker"}
+    assert all(line.get("worker") for line in of_the_job)
+    posted = [line for line in lines if line.get("route") == "/v1/jobs" and line.get("status") == 202]
+    assert [(line["request_id"], line["method"]) for line in posted] == [("shot-10", "POST")]
+    assert posted[0]["duration_ms"] > 0
+    assert "secret" not in service.log
+
+
+def test_a_revoked_key_is_refused_soon(guarded: tuple[Service, dict[str, str], str, Path]) -> None:
+    service, headers, key, data = guarded
+    assert httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 200
+    assert meshdeform("keys", "revoke", key, "--data-dir", str(data)).returncode == 0
+    until(
+        "the key is refused",
+        lambda: httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 401,
+        deadline_s=30.0,
+    )

@@ -1,0 +1,107 @@
+"""The fault matrix, second part: a full disk, and an object store that answers 503, hangs or cuts connections."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.fault_proxy import FaultProxy
+from tests.s3_server import S3Server
+
+pytestmark = pytest.mark.acceptance
+
+STEPS = 12
+
+
+@pytest.fixture
+def proxied(
+    tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Cluster, FaultProxy]]:
+    """A deployment on a real S3 server, with a proxy in between that fails on demand."""
+    with FaultProxy(s3_server.port) as proxy, running_redis(tmp_path) as redis:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
+        cluster = Cluster(tmp_path, redis, storage_url=s3_store_url)
+        yield cluster, proxy
+        cluster.clean_up()
+
+
+def test_jobs_run_on_an_s3_store(proxied: tuple[Cluster, FaultProxy]) -> None:
+    cluster, _ = proxied
+    cluster.start_api()
+    cluster.start_worker()
+    answer = cluster.post(STEPS)
+    assert answer.status_code == 202, answer.text
+    cluster.check(answer.json()["id"], steps=STEPS)
+
+
+@pytest.mark.parametrize("fault", ["error503", "refuse", "cut"])
+def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster, FaultProxy], fault: str) -> None:
+    cluster, proxy = proxied
+    cluster.start_api()
+    job_id = cluster.submit(300)
+    cluster.start_worker()
+    cluster.at_step(job_id, 20)
+    if fault == "cut":
+        proxy.cut_after(100)
+    else:
+        getattr(proxy, fault)()
+    assert cluster.post(STEPS).status_code == 503
+    assert not cluster.record.list_jobs(cursor=None).jobs[1:], "what was refused left no job"
+    # Nothing can be stored, and the attempt goes on.
+    until("the worker says so", lambda: "store" in cluster.parts["worker"].log)
+    cluster.when(job_id, "the end of the steps", lambda job: job.progress.step == 300)
+    proxy.pass_through()
+    job = cluster.check(job_id, steps=300)
+    assert job.attempt == 1
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of two megabytes."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("a small file system cannot be mounted here (it takes root)")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
+    with running_redis(tmp_path) as redis:
+        cluster = Cluster(tmp_path, redis, storage_url=str(small_disk))
+        try:
+            cluster.start_api()
+            running = cluster.submit(300)
+            cluster.start_worker()
+            cluster.at_step(running, 20)
+            ballast = small_disk / "ballast"
+            _fill(ballast)
+            refused = cluster.post(STEPS)
+            assert refused.status_code == 503, refused.text
+            assert refused.json()["code"] == "unavailable"
+            cluster.when(running, "the end of the steps", lambda job: job.progress.step == 300)
+            assert not cluster.job(running).state.terminal
+            ballast.unlink()
+            assert cluster.check(running, steps=300).attempt == 1
+            posted = cluster.post(STEPS)
+            assert posted.status_code == 202, posted.text
+            cluster.check(posted.json()["id"], steps=STEPS)
+        finally:
+            cluster.clean_up()
+
+
+def _fill(path: Path) -> None:
+    """Write until nothing more goes in."""
+    with path.open("wb", buffering=0) as file:
+        for size in (65536, 512, 1):
+            try:
+                while True:
+                    file.write(b"\0" * size)
+            except OSError:
+                continue

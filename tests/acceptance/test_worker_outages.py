@@ -1,0 +1,94 @@
+"""While the object store or the record is away, a real worker keeps its attempt, and ends it when they are back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.fault_proxy import FaultProxy
+from tests.s3_server import S3Server
+
+pytestmark = pytest.mark.acceptance
+
+STEPS = 200
+
+
+@contextmanager
+def cluster_with(folder: Path, **urls: str) -> Iterator[Cluster]:
+    """A deployment whose leases outlast the outages of this file: what is tried here is not a lost worker."""
+    with running_redis(folder) as redis:
+        made = Cluster(folder, redis, environment={"MESHDEFORM_LEASE_S": "60"}, **urls)
+        try:
+            yield made
+        finally:
+            made.clean_up()
+
+
+@pytest.mark.parametrize("fault", ["refuse", "error503"])
+def test_a_store_that_is_away_costs_no_attempt(
+    tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    with FaultProxy(s3_server.port) as proxy:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
+        with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
+            worker = cluster.start_worker()
+            job_id = cluster.submit(STEPS)
+            cluster.at_step(job_id, 20)
+            getattr(proxy, fault)()
+            until("a checkpoint is missed", lambda: "no checkpoint of step" in worker.log)
+            cluster.when(job_id, "the results wait", lambda job: job.progress.phase == "uploading")
+            until("an upload failed", lambda: "result.glb: " in worker.log)
+            proxy.pass_through()
+            assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+def test_a_store_that_is_away_when_a_job_begins_is_waited_for(
+    tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with FaultProxy(s3_server.port) as proxy:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
+        with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
+            job_id = cluster.submit(STEPS)
+            proxy.refuse()
+            worker = cluster.start_worker()
+            until("the asset cannot be read", lambda: "the asset: " in worker.log)
+            proxy.pass_through()
+            assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+def test_a_record_that_is_away_costs_no_attempt(tmp_path: Path, postgres_port: int, postgres_url: str) -> None:
+    with FaultProxy(postgres_port) as proxy:
+        url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
+        with cluster_with(tmp_path, database_url=url) as cluster:
+            worker = cluster.start_worker()
+            job_id = cluster.submit(STEPS)
+            cluster.at_step(job_id, 20)
+            proxy.refuse()
+            until("a checkpoint is missed", lambda: "no checkpoint of step" in worker.log)
+            until("the end cannot be written", lambda: "its end: " in worker.log)
+            proxy.pass_through()
+            assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
+    tmp_path: Path, postgres_port: int, postgres_url: str
+) -> None:
+    with FaultProxy(postgres_port) as proxy:
+        url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
+        with cluster_with(tmp_path, database_url=url) as cluster:
+            job_id = cluster.submit(STEPS)
+            proxy.refuse()
+            worker = cluster.start_worker()
+            until("it waits", lambda: "waiting for the record" in worker.log)
+            proxy.pass_through()
+            assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+def test_a_step_that_is_longer_than_a_lease_does_not_lose_it(tmp_path: Path) -> None:
+    with cluster_with(tmp_path) as cluster:
+        cluster.start_worker(MESHDEFORM_LEASE_S="2", FAKE_STEP_S="5")
+        assert cluster.check(cluster.submit(2), steps=2).attempt == 1

@@ -1,0 +1,125 @@
+"""A real supervisor and a real worker process in trouble: no memory on the device, a step that hangs, an outage."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from meshdeform.jobs.models import JobState
+from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.fake_worker import TROUBLE_AT
+
+pytestmark = pytest.mark.acceptance
+
+STEPS = 12
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A deployment on SQLite and a folder, with nothing started but Redis."""
+    with running_redis(tmp_path) as redis:
+        made = Cluster(tmp_path, redis)
+        yield made
+        made.clean_up()
+
+
+def test_jobs_are_run_by_a_process_that_holds_no_torch(cluster: Cluster) -> None:
+    worker = cluster.start_worker()
+    for _ in range(3):
+        cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert "libtorch" not in Path(f"/proc/{worker.child().pid}/maps").read_text()
+    assert worker.stop() == 0
+
+
+def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
+    # Attempts may not be lost: this one is none.
+    worker = cluster.start_worker(FAKE_OOM_ONCE=str(tmp_path / "once"), MESHDEFORM_MAX_ATTEMPTS="2")
+    first = worker.child().pid
+    job = cluster.check(cluster.submit(STEPS, prompt="ooms once"), steps=STEPS)
+    assert (job.attempt, job.oom_attempts) == (2, 1)
+    events = cluster.events(job.id)
+    assert TROUBLE_AT - 1 in [e.data["step"] for e in events if e.type == "checkpoint" and e.attempt == 1]
+    assert [e.data["reason"] for e in events if e.type == "queued"][1:] == ["out_of_memory"]
+    assert "ended with exit code 75; starting it again in 0 s" in worker.log
+    assert worker.child().pid != first
+
+
+def test_a_device_without_memory_fails_the_job_at_last(cluster: Cluster) -> None:
+    worker = cluster.start_worker()
+    job = cluster.check(cluster.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("gpu_oom", 3)
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert worker.stop() == 0
+
+
+def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(cluster: Cluster) -> None:
+    worker = cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="2", MESHDEFORM_MAX_ATTEMPTS="2")
+    job = cluster.check(cluster.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("worker_lost", 2)
+    assert worker.log.count("it hangs, and is killed") == 2
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+
+
+def test_a_worker_without_work_is_not_taken_for_hung(cluster: Cluster) -> None:
+    worker = cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="2")
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    process = worker.child()
+    rested = time.monotonic() + 5.0
+    until("more than the limit has passed", lambda: time.monotonic() > rested)
+    assert worker.child() == process
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+
+
+def test_a_job_that_fails_leaves_the_worker_as_it_was(cluster: Cluster) -> None:
+    worker = cluster.start_worker()
+    job = cluster.check(cluster.submit(STEPS, prompt="fails"), state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("numerical_failure", 1)
+    process = worker.child()
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert worker.child() == process
+
+
+def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
+    usual = [cluster.submit(STEPS) for _ in range(3)]
+    urgent = cluster.submit(STEPS, priority=10)
+    cluster.start_worker()
+    for job_id in [*usual, urgent]:
+        cluster.check(job_id, steps=STEPS)
+    started = {job_id: cluster.job(job_id).started_at for job_id in [*usual, urgent]}
+    assert sorted(started, key=lambda job_id: str(started[job_id])) == [urgent, *usual]
+
+
+def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> None:
+    worker = cluster.start_worker()
+    job_id = cluster.submit(50_000, deadline_s=3.0)
+    job = cluster.check(job_id, state=JobState.EXPIRED)
+    assert job.started_at is not None
+    until("the worker noticed", lambda: "has lost its lease and stops" in worker.log)
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+
+
+def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) -> None:
+    def healthy() -> bool:
+        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(cluster.folder)}
+        return subprocess.run([sys.executable, "-m", "worker.health"], env=environment, check=False).returncode == 0
+
+    assert not healthy()
+    worker = cluster.start_worker()
+    until("the record knows", lambda: cluster.record.registry.alive("meshdeform") == 1)
+    assert healthy()
+    process = worker.child()
+    process.kill()
+    until("another one", lambda: next((p for p in worker.children() if p != process and p.is_running()), None))
+    until("the record knows the new one only", lambda: cluster.record.registry.alive("meshdeform") == 1)
+    assert worker.stop() == 0
+    assert cluster.record.registry.alive("meshdeform") == 0
+    assert not healthy()

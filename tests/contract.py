@@ -1,0 +1,127 @@
+"""The service against its own description: Schemathesis makes requests up and compares the answers with OpenAPI.
+
+The suite runs it for a minute (tests/integration/test_schemathesis.py); ``python -m tests.contract --examples 200``
+runs it for as long as that takes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import service.auth
+from meshdeform.errors import MeshdeformError
+from meshdeform.jobs.models import Artifact, Job, JobState
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from service.rate import Rate
+from tests.integration.conftest import serving
+from tests.servers import redis_server
+
+ROOT = Path(__file__).resolve().parent.parent
+PHASES = "examples,coverage,fuzzing,stateful"
+
+
+@contextmanager
+def service_under_test(folder: Path, redis_url: str) -> Iterator[tuple[str, str]]:
+    """A service that wants keys, with a worker that needs no time: its URL and a key."""
+    settings = Settings(
+        data_dir=folder,
+        redis_url=redis_url,
+        queue=f"test-{folder.name}",
+        auth="on",
+        requests_per_minute=0,
+        max_active_jobs=0,
+        max_upload_bytes=2**20,
+        webhook_networks=["127.0.0.0/8"],
+    )
+    guesses = service.auth._FAILURES
+    # Every request is also made without a key and with a wrong one: more guesses than one address may make.
+    service.auth._FAILURES = Rate(per_minute=10**9, burst=10**9)
+    over = threading.Event()
+    try:
+        with serving(settings) as url:
+            record, store = JobRecord(settings.resolved_database_url), ObjectStore(settings.resolved_storage_url)
+            worker = threading.Thread(target=_work, args=(record, store, over))
+            worker.start()
+            try:
+                yield url, record.keys.create("contract")[1]
+            finally:
+                over.set()
+                worker.join()
+                record.close()
+    finally:
+        service.auth._FAILURES = guesses
+
+
+def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:
+    """Bring two of three jobs to their end; the third runs until somebody cancels it."""
+    taken = 0
+    while not over.is_set():
+        job = record.claim_next("worker", 3600.0)
+        if job is None:
+            over.wait(0.05)
+            continue
+        taken += 1
+        with suppress(MeshdeformError):  # canceled meanwhile
+            key = f"jobs/{job.id}/{job.attempt}/result.glb"
+            result = _stored(store, job, key)
+            record.set_checkpoint(job.id, job.attempt, key, 5, result.sha256, size=result.size, mesh=result)
+            if taken % 3:
+                record.finish(job.id, job.attempt, JobState.SUCCEEDED, results=[result])
+
+
+def _stored(store: ObjectStore, job: Job, key: str) -> Artifact:
+    stored = store.put(key, store.get(job.asset.key))
+    return Artifact(
+        name="result.glb",
+        content_type="model/gltf-binary",
+        size=stored.size,
+        sha256=stored.sha256,
+        key=key,
+        created_at=datetime.now(UTC),
+    )
+
+
+def run(url: str, key: str, *, examples: int, phases: str = PHASES) -> subprocess.CompletedProcess[str]:
+    """Run Schemathesis with every check; the same requests each time."""
+    command = [sys.executable, "-m", "schemathesis.cli", "--config-file", str(ROOT / "tests" / "schemathesis.toml")]
+    command += ["--no-color", "run", f"{url}/openapi.json"]
+    command += ["--checks", "all", "--phases", phases, "--max-examples", str(examples), "--request-timeout", "20"]
+    command += ["--generation-deterministic", "--continue-on-failure", "--suppress-health-check", "all"]
+    environment = {
+        **os.environ,
+        "CONTRACT_KEY": key,
+        "SCHEMATHESIS_HOOKS": "tests.contract_hooks",
+        "PYTHONPATH": str(ROOT),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def main() -> int:
+    """Run it against a service of its own."""
+    parser = argparse.ArgumentParser(prog="python -m tests.contract", description=__doc__)
+    parser.add_argument("--examples", type=int, default=200, help="requests for each operation (default: %(default)s)")
+    parser.add_argument("--phases", default=PHASES, help="default: %(default)s")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="meshdeform-contract-") as name:
+        folder = Path(name)
+        (folder / "redis").mkdir()
+        with redis_server(folder / "redis") as redis_url, service_under_test(folder, redis_url) as (url, key):
+            done = run(url, key, examples=options.examples, phases=options.phases)
+    print(done.stdout, done.stderr, sep="\n")
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

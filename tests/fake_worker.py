@@ -1,0 +1,69 @@
+"""``python -m tests.fake_worker``: the real worker process with a sum in place of the deformation, and no torch.
+
+Everything around it is real: RQ, the record, the store, leases, checkpoints, signals. ``--supervised`` is the
+supervisor of such a process. ``FAKE_STEP_S`` says how long a step takes. Words of a prompt make trouble: `fails`,
+`ooms` (in every attempt), `ooms once` (unless there is the file that ``FAKE_OOM_ONCE`` names), `hangs`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from meshdeform.config import JobRequest
+from meshdeform.errors import NumericalError
+from meshdeform.settings import Settings
+from tests.fake_kind import FakeKind, OutOfMemoryError
+from worker.__main__ import main as supervise
+from worker.engine import Engine
+from worker.process import main as work
+
+TROUBLE_AT = 7
+
+
+class TroubledKind(FakeKind):
+    """A fake kind that does as the prompt says."""
+
+    def __init__(self, step_s: float) -> None:
+        super().__init__()
+        self._step_s = step_s
+
+    def start(self, *, request: JobRequest, **others: Any) -> Any:
+        """Start a run that may run into trouble at its seventh step."""
+        self.on_step = lambda step: self._step(step, request.prompt)
+        return super().start(request=request, **others)
+
+    def _step(self, step: int, prompt: str) -> None:
+        time.sleep(self._step_s)
+        if step != TROUBLE_AT:
+            return
+        if "fails" in prompt:
+            raise NumericalError("The loss is not finite.")
+        if "hangs" in prompt:
+            time.sleep(3600.0)
+        if "ooms" in prompt and not ("ooms once" in prompt and _not_the_first()):
+            raise OutOfMemoryError("CUDA out of memory. Tried to allocate 1 GiB.")
+
+
+def _not_the_first() -> bool:
+    try:
+        Path(os.environ["FAKE_OOM_ONCE"]).open("x").close()
+    except FileExistsError:
+        return True
+    return False
+
+
+def engine(settings: Settings) -> Engine:
+    """Take the place of `worker.engine.torch_engine`."""
+    kind = TroubledKind(float(os.environ.get("FAKE_STEP_S", "0.01")))
+    return Engine(kind.start, lambda model: None, "cpu")  # type: ignore[arg-type, return-value]
+
+
+if __name__ == "__main__":
+    if "--supervised" in sys.argv[1:]:
+        supervise("tests.fake_worker")
+    else:
+        sys.exit(work(engine))

@@ -1,0 +1,79 @@
+"""What the tests of the HTTP API send, and how they look at what comes back."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+import httpx
+import jsonschema
+
+from meshdeform.jobs.models import Artifact, JobState
+from tests.integration.conftest import DEADLINE_S, Api, new_job
+
+PROMPT = {"prompt": "a mushroom"}
+
+
+def post(api: Api, asset: bytes, request: Any = PROMPT, filename: str = "sphere.glb", **more: Any) -> httpx.Response:
+    """Post a job; a request that is no string is sent as JSON."""
+    document = request if isinstance(request, str | bytes) else json.dumps(request)
+    files = {"asset": (filename, asset), "request": (None, document), **more}
+    return api.http.post("/v1/jobs", files=files)
+
+
+def check_problem(answer: httpx.Response, status: int, code: str) -> dict[str, Any]:
+    """Check that an answer is a problem document, and return it."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem: dict[str, Any] = answer.json()
+    assert (problem["status"], problem["code"]) == (status, code)
+    assert problem["type"] == f"urn:meshdeform:problem:{code}"
+    assert problem["instance"] == answer.request.url.path
+    for member in ("title", "detail", "advice"):
+        assert problem[member]
+    return problem
+
+
+def check_document(document: Any, name: str, openapi: dict[str, Any]) -> None:
+    """Check a document against its schema as it is published."""
+    schema = {"$ref": f"#/components/schemas/{name}", "components": openapi["components"]}
+    jsonschema.Draft202012Validator(schema, format_checker=jsonschema.FormatChecker()).validate(document)
+
+
+def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    if binary:
+        chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def finished_job(api: Api, content: bytes = bytes(range(256)) * 64) -> str:
+    """A job that a worker has brought to its end, with one artifact."""
+    job = new_job(api.record)
+    assert api.record.claim(job.id, "worker", 60.0)
+    key = f"jobs/{job.id}/1/result.glb"
+    stored = api.store.put(key, content)
+    made = Artifact(
+        name="result.glb",
+        content_type="model/gltf-binary",
+        size=stored.size,
+        sha256=stored.sha256,
+        key=key,
+        created_at=datetime.now(UTC),
+    )
+    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    return job.id
+
+
+def eventually(true: Callable[[], bool]) -> None:
+    """Wait until something is so."""
+    deadline = time.monotonic() + DEADLINE_S
+    while not true():
+        assert time.monotonic() < deadline, "it never came to be so"
+        time.sleep(0.01)

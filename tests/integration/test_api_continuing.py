@@ -1,0 +1,142 @@
+"""Retries and branches: new jobs that begin with a checkpoint of another one."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import Job, JobState, NewJob, OriginMode, StoredFile
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job
+
+BRANCH = {"prompt": "a vase", "params": {"preset": "preview"}}
+
+
+def stored(api: Api, content: bytes, filename: str = "sphere.glb") -> StoredFile:
+    """A file that is really there."""
+    digest = hashlib.sha256(content).hexdigest()
+    api.store.put(f"assets/{digest}", content)
+    return StoredFile(key=f"assets/{digest}", filename=filename, size=len(content), sha256=digest)
+
+
+def interrupted_job(api: Api, *, steps: tuple[int, ...] = (), state: JobState = JobState.FAILED, **request: Any) -> str:
+    """A job that a worker has ended, with checkpoints."""
+    asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
+    job = api.record.create(NewJob(asked, stored(api, b"the asset")))
+    assert api.record.claim(job.id, "worker", 60.0)
+    for step in steps:
+        name = f"jobs/{job.id}/1/checkpoint-{step:06}"
+        made = api.store.put(name, f"{job.id} {step}".encode())
+        api.record.set_checkpoint(job.id, 1, name, step, made.sha256, size=made.size)
+    if state is not JobState.RUNNING:
+        api.record.finish(job.id, 1, state)
+    return job.id
+
+
+def made_of(api: Api, answer: Any) -> Job:
+    assert answer.status_code == 202, answer.text
+    assert answer.headers["location"] == f"/v1/jobs/{answer.json()['id']}"
+    return api.record.get(answer.json()["id"])
+
+
+@pytest.mark.parametrize("state", [JobState.FAILED, JobState.CANCELED, JobState.EXPIRED])
+def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, Any], state: JobState) -> None:
+    source = interrupted_job(api, steps=(100, 200), state=state, metadata={"a": "b"}, priority=7, params={"seed": 3})
+    answer = api.http.post(f"/v1/jobs/{source}/retry")
+    job, old = made_of(api, answer), api.record.get(source)
+    check_document(answer.json(), "JobView", openapi)
+    assert answer.json()["origin"] == {"job_id": source, "step": 200, "mode": "retry"}
+    assert answer.json()["priority"] == 7
+    assert (job.request, job.asset, job.state) == (old.request, old.asset, JobState.QUEUED)
+    assert job.origin is not None
+    assert (job.origin.mode, job.origin.step) == (OriginMode.RETRY, 200)
+    assert api.http.delete(f"/v1/jobs/{source}").status_code == 204
+    assert api.store.get(job.origin.key) == f"{source} 200".encode()
+    assert api.store.sha256_of(job.origin.key) == job.origin.sha256
+    assert api.store.get(job.asset.key) == b"the asset"
+    api.record.request_cancel(job.id)
+    assert api.http.delete(f"/v1/jobs/{job.id}").status_code == 204
+    assert not api.store.exists(job.origin.key)
+
+
+def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:
+    source = interrupted_job(api, steps=(100, 200, 300))
+    api.store.put(f"jobs/{source}/1/checkpoint-000300", b"torn")
+    api.store.delete(f"jobs/{source}/1/checkpoint-000200")
+    job = made_of(api, api.http.post(f"/v1/jobs/{source}/retry"))
+    assert job.origin is not None
+    assert job.origin.step == 100
+    api.store.put(f"jobs/{source}/1/checkpoint-000100", b"torn")
+    # The copy of it is whole still, but the job's own are not: what is stored is not taken on faith.
+    again = made_of(api, api.http.post(f"/v1/jobs/{source}/retry"))
+    assert again.origin is not None
+    assert (again.origin.step, again.origin.key) == (0, "")
+
+
+def test_a_retry_of_a_branch_without_checkpoints_begins_where_the_branch_began(api: Api) -> None:
+    source = interrupted_job(api, steps=(100,))
+    first = made_of(api, api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json=BRANCH))
+    api.record.request_cancel(first.id)
+    again = made_of(api, api.http.post(f"/v1/jobs/{first.id}/retry"))
+    assert again.origin == first.origin
+    assert again.request == first.request
+
+
+def test_only_what_did_not_succeed_is_tried_again(api: Api) -> None:
+    for job_id, state in ((finished_job(api), "succeeded"), (new_job(api.record).id, "queued")):
+        problem = check_problem(api.http.post(f"/v1/jobs/{job_id}/retry"), 409, "conflict")
+        assert problem["state"] == state
+    check_problem(api.http.post("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6/retry"), 404, "not_found")
+
+
+@pytest.mark.parametrize("state", [JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED])
+def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
+    api: Api, openapi: dict[str, Any], state: JobState
+) -> None:
+    source = interrupted_job(api, steps=(100, 200), state=state)
+    answer = api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json={**BRANCH, "metadata": {"take": "2"}})
+    job = made_of(api, answer)
+    check_document(answer.json(), "JobView", openapi)
+    assert answer.json()["origin"] == {"job_id": source, "step": 100, "mode": "branch"}
+    assert (job.prompt, job.metadata, job.asset) == ("a vase", {"take": "2"}, api.record.get(source).asset)
+    assert job.origin is not None
+    assert api.store.get(job.origin.key) == f"{source} 100".encode()
+
+
+def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
+    source = interrupted_job(api, steps=(100,))
+    path = f"/v1/jobs/{source}/checkpoints/100/branch"
+    guided = {"params": {"guidance": "target"}}
+    check_problem(api.http.post(path, json=guided), 422, "parameter_invalid")
+    named = {**guided, "target": {"job_id": finished_job(api, sphere)}}
+    job = made_of(api, api.http.post(path, json=named))
+    assert job.target is not None
+    assert api.store.get(job.target.key) == sphere
+    # Its own branch inherits the target, and one that is led by a prompt does not.
+    api.record.claim(job.id, "worker", 60.0)
+    made = api.store.put(f"jobs/{job.id}/1/checkpoint-000010", b"ten")
+    api.record.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
+    path = f"/v1/jobs/{job.id}/checkpoints/10/branch"
+    assert made_of(api, api.http.post(path, json=guided)).target == job.target
+    assert made_of(api, api.http.post(path, json=BRANCH)).target is None
+
+
+def test_a_checkpoint_that_is_not_there_or_not_whole_is_not_found(api: Api) -> None:
+    source = interrupted_job(api, steps=(100, 200))
+    problem = check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/150/branch", json=BRANCH), 404, "not_found")
+    assert problem["steps"] == [100, 200]
+    api.store.put(f"jobs/{source}/1/checkpoint-000100", b"torn")
+    check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json=BRANCH), 404, "not_found")
+    check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/-1/branch", json=BRANCH), 404, "not_found")
+
+
+@pytest.mark.parametrize(
+    ("document", "code"),
+    [({}, "prompt_invalid"), ({**PROMPT, "asset": {}}, "parameter_invalid"), ([], "parameter_invalid")],
+)
+def test_a_branch_that_could_not_run_is_refused(api: Api, document: Any, code: str) -> None:
+    source = interrupted_job(api, steps=(100,))
+    check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json=document), 422, code)

@@ -1,0 +1,239 @@
+"""Posting jobs over real sockets: what is accepted, and what is refused and leaves nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.errors import UnavailableError
+from meshdeform.jobs.ids import JOB_ID_PATTERN
+from meshdeform.jobs.queue import JobQueue
+from meshdeform.jobs.reconciler import Reconciler
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from tests.integration.conftest import Api, serving
+from tests.integration.http_calls import PROMPT, check_document, check_problem, glb, post
+from tests.servers import free_port
+
+
+def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: bytes, openapi: dict[str, Any]) -> None:
+    request = {"prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}, "metadata": {"shot": "sc010"}}
+    answer = post(api, sphere, request, filename="C:\\models\\my sphere.glb")
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    check_document(job, "JobView", openapi)
+    assert re.fullmatch(JOB_ID_PATTERN, job["id"])
+    assert answer.headers["location"] == f"/v1/jobs/{job['id']}"
+    assert int(answer.headers["retry-after"]) >= 1
+    assert job["state"] == "queued"
+    assert job["params"] == {"preset": "preview", "seed": 7}
+    assert job["metadata"] == {"shot": "sc010"}
+    digest = hashlib.sha256(sphere).hexdigest()
+    assert job["asset"] == {"filename": "my sphere.glb", "size": len(sphere), "sha256": digest}
+    assert api.store.get(f"assets/{digest}") == sphere
+    assert api.http.get(answer.headers["location"]).json() == job
+    queue = JobQueue(api.settings.redis_url, api.settings.queue)
+    assert job["id"] in queue.told()
+    queue.close()
+
+
+def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sphere: bytes) -> None:
+    document = ("request.json", json.dumps({"params": {"guidance": "target"}}), "application/json")
+    files = {"request": document, "target": ("t.glb", sphere), "asset": ("a.glb", sphere)}
+    answer = api.http.post("/v1/jobs", files=files)
+    assert answer.status_code == 202, answer.text
+    job = api.record.get(answer.json()["id"])
+    assert job.target is not None
+    assert job.target.key == job.asset.key
+    assert (job.asset.filename, job.target.filename) == ("a.glb", "t.glb")
+
+
+def test_the_same_bytes_are_stored_once_and_outlive_one_of_two_jobs(api: Api, repository: Path) -> None:
+    cube = (repository / "examples" / "cube.glb").read_bytes()
+    first, second = (post(api, cube).json()["id"] for _ in range(2))
+    key = api.record.get(first).asset.key
+    assert api.record.get(second).asset.key == key
+    for job_id, left in ((first, True), (second, False)):
+        assert api.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceled"
+        assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
+        assert api.store.exists(key) is left
+
+
+BARE = {"asset": {"version": "2.0"}}
+
+
+HUGE = {
+    **BARE,
+    "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"componentType": 5126, "count": 200_000_000, "type": "VEC3"}],
+}
+
+
+NAN = {
+    **HUGE,
+    "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3", "bufferView": 0}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36}],
+}
+
+
+EXTERNAL = {**NAN, "buffers": [{"byteLength": 36, "uri": "file:///etc/passwd"}]}
+
+
+@pytest.mark.parametrize(
+    ("asset", "status", "code"),
+    [
+        (b"", 422, "asset_truncated"),
+        (b"PK\x03\x04 no mesh at all", 415, "asset_format"),
+        (glb(BARE)[:-4], 422, "asset_truncated"),
+        (glb(HUGE), 413, "asset_too_large"),
+        (glb(EXTERNAL), 422, "asset_external_uri"),
+        (glb(NAN, struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, float("nan"), 0)), 422, "asset_not_finite"),
+        (glb(BARE), 422, "asset_no_triangles"),
+    ],
+    ids=["empty", "zip", "truncated", "huge", "external", "nan", "no triangles"],
+)
+def test_a_bad_asset_is_a_clear_problem_and_leaves_nothing(api: Api, asset: bytes, status: int, code: str) -> None:
+    before = api.record.list_jobs().jobs
+    check_problem(post(api, asset, filename="x.bin" if asset.startswith(b"PK") else "x.glb"), status, code)
+    assert api.record.list_jobs().jobs == before
+    assert not api.store.exists(f"assets/{hashlib.sha256(asset).hexdigest()}")
+
+
+@pytest.mark.parametrize(
+    ("request_", "code", "loc"),
+    [
+        ("{", "request_invalid", None),
+        (b"\xff\xfe", "request_invalid", None),
+        ("[]", "parameter_invalid", []),
+        ({}, "prompt_invalid", None),
+        ({"prompt": " \t "}, "prompt_invalid", None),
+        ({"prompt": "x" * 1001}, "prompt_invalid", None),
+        ({"prompt": "a quixotic zeitgeist"}, "prompt_unknown_words", None),
+        ({**PROMPT, "colour": "red"}, "parameter_invalid", ["colour"]),
+        ({**PROMPT, "kind": "teleport"}, "parameter_invalid", ["kind"]),
+        ({**PROMPT, "params": {"stepz": 3}}, "parameter_invalid", ["params", "stepz"]),
+        ({**PROMPT, "params": {"steps": 0}}, "parameter_invalid", ["params", "steps"]),
+        ('{"prompt": "a mushroom", "params": {"seed": NaN}}', "parameter_invalid", ["params", "seed"]),
+        ({**PROMPT, "params": {"guidance": "target"}}, "parameter_invalid", ["params", "guidance"]),
+        ({**PROMPT, "params": {"model": "somebody/elses"}}, "model_unavailable", None),
+        ({**PROMPT, "metadata": {"a": 1}}, "parameter_invalid", ["metadata", "a"]),
+        ({**PROMPT, "metadata": {"a": "\0"}}, "parameter_invalid", ["metadata", "a"]),
+        ('{"prompt": "\\ud800"}', "request_invalid", None),
+        ("[" * 100_000, "request_invalid", None),
+        ("1" * 100_000, "request_invalid", None),
+    ],
+    ids=lambda value: value if isinstance(value, str) and value.isidentifier() else None,
+)
+def test_a_bad_request_is_a_clear_problem(api: Api, sphere: bytes, request_: Any, code: str, loc: Any) -> None:
+    problem = check_problem(post(api, sphere, request_), 422, code)
+    if loc is not None:
+        assert [error["loc"] for error in problem["errors"]] == [loc]
+        assert set(problem["errors"][0]) == {"loc", "msg", "type"}
+
+
+def test_a_target_without_its_guidance_is_refused(api: Api, sphere: bytes) -> None:
+    check_problem(post(api, sphere, target=("t.glb", sphere)), 422, "parameter_invalid")
+
+
+@pytest.mark.parametrize(
+    ("files", "named"),
+    [
+        ({"asset": ("a.glb", b"x")}, "request"),
+        ({"request": (None, "{}")}, "asset"),
+        ({"asset": ("a.glb", b"x"), "request": (None, "{}"), "extra": ("e", b"x")}, "extra"),
+        ([("asset", ("a.glb", b"x")), ("asset", ("b.glb", b"x")), ("request", (None, "{}"))], "twice"),
+        ({"asset": ("a.glb", b"x"), "request": (None, "x" * 300_000)}, "longer"),
+    ],
+)
+def test_a_form_with_wrong_parts_says_which(api: Api, files: Any, named: str) -> None:
+    assert named in check_problem(api.http.post("/v1/jobs", files=files), 422, "request_invalid")["detail"]
+
+
+@pytest.mark.parametrize(
+    ("content_type", "body"),
+    [
+        ("text/plain", b"{}"),
+        ("application/json", b"{"),
+        ("multipart/form-data", b"--x--"),
+        ("multipart/form-data; boundary=x", b""),
+        ("multipart/form-data; boundary=x", b'--x\r\nContent-Disposition: form-data; name="asset"\r\n\r\nhalf'),
+        ("multipart/form-data; boundary=x", b"nothing of the kind"),
+        ("multipart/form-data; boundary=x", b"--x\r\nA: " + b"y" * 20_000),
+    ],
+)
+def test_a_body_that_is_no_such_form_is_refused(api: Api, content_type: str, body: bytes) -> None:
+    answer = api.http.post("/v1/jobs", content=body, headers={"Content-Type": content_type})
+    check_problem(answer, 422, "request_invalid")
+
+
+@pytest.mark.parametrize("declared", [True, False], ids=["with a length", "chunked"])
+def test_a_body_over_the_limit_is_refused_before_it_is_read(api: Api, declared: bool) -> None:
+    sent = 0
+    head = b'--x\r\nContent-Disposition: form-data; name="asset"; filename="a.glb"\r\n\r\n'
+    total = 64 * 2**20
+
+    def body() -> Any:
+        nonlocal sent
+        yield head
+        while sent < total:
+            sent += 2**16
+            yield bytes(2**16)
+
+    headers = {"Content-Type": "multipart/form-data; boundary=x"}
+    if declared:
+        headers["Content-Length"] = str(total + len(head))
+    with httpx.Client(base_url=api.url, timeout=30) as client:
+        problem = check_problem(client.post("/v1/jobs", content=body(), headers=headers), 413, "asset_too_large")
+    assert problem["limit"] == api.settings.max_upload_bytes
+    assert "MESHDEFORM_MAX_UPLOAD_BYTES" in problem["advice"]
+    assert sent < total
+
+
+def test_without_redis_jobs_are_accepted_and_told_later(
+    database_url: str, redis_url: str, tmp_path: Path, sphere: bytes
+) -> None:
+    """And `/readyz` says which part is missing."""
+    settings = Settings(
+        data_dir=tmp_path, database_url=database_url, redis_url=f"redis://127.0.0.1:{free_port()}/0", queue="away"
+    )
+    record = JobRecord(database_url)
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
+        lost = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        answer = post(lost, sphere)
+        assert answer.status_code == 202, answer.text
+        ready = http.get("/readyz")
+        assert ready.status_code == 503
+        assert ready.json()["redis"]["status"] == "unavailable"
+        assert ready.json()["record"]["status"] == ready.json()["store"]["status"] == "ok"
+        assert http.get("/healthz").status_code == 200
+    queue = JobQueue(redis_url, "back-again")
+    assert answer.json()["id"] in Reconciler(record, queue, 3, 60.0).run_once()
+    assert answer.json()["id"] in queue.told()
+    queue.close()
+    record.close()
+
+
+def test_a_store_that_is_away_refuses_and_leaves_no_job(
+    api: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away(*_: object, **__: object) -> None:
+        raise UnavailableError("The object store does not answer.")
+
+    monkeypatch.setattr("meshdeform.storage.ObjectStore.exists", lambda *_: False)
+    monkeypatch.setattr("meshdeform.storage.ObjectStore.put", away)
+    before = api.record.list_jobs(limit=1).jobs
+    answer = post(api, sphere)
+    check_problem(answer, 503, "unavailable")
+    assert int(answer.headers["retry-after"]) >= 1
+    assert api.record.list_jobs(limit=1).jobs == before

@@ -1,0 +1,162 @@
+"""Looking at jobs, listing, canceling and deleting them, over real sockets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import JobState, NewJob, Progress
+from meshdeform.jobs.queue import JobQueue
+from tests.integration.conftest import Api, new_job, stored_file
+from tests.integration.http_calls import check_document, check_problem, finished_job
+
+
+def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, Any]) -> None:
+    job = new_job(api.record)
+    api.record.claim(job.id, "worker", 60.0)
+    progress = Progress(
+        step=3, total_steps=10, fraction=0.3, phase="optimizing", losses={"guidance": 0.5}, eta_s=2.0, attempt=1
+    )
+    api.record.save_progress(job.id, 1, progress)
+    first = api.http.get(f"/v1/jobs/{job.id}")
+    check_document(first.json(), "JobView", openapi)
+    assert first.json()["progress"] == progress.model_dump()
+    assert first.json()["state"] == "running"
+    tag = first.headers["etag"]
+    assert tag.startswith('W/"')
+    for header in (tag, f'"other", {tag}', "*", tag.removeprefix("W/")):
+        unchanged = api.http.get(f"/v1/jobs/{job.id}", headers={"If-None-Match": header})
+        assert (unchanged.status_code, unchanged.content) == (304, b"")
+        assert unchanged.headers["etag"] == tag
+        assert "retry-after" in unchanged.headers
+    api.record.finish(job.id, 1, JobState.SUCCEEDED)
+    changed = api.http.get(f"/v1/jobs/{job.id}", headers={"If-None-Match": tag})
+    assert changed.status_code == 200
+    assert changed.headers["etag"] != tag
+    assert "retry-after" not in changed.headers
+    assert changed.json()["finished_at"].endswith("Z")
+
+
+def test_a_failed_job_says_why(api: Api, openapi: dict[str, Any]) -> None:
+    job = new_job(api.record)
+    api.record.claim(job.id, "worker", -1.0)
+    api.record.reclaim_expired(1)
+    document = api.http.get(f"/v1/jobs/{job.id}").json()
+    check_document(document, "JobView", openapi)
+    assert (document["state"], document["error"]["code"]) == ("failed", "worker_lost")
+    assert document["error"]["advice"]
+
+
+def test_the_list_goes_through_all_pages(api: Api, openapi: dict[str, Any]) -> None:
+    made = [new_job(api.record, prompt=f"a vase {i}").id for i in range(5)]
+    page = api.http.get("/v1/jobs", params={"limit": 2}).json()
+    check_document(page, "JobList", openapi)
+    seen = [job["id"] for job in page["jobs"]]
+    while len(seen) < len(made):
+        page = api.http.get("/v1/jobs", params={"limit": 2, "cursor": page["next_cursor"]}).json()
+        seen += [job["id"] for job in page["jobs"]]
+    assert seen[:5] == made[::-1]
+    api.record.claim(made[2], "worker", 60.0)
+    running = api.http.get("/v1/jobs", params={"state": "running"}).json()["jobs"]
+    assert made[2] in [job["id"] for job in running]
+    assert {job["state"] for job in running} == {"running"}
+
+
+@pytest.mark.parametrize(
+    ("query", "loc"),
+    [
+        ("state=flying", "state"),
+        ("limit=0", "limit"),
+        ("limit=201", "limit"),
+        ("cursor=xyz", "cursor"),
+        ("metadata[]=x", "metadata"),
+        ("metadata[a]=%00", "metadata"),
+        ("cursor=am9iXwA", "cursor"),
+        ("metadata[a]=1&metadata[a]=2", "metadata"),
+        (f"metadata[a]={'x' * 501}", "metadata"),
+        ("&".join(f"metadata[{i}]=" for i in range(33)), "metadata"),
+    ],
+)
+def test_a_bad_query_is_a_clear_problem(api: Api, query: str, loc: str) -> None:
+    problem = check_problem(api.http.get(f"/v1/jobs?{query}"), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"][:2] == ["query", loc]
+
+
+def test_cancel_and_delete_follow_the_state(api: Api) -> None:
+    job = new_job(api.record)
+    api.record.claim(job.id, "worker", 60.0)
+    check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 409, "conflict")
+    queue = JobQueue(api.settings.redis_url, api.settings.queue)
+    with queue.listen_for_cancel(job.id) as listener:
+        assert not listener.wait(0.05)
+        assert api.http.post(f"/v1/jobs/{job.id}/cancel").json()["state"] == "canceling"
+        assert listener.wait(30.0)
+    queue.close()
+    check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 409, "conflict")
+    api.record.finish(job.id, 1, JobState.CANCELED)
+    again = api.http.post(f"/v1/jobs/{job.id}/cancel")
+    assert (again.status_code, again.json()["state"]) == (200, "canceled")
+    answer = api.http.delete(f"/v1/jobs/{job.id}")
+    assert (answer.status_code, answer.content) == (204, b"")
+    check_problem(api.http.get(f"/v1/jobs/{job.id}"), 404, "not_found")
+    check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 404, "not_found")
+
+
+def test_a_job_that_ended_otherwise_cannot_be_canceled(api: Api) -> None:
+    problem = check_problem(api.http.post(f"/v1/jobs/{finished_job(api)}/cancel"), 409, "conflict")
+    assert problem["state"] == "succeeded"
+
+
+def test_jobs_are_found_by_their_labels(api: Api) -> None:
+    def made(**metadata: str) -> str:
+        return api.record.create(NewJob(JobRequest(prompt="a vase", metadata=metadata), stored_file())).id
+
+    first, second, _ = made(shot="sc010", take="1"), made(shot="sc010", take="[2]"), made(shot="sc020", take="1")
+
+    def found(*labels: tuple[str, str]) -> list[str]:
+        answer = api.http.get("/v1/jobs", params=[(f"metadata[{name}]", value) for name, value in labels])
+        assert answer.status_code == 200, answer.text
+        return [job["id"] for job in answer.json()["jobs"]]
+
+    assert found(("shot", "sc010")) == [second, first]
+    assert found(("shot", "sc010"), ("take", "1")) == [first]
+    assert found(("shot", "sc010"), ("take", "[2]")) == [second]
+    assert found(("shot", "sc")) == []
+    page = api.http.get("/v1/jobs", params={"metadata[shot]": "sc010", "limit": 1}).json()
+    following = {"metadata[shot]": "sc010", "limit": 1, "cursor": page["next_cursor"]}
+    assert [job["id"] for job in api.http.get("/v1/jobs", params=following).json()["jobs"]] == [first]
+
+
+def test_deleting_a_job_removes_its_objects(api: Api) -> None:
+    job_id = finished_job(api)
+    (artifact,) = api.record.artifacts(job_id)
+    orphan = f"jobs/{job_id}/0/checkpoint-000100"
+    api.store.put(orphan, b"x")
+    assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
+    assert not api.store.exists(artifact.key)
+    assert not api.store.exists(orphan)
+    check_problem(api.http.get(f"/v1/jobs/{job_id}/artifacts"), 404, "not_found")
+
+
+@pytest.mark.parametrize("job_id", ["job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense", "%2e%2e", "job_" + "0" * 500])
+def test_an_unknown_job_is_not_found(api: Api, job_id: str) -> None:
+    for method, path in (
+        ("GET", ""),
+        ("DELETE", ""),
+        ("POST", "/cancel"),
+        ("GET", "/artifacts"),
+        ("GET", "/artifacts/x"),
+    ):
+        assert api.http.request(method, f"/v1/jobs/{job_id}{path}").status_code == 404
+    check_problem(api.http.get("/v1/jobs/nonsense"), 404, "not_found")
+
+
+def test_a_job_stays_readable_whatever_it_holds(api: Api, openapi: dict[str, Any]) -> None:
+    request = JobRequest(prompt="a vase", metadata={"ключ": "\u0001\ud7ff</script>"})
+    job = api.record.create(NewJob(request, stored_file("a", "größe 1.glb")))
+    document = api.http.get(f"/v1/jobs/{job.id}").json()
+    check_document(document, "JobView", openapi)
+    assert document["metadata"] == request.metadata
+    assert document["asset"]["filename"] == "größe 1.glb"

@@ -1,0 +1,106 @@
+"""What a server allows: what it says about that, and that it holds."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from tests.integration.conftest import Api, serving
+from tests.integration.http_calls import check_document, check_problem, post
+
+HEAD = b'--x\r\nContent-Disposition: form-data; name="asset"; filename="a.glb"\r\n\r\n'
+
+
+@pytest.fixture(scope="module")
+def small(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+    """A server that allows little."""
+    settings = Settings(
+        data_dir=tmp_path_factory.mktemp("small"),
+        database_url=database_url,
+        redis_url=redis_server_url,
+        queue=f"test-{uuid.uuid4().hex}",
+        max_steps=1000,
+        max_upload_bytes=2**20,
+        retention_s=3600,
+    )
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
+        record = JobRecord(database_url)
+        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        record.close()
+
+
+def begun(api: Api, length: int = 1000, body: bytes = HEAD) -> socket.socket:
+    """A connection on which a posted body has begun to come."""
+    host, port = api.url.removeprefix("http://").split(":")
+    connection = socket.create_connection((host, int(port)), timeout=30)
+    kind = "Content-Type: multipart/form-data; boundary=x"
+    connection.sendall(
+        f"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\n{kind}\r\nContent-Length: {length}\r\n\r\n".encode()
+    )
+    connection.sendall(body)
+    return connection
+
+
+def test_a_server_says_what_it_allows(small: Api, openapi: dict[str, Any]) -> None:
+    found = small.http.get("/v1/limits").json()
+    check_document(found, "LimitList", openapi)
+    assert found["files"]["max_bytes"] == found["uploads"]["max_bytes"] == 2**20
+    assert found["jobs"]["max_steps"] == 1000
+    assert found["jobs"]["default_retention_s"] == 3600
+    assert found["requests"]["max_wait_s"] == 60
+
+
+def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small: Api, sphere: bytes) -> None:
+    for params in ({"steps": 1001}, {"preset": "paper"}):
+        problem = check_problem(post(small, sphere, {"prompt": "a vase", "params": params}), 422, "parameter_invalid")
+        assert "MESHDEFORM_MAX_STEPS" in problem["advice"]
+        assert (problem["limit"], problem["errors"][0]["loc"]) == (1000, ["params", "steps"])
+    answer = post(small, sphere, {"prompt": "a vase", "params": {"steps": 1000}})
+    assert answer.status_code == 202
+
+
+def test_a_body_that_does_not_come_is_given_up(small: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.bodies.IDLE_S", 0.2)
+    with begun(small) as connection:
+        answer = b""
+        while b"request_timeout" not in answer and (part := connection.recv(65536)):
+            answer += part
+    assert answer.startswith(b"HTTP/1.1 408 ")
+    assert b'"code":"request_timeout"' in answer
+    assert b"connection: close" in answer.lower()
+
+
+def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
+    headers = {"Content-Type": "application/json"}
+    check_problem(small.http.post("/v1/jobs", content=b" " * 300_000, headers=headers), 422, "request_invalid")
+    check_problem(small.http.post("/v1/uploads", content=b"{}"), 422, "request_invalid")
+
+
+def test_so_many_files_are_received_at_the_same_time(
+    small: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.bodies._SLOT_WAIT_S", 0.3)
+    with contextlib.ExitStack() as senders:
+        for _ in range(16):
+            senders.enter_context(begun(small))
+        # The places are taken when the requests have been read, which is soon.
+        deadline = time.monotonic() + 30
+        while (answer := post(small, sphere, {"prompt": "a vase"})).status_code == 202:
+            assert time.monotonic() < deadline
+        problem = check_problem(answer, 503, "unavailable")
+        assert "16 files" in problem["detail"]
+        assert answer.headers["retry-after"]
+        assert small.http.get("/v1/jobs").status_code == 200, "what sends no file is answered"
+    while (answer := post(small, sphere, {"prompt": "a vase"})).status_code == 503:
+        assert time.monotonic() < deadline, "the places of senders that went away are free again"
+    assert answer.status_code == 202

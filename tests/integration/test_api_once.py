@@ -1,0 +1,130 @@
+"""Requests with an `Idempotency-Key` are done once, also when they come twice at the same time."""
+
+from __future__ import annotations
+
+import json
+import threading
+import uuid
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.jobs.models import JobState
+from meshdeform.storage import ObjectStore
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import PROMPT, check_problem
+from tests.integration.test_api_continuing import interrupted_job
+
+
+def key() -> dict[str, str]:
+    return {"Idempotency-Key": uuid.uuid4().hex}
+
+
+def create(api: Api, sphere: bytes, headers: dict[str, str], **more: Any) -> httpx.Response:
+    files = {"asset": ("s.glb", sphere), "request": (None, json.dumps({**PROMPT, **more}))}
+    return api.http.post("/v1/jobs", files=files, headers=headers)
+
+
+def count(api: Api) -> int:
+    return len(api.record.list_jobs(limit=200).jobs)
+
+
+def test_the_same_request_gets_the_same_answer(api: Api, sphere: bytes) -> None:
+    headers, before = key(), count(api)
+    first = create(api, sphere, headers)
+    assert first.status_code == 202, first.text
+    assert "idempotency-replayed" not in first.headers
+    api.record.request_cancel(first.json()["id"])
+    again = create(api, sphere, headers)
+    assert (again.status_code, again.json()) == (202, first.json())
+    assert again.headers["idempotency-replayed"] == "true"
+    for name in ("location", "etag", "retry-after"):
+        assert again.headers[name] == first.headers[name]
+    assert count(api) == before + 1
+
+
+def test_another_request_with_the_key_is_refused(api: Api, sphere: bytes, repository: Any) -> None:
+    headers = key()
+    assert create(api, sphere, headers).status_code == 202
+    check_problem(create(api, sphere, headers, prompt="a vase"), 422, "idempotency_mismatch")
+    cube = (repository / "examples" / "cube.glb").read_bytes()
+    check_problem(create(api, cube, headers), 422, "idempotency_mismatch")
+    upload = {"filename": "a.glb", "size": 3}
+    check_problem(api.http.post("/v1/uploads", json=upload, headers=headers), 422, "idempotency_mismatch")
+
+
+def test_a_refused_request_gives_its_key_free(api: Api, sphere: bytes) -> None:
+    headers = key()
+    check_problem(create(api, sphere[:-4], headers), 422, "asset_truncated")
+    assert create(api, sphere, headers).status_code == 202
+
+
+@pytest.mark.parametrize("text", ["", "x" * 256, "with space", "a\tb", "ümlaut"])
+def test_a_key_that_is_none_is_refused(api: Api, sphere: bytes, text: str) -> None:
+    problem = check_problem(create(api, sphere, {"Idempotency-Key": text.encode()}), 422, "parameter_invalid")  # type: ignore[dict-item]
+    assert problem["errors"][0]["loc"] == ["header", "idempotency-key"]
+
+
+def test_two_at_the_same_time_make_one_job(api: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one is held within its check until the second one has its answer."""
+    headers, before = key(), count(api)
+    begun, go_on = threading.Event(), threading.Event()
+    exists = ObjectStore.exists
+
+    def held(store: ObjectStore, name: str) -> bool:
+        begun.set()
+        assert go_on.wait(30.0)
+        return exists(store, name)
+
+    with ThreadPoolExecutor(1) as pool, monkeypatch.context() as patch:
+        patch.setattr("meshdeform.storage.ObjectStore.exists", held)
+        first = pool.submit(create, api, sphere, headers)
+        assert begun.wait(30.0)
+        second = create(api, sphere, headers)
+        go_on.set()
+        assert first.result().status_code == 202
+    check_problem(second, 409, "idempotency_in_flight")
+    assert count(api) == before + 1
+    assert create(api, sphere, headers).json() == first.result().json()
+
+
+@pytest.mark.parametrize("what", ["create", "retry", "branch", "upload"])
+def test_many_at_once_do_it_once(api: Api, sphere: bytes, what: str) -> None:
+    headers, source = key(), interrupted_job(api, steps=(5,))
+    before = count(api)
+    calls = {
+        "create": lambda: create(api, sphere, headers),
+        "retry": lambda: api.http.post(f"/v1/jobs/{source}/retry", headers=headers),
+        "branch": lambda: api.http.post(f"/v1/jobs/{source}/checkpoints/5/branch", json=PROMPT, headers=headers),
+        "upload": lambda: api.http.post("/v1/uploads", json={"filename": "a", "size": 3}, headers=headers),
+    }
+    with ThreadPoolExecutor(6) as pool:
+        answers = list(pool.map(lambda _: calls[what](), range(6)))
+    answers.append(calls[what]())
+    done = [answer for answer in answers if answer.status_code in (201, 202)]
+    assert {answer.status_code for answer in answers} <= {201, 202, 409}
+    assert len({answer.json()["id"] for answer in done}) == 1
+    assert len([answer for answer in done if "idempotency-replayed" not in answer.headers]) == 1
+    assert answers[-1].headers["idempotency-replayed"] == "true"
+    assert count(api) == before + (what != "upload")
+
+
+def test_keys_of_two_owners_are_two_keys(api: Api) -> None:
+    claim = api.record.idempotency.begin("somebody", "key-1", "x" * 64)
+    headers = {"Idempotency-Key": "key-1"}
+    assert not isinstance(claim, dict)
+    answer = api.http.post("/v1/uploads", json={"filename": "a", "size": 3}, headers=headers)
+    assert answer.status_code == 201, answer.text
+
+
+def test_a_retry_with_a_key_is_one_retry(api: Api) -> None:
+    job = new_job(api.record)
+    api.record.claim(job.id, "worker", 60.0)
+    api.record.finish(job.id, 1, JobState.FAILED)
+    api.store.put(job.asset.key, b"abc")
+    headers = key()
+    first, again = (api.http.post(f"/v1/jobs/{job.id}/retry", headers=headers) for _ in range(2))
+    assert first.status_code == 202, first.text
+    assert again.json() == first.json()

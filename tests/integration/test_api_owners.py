@@ -1,0 +1,172 @@
+"""Two owners share a server and never meet."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import uuid
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI, Request
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import JobState, NewJob
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from service.app import create_app
+from service.auth import Principal, principal
+from tests.integration import conftest
+from tests.integration.conftest import Api, stored_file
+from tests.integration.http_calls import PROMPT, check_problem, post
+
+
+def named(request: Request) -> Principal:
+    """Who the header says: these tests are about what follows from it."""
+    return Principal(owner_id=request.headers["x-owner"], max_active_jobs=int(request.headers.get("x-jobs", "0")))
+
+
+async def named_too(request: Request, _: object) -> Principal:
+    """The same, for downloads, which a signed URL allows as well."""
+    return named(request)
+
+
+@pytest.fixture(scope="module")
+def two(
+    database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Api, Api]]:
+    """The same server, as two owners see it."""
+    settings = Settings(
+        data_dir=tmp_path_factory.mktemp("owners"),
+        database_url=database_url,
+        redis_url=redis_server_url,
+        queue=f"test-{uuid.uuid4().hex}",
+        max_upload_bytes=2**20,
+    )
+
+    def application(settings: Settings) -> FastAPI:
+        app = create_app(settings)
+        app.dependency_overrides[principal] = named
+        return app
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(conftest, "create_app", application)
+        patch.setattr("service.downloads.principal", named_too)
+        with conftest.serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
+            record = JobRecord(database_url)
+            ann = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+            http.headers["x-owner"] = "ann"
+            with httpx.Client(base_url=url, timeout=30, headers={"x-owner": "bob"}) as other:
+                yield ann, replace(ann, http=other)
+            record.close()
+
+
+def finished(api: Api, owner: str, content: bytes = b"result") -> str:
+    """A job of an owner that has succeeded, with an artifact and a checkpoint."""
+    from datetime import UTC, datetime
+
+    from meshdeform.jobs.models import Artifact
+
+    file = replace_file(api, content)
+    job = api.record.create(NewJob(JobRequest(prompt="a vase", metadata={"whose": "mine"}), file, owner_id=owner))
+    api.record.claim(job.id, "worker", 60.0)
+    key = f"jobs/{job.id}/1/result.glb"
+    made = api.store.put(key, content)
+    api.record.set_checkpoint(job.id, 1, key, 5, made.sha256)
+    artifact = Artifact(
+        name="result.glb",
+        content_type="model/gltf-binary",
+        size=made.size,
+        sha256=made.sha256,
+        key=key,
+        created_at=datetime.now(UTC),
+    )
+    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact])
+    return job.id
+
+
+def replace_file(api: Api, content: bytes) -> Any:
+    digest = hashlib.sha256(content).hexdigest()
+    api.store.put(f"assets/{digest}", content)
+    return stored_file().model_copy(update={"key": f"assets/{digest}", "sha256": digest, "size": len(content)})
+
+
+def test_every_route_of_a_job_knows_only_its_owner(two: tuple[Api, Api]) -> None:
+    ann, bob = two
+    job = finished(ann, "ann")
+    failed = ann.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id="ann")).id
+    for method, path in (
+        ("GET", f"/v1/jobs/{job}"),
+        ("GET", f"/v1/jobs/{job}/artifacts"),
+        ("GET", f"/v1/jobs/{job}/artifacts/result.glb"),
+        ("HEAD", f"/v1/jobs/{job}/artifacts/result.glb"),
+        ("GET", f"/v1/jobs/{job}/events"),
+        ("GET", f"/v1/jobs/{job}/checkpoints"),
+        ("POST", f"/v1/jobs/{job}/checkpoints/5/branch"),
+        ("POST", f"/v1/jobs/{failed}/cancel"),
+        ("POST", f"/v1/jobs/{failed}/retry"),
+        ("DELETE", f"/v1/jobs/{job}"),
+    ):
+        body = {"json": PROMPT} if path.endswith("branch") else {}
+        assert bob.http.request(method, path, **body).status_code == 404, (method, path)
+        assert bob.http.request(method, path, headers={"Prefer": "wait=1"}, **body).status_code == 404
+    assert ann.record.get(failed).state is JobState.QUEUED
+    assert ann.http.get(f"/v1/jobs/{job}/artifacts/result.glb").content == b"result"
+
+
+def test_lists_and_labels_show_only_ones_own(two: tuple[Api, Api]) -> None:
+    ann, bob = two
+    job = finished(ann, "ann")
+    for query in ("", "?state=succeeded", "?metadata[whose]=mine"):
+        assert job in [found["id"] for found in ann.http.get(f"/v1/jobs{query}").json()["jobs"]]
+        assert bob.http.get(f"/v1/jobs{query}").json()["jobs"] == []
+
+
+def test_nobody_elses_files_can_be_named(two: tuple[Api, Api], sphere: bytes) -> None:
+    ann, bob = two
+    upload = ann.http.post("/v1/uploads", json={"filename": "a.glb", "size": len(sphere)}).json()
+    # The signature is the permission, not the owner.
+    assert bob.http.put(upload["url"], content=sphere).status_code == 204
+    done = {"sha256": hashlib.sha256(sphere).hexdigest()}
+    path = f"/v1/uploads/{upload['id']}"
+    for method, where, body in (("GET", path, None), ("DELETE", path, None), ("POST", f"{path}/complete", done)):
+        check_problem(bob.http.request(method, where, json=body), 404, "not_found")
+    assert ann.http.post(f"{path}/complete", json=done).status_code == 200
+    job = finished(ann, "ann", sphere)
+    for asset in ({"upload_id": upload["id"]}, {"job_id": job}):
+        document = {**PROMPT, "asset": asset}
+        check_problem(bob.http.post("/v1/jobs", json=document), 422, "parameter_invalid")
+        check_problem(bob.http.post("/v1/jobs:validate", json=document), 422, "parameter_invalid")
+        answer = ann.http.post("/v1/jobs", json=document)
+        assert answer.status_code == 202, answer.text
+        assert ann.record.get(answer.json()["id"]).owner_id == "ann"
+
+
+def test_one_key_of_two_owners_is_two_keys(two: tuple[Api, Api], sphere: bytes) -> None:
+    def posted(api: Api, prompt: str) -> httpx.Response:
+        files = {"asset": ("s.glb", sphere), "request": (None, json.dumps({"prompt": prompt}))}
+        return api.http.post("/v1/jobs", files=files, headers={"Idempotency-Key": "same"})
+
+    first, second = posted(two[0], "a vase"), posted(two[1], "a mushroom")
+    assert (first.status_code, second.status_code) == (202, 202)
+    assert first.json()["id"] != second.json()["id"]
+
+
+def test_one_has_only_so_many_unfinished_jobs(two: tuple[Api, Api], sphere: bytes) -> None:
+    ann, _ = two
+    ann.http.headers["x-owner"] = "ann-with-two"
+    try:
+        ann.http.headers["x-jobs"] = "2"
+        posted = [post(ann, sphere) for _ in range(3)]
+        assert [answer.status_code for answer in posted] == [202, 202, 429]
+        check_problem(posted[2], 429, "too_many_jobs")
+        assert posted[2].headers["retry-after"]
+        ann.http.post(f"/v1/jobs/{posted[0].json()['id']}/cancel")
+        assert post(ann, sphere).status_code == 202
+    finally:
+        ann.http.headers["x-owner"] = "ann"
+        del ann.http.headers["x-jobs"]

@@ -1,0 +1,107 @@
+"""Jobs whose files the service has by now, and jobs that are only tried out."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import JobState, NewJob
+from tests.integration.conftest import Api, new_job, stored_file
+from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
+
+NO_UPLOAD = "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"
+NO_JOB = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
+
+
+def test_a_result_is_the_asset_of_another_job(api: Api, sphere: bytes, openapi: dict[str, Any]) -> None:
+    first = finished_job(api, sphere)
+    answer = api.http.post("/v1/jobs", json={**PROMPT, "asset": {"job_id": first}})
+    assert answer.status_code == 202, answer.text
+    check_document(answer.json(), "JobView", openapi)
+    assert answer.json()["asset"]["filename"] == "result.glb"
+    assert api.http.delete(f"/v1/jobs/{first}").status_code == 204
+    assert api.store.get(api.record.get(answer.json()["id"]).asset.key) == sphere
+
+
+def test_a_form_may_name_its_target(api: Api, sphere: bytes) -> None:
+    target = {"job_id": finished_job(api, sphere), "artifact": "result.glb"}
+    answer = post(api, sphere, {"params": {"guidance": "target"}, "target": target})
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["target"]["filename"] == "result.glb"
+
+
+@pytest.mark.parametrize(
+    ("asset", "loc"),
+    [
+        (None, ["asset"]),
+        ({}, ["asset"]),
+        ({"upload_id": NO_UPLOAD, "job_id": NO_JOB}, ["asset"]),
+        ({"upload_id": NO_UPLOAD, "artifact": "a.glb"}, ["asset"]),
+        ({"upload_id": "nonsense"}, ["asset", "upload_id"]),
+        ({"job_id": NO_JOB, "artifact": "../x"}, ["asset", "artifact"]),
+        ({"upload_id": NO_UPLOAD}, ["asset", "upload_id"]),
+        ({"job_id": NO_JOB}, ["asset", "job_id"]),
+    ],
+)
+def test_a_source_that_is_none_says_where(api: Api, asset: Any, loc: list[str]) -> None:
+    document = PROMPT if asset is None else {**PROMPT, "asset": asset}
+    for path in ("/v1/jobs", "/v1/jobs:validate"):
+        problem = check_problem(api.http.post(path, json=document), 422, "parameter_invalid")
+        assert problem["errors"][0]["loc"] == loc
+
+
+def test_a_job_without_such_an_artifact_says_which_it_has(api: Api, sphere: bytes) -> None:
+    document = {**PROMPT, "asset": {"job_id": finished_job(api, sphere), "artifact": "morph.glb"}}
+    problem = check_problem(api.http.post("/v1/jobs", json=document), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == ["asset", "artifact"]
+    assert "result.glb" in problem["advice"]
+    document = {**PROMPT, "asset": {"job_id": new_job(api.record).id}}
+    check_problem(api.http.post("/v1/jobs", json=document), 409, "conflict")
+
+
+def test_one_thing_is_not_given_twice(api: Api, sphere: bytes) -> None:
+    reference = {"job_id": finished_job(api, sphere)}
+    problem = check_problem(post(api, sphere, {**PROMPT, "asset": reference}), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == ["asset"]
+
+
+def test_what_a_reference_names_is_checked_like_what_is_sent(api: Api) -> None:
+    document = {**PROMPT, "asset": {"job_id": finished_job(api, b"no mesh at all")}}
+    before = api.record.list_jobs(limit=1).jobs
+    check_problem(api.http.post("/v1/jobs", json=document), 415, "asset_format")
+    assert api.record.list_jobs(limit=1).jobs == before
+
+
+def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi: dict[str, Any]) -> None:
+    before = api.record.list_jobs(limit=1).jobs
+    keys = set(api.store.list())
+    request = {**PROMPT, "params": {"preset": "preview", "seed": 3}}
+    files = {"asset": ("s.glb", sphere), "request": (None, json.dumps(request))}
+    answer = api.http.post("/v1/jobs:validate", files=files)
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    check_document(found, "Validation", openapi)
+    assert found["valid"] is True
+    assert (found["asset"]["format"], found["asset"]["triangles"]) == ("glb", 5120)
+    assert (found["params"]["steps"], found["params"]["seed"]) == (300, 3)
+    assert found["target"] is None
+    assert api.record.list_jobs(limit=1).jobs == before
+    assert set(api.store.list()) == keys
+    files["request"] = (None, json.dumps({**request, "prompt": ""}))
+    check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "prompt_invalid")
+    files = {"asset": ("s.glb", sphere[:-4]), "request": (None, json.dumps(request))}
+    check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "asset_truncated")
+
+
+def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -> None:
+    request = JobRequest.model_validate({**PROMPT, "params": {"preset": "preview"}})
+    job = api.record.create(NewJob(request, stored_file()))
+    api.record.claim(job.id, "worker", 60.0)
+    api.record.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
+    files = {"asset": ("s.glb", sphere), "request": (None, json.dumps({**PROMPT, "params": {"steps": 10}}))}
+    estimate = api.http.post("/v1/jobs:validate", files=files).json()["estimate"]
+    assert estimate["run_s"] == pytest.approx(5.0)
+    assert estimate["basis"]

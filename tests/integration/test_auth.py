@@ -1,0 +1,297 @@
+"""Who may ask, how often, and what every answer carries: over real sockets, with real databases and a real Redis."""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from service.auth import _FAILURES, Gate
+from service.middleware import ACCESS_LOG
+from service.rate import RateLimiter
+from tests.integration.conftest import DEADLINE_S, Api, new_job, serving
+from tests.servers import free_port
+
+OPEN = ("/healthz", "/readyz", "/openapi.json", "/docs")
+CLOSED = ("/v1/jobs", "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6", "/metrics")
+Start = Callable[..., httpx.Client]
+
+
+@pytest.fixture
+def start(record: JobRecord, database_url: str, redis_url: str, tmp_path: Path) -> Iterator[Start]:
+    """Start a server on the record with these settings; several may run at the same time."""
+    queue = f"test-{uuid.uuid4().hex}"
+    with ExitStack() as cleanup:
+
+        def run(**settings: Any) -> httpx.Client:
+            defaults = {"data_dir": tmp_path, "database_url": database_url, "redis_url": redis_url, "queue": queue}
+            server: AbstractContextManager[str] = serving(Settings(**{**defaults, **settings}))
+            url = cleanup.enter_context(server)
+            return cleanup.enter_context(httpx.Client(base_url=url, timeout=DEADLINE_S))
+
+        yield run
+
+
+def bearer(text: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {text}"}
+
+
+def check_refused(answer: httpx.Response) -> None:
+    assert answer.status_code == 401, answer.text
+    assert answer.json()["code"] == "unauthorized"
+    assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_where_keys_are_on_nothing_but_health_and_description_is_had_without_one(
+    start: Start, record: JobRecord
+) -> None:
+    http = start(auth="on")
+    for path in OPEN:
+        assert http.get(path).status_code == 200, path
+    for path in CLOSED:
+        check_refused(http.get(path))
+    check_refused(http.post("/v1/jobs", files={"asset": b"", "request": b"{}"}))
+    _, text = record.keys.create("studio")
+    assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
+    assert http.get("/v1/jobs", headers={"authorization": f"bearer  {text}"}).status_code == 200
+    for sent in (f"Basic {text}", text, "Bearer", f"Bearer {text}x", f"Bearer {text} {text}"):
+        check_refused(http.get("/v1/jobs", headers={"Authorization": sent}))
+    check_refused(http.get("/v1/jobs", params={"key": text}))
+    check_refused(http.get("/v1/jobs", headers={"X-API-Key": text}))
+
+
+def test_where_keys_are_off_none_is_needed_and_one_that_is_sent_counts(start: Start, record: JobRecord) -> None:
+    http = start(auth="off")
+    nobodys = new_job(record)
+    _, text = record.keys.create("studio")
+    assert [job["id"] for job in http.get("/v1/jobs").json()["jobs"]] == [nobodys.id]
+    assert http.get("/v1/jobs", headers=bearer(text)).json()["jobs"] == []
+    check_refused(http.get("/v1/jobs", headers=bearer(f"{text}x")))
+    # A proxy's own business.
+    assert http.get("/v1/jobs", headers={"Authorization": "Basic dTpw"}).status_code == 200
+
+
+def test_auto_asks_for_a_key_wherever_the_connection_is_not_loopback(
+    record: JobRecord, database_url: str, redis_url: str, tmp_path: Path
+) -> None:
+    """The application run by another server: all that it knows is the local end of each connection."""
+    import anyio
+
+    from service.app import create_app
+
+    app = create_app(
+        Settings(data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{uuid.uuid4().hex}")
+    )
+
+    async def ask() -> dict[str, int]:
+        found = {}
+        async with app.router.lifespan_context(app):
+            for server in ("127.0.0.1", "[::1]", "192.0.2.7", "meshdeform.example"):
+                # The peer is on this machine, as a proxy is: that decides nothing.
+                transport = httpx.ASGITransport(app=app, client=("127.0.0.1", 50_000))
+                async with httpx.AsyncClient(transport=transport, base_url=f"http://{server}") as http:
+                    found[server] = (await http.get("/v1/jobs")).status_code
+        return found
+
+    assert anyio.run(ask) == {"127.0.0.1": 200, "[::1]": 200, "192.0.2.7": 401, "meshdeform.example": 401}
+
+
+def test_a_revoked_key_is_refused_once_the_cache_has_forgotten_it(
+    start: Start, record: JobRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    http = start(auth="on")
+    key, text = record.keys.create("studio")
+    assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
+    record.keys.revoke(key.id)
+    # What remembers is this process: let its 5 seconds be over.
+    monkeypatch.setattr("service.auth.time.monotonic", lambda: 1e12)
+    check_refused(http.get("/v1/jobs", headers=bearer(text)))
+
+
+def test_a_key_that_was_just_seen_costs_no_look_at_the_record(
+    start: Start, record: JobRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    http = start(auth="on")
+    _, text = record.keys.create("studio")
+    verified = []
+    real = type(record.keys).verify
+    monkeypatch.setattr(type(record.keys), "verify", lambda ring, sent: verified.append(sent) or real(ring, sent))
+    monkeypatch.setattr("service.auth._KNOWN_FOR_S", 1e9)
+    for _ in range(5):
+        assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
+    assert verified == [text]
+
+
+def test_owners_see_their_own_only(start: Start, record: JobRecord) -> None:
+    http = start(auth="on")
+    nobodys = new_job(record)
+    _, text = record.keys.create("studio")
+    assert http.get("/v1/jobs", headers=bearer(text)).json()["jobs"] == []
+    for method, path in (("GET", ""), ("POST", "/cancel"), ("DELETE", ""), ("GET", "/artifacts")):
+        answer = http.request(method, f"/v1/jobs/{nobodys.id}{path}", headers=bearer(text))
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), (method, path)
+
+
+def test_a_key_has_a_rate_that_all_processes_count_together(start: Start, record: JobRecord) -> None:
+    servers = [start(auth="on"), start(auth="on")]
+    _, text = record.keys.create("studio", requests_per_minute=4)
+    _, other = record.keys.create("studio", requests_per_minute=0)
+    answers = [servers[number % 2].get("/v1/jobs", headers=bearer(text)) for number in range(4)]
+    assert [answer.status_code for answer in answers] == [200] * 4
+    assert [answer.headers["ratelimit-policy"] for answer in answers] == ['"minute";q=4;w=60'] * 4
+    assert [answer.headers["ratelimit"].partition(";t=")[0] for answer in answers] == [
+        f'"minute";r={left}' for left in (3, 2, 1, 0)
+    ]
+    refused = servers[0].get("/v1/jobs", headers=bearer(text))
+    assert (refused.status_code, refused.json()["code"]) == (429, "rate_limited")
+    assert 1 <= int(refused.headers["retry-after"]) <= 15
+    assert refused.json()["retry_after_s"] == int(refused.headers["retry-after"])
+    unlimited = servers[0].get("/v1/jobs", headers=bearer(other))
+    assert unlimited.status_code == 200
+    assert "ratelimit" not in unlimited.headers
+
+
+def test_the_settings_rate_holds_where_the_key_says_nothing_and_nobody_without_a_key_is_counted(
+    start: Start, record: JobRecord
+) -> None:
+    http = start(auth="off", requests_per_minute=2)
+    _, text = record.keys.create("studio")
+    assert [http.get("/v1/jobs", headers=bearer(text)).status_code for _ in range(3)] == [200, 200, 429]
+    assert {http.get("/v1/jobs").status_code for _ in range(5)} == {200}
+
+
+def test_without_redis_keys_are_still_served_and_still_limited(start: Start, record: JobRecord) -> None:
+    http = start(auth="on", redis_url=f"redis://127.0.0.1:{free_port()}/0")
+    _, text = record.keys.create("studio", requests_per_minute=2)
+    assert [http.get("/v1/jobs", headers=bearer(text)).status_code for _ in range(3)] == [200, 200, 429]
+
+
+def test_redis_forgets_a_key_that_is_quiet(redis_url: str) -> None:
+    import redis
+
+    limiter = RateLimiter(redis_url, "test")
+    limiter.take("key", 60)
+    with redis.Redis.from_url(redis_url) as connection:
+        (name,) = connection.keys("test:rate:*")
+        assert 0 < connection.pttl(name) <= 1000
+    limiter.close()
+
+
+def test_redis_and_the_process_count_alike(redis_url: str) -> None:
+    limiter = RateLimiter(redis_url, "test")
+    for per_minute in (1, 7, 100):
+        name = f"key-{per_minute}"
+        rates = [limiter.take(name, per_minute) for _ in range(12)]
+        burst = min(per_minute, 10)
+        assert [bool(verdict.wait_s) for verdict in rates] == [False] * burst + [True] * (12 - burst)
+        assert [verdict.remaining for verdict in rates[:burst]] == list(reversed(range(burst)))
+    assert limiter._away_until < 0  # it was Redis that said so
+    limiter.close()
+
+
+def test_guesses_from_one_address_are_stopped_and_who_works_goes_on(start: Start, record: JobRecord) -> None:
+    http = start(auth="on")
+    _, working = record.keys.create("studio")
+    _, new = record.keys.create("studio")
+    assert http.get("/v1/jobs", headers=bearer(working)).status_code == 200
+    answers = [http.get("/v1/jobs", headers=bearer(f"guess-{number}")) for number in range(_FAILURES.burst + 1)]
+    assert [answer.status_code for answer in answers] == [401] * _FAILURES.burst + [429]
+    assert int(answers[-1].headers["retry-after"]) >= 1
+    # Also a right one: whether it is right is not found out by guessing on.
+    assert http.get("/v1/jobs", headers=bearer(new)).status_code == 429
+    assert http.get("/v1/jobs", headers=bearer(working)).status_code == 200
+    assert http.get("/healthz").status_code == 200
+
+
+def test_right_keys_do_not_count_as_guesses(start: Start, record: JobRecord) -> None:
+    http = start(auth="on")
+    for _ in range(_FAILURES.burst + 5):
+        _, text = record.keys.create("studio")
+        assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
+
+
+def test_a_key_may_have_so_many_unfinished_jobs(start: Start, record: JobRecord, repository: Path) -> None:
+    http = start(auth="on")
+    _, text = record.keys.create("studio", max_active_jobs=1)
+    files = {
+        "asset": ("sphere.glb", (repository / "examples" / "sphere.glb").read_bytes()),
+        "request": (None, json.dumps({"prompt": "a mushroom"})),
+    }
+    headers = {**bearer(text), "X-Request-ID": "mine-3"}
+    answers = [http.post("/v1/jobs", files=files, headers=headers) for _ in range(2)]
+    assert [answer.status_code for answer in answers] == [202, 429], answers[-1].text
+    assert answers[1].json()["code"] == "too_many_jobs"
+    assert int(answers[1].headers["retry-after"]) >= 1
+    job = record.get(answers[0].json()["id"])
+    assert (job.owner_id, job.request_id) == ("studio", "mine-3")
+    assert len(record.list_jobs().jobs) == 1
+
+
+def test_every_answer_names_its_request(start: Start) -> None:
+    http = start()
+    for path, status in (("/healthz", 200), ("/v1/jobs", 200), ("/docs", 200), ("/nothing", 404)):
+        answer = http.get(path, headers={"X-Request-ID": "mine-1"})
+        assert (answer.status_code, answer.headers["x-request-id"]) == (status, "mine-1")
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+    problem = http.get("/nothing").json()
+    assert problem["request_id"].startswith("req_")
+    assert http.get("/nothing", headers={"X-Request-ID": "a b"}).json()["request_id"].startswith("req_")
+
+
+def test_an_error_that_nobody_foresaw_names_its_request_too(
+    start: Start, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    http = start()
+
+    async def fail(*_: Any) -> None:
+        raise RuntimeError("a secret of the server")
+
+    monkeypatch.setattr(Gate, "admit", fail)
+    answer = http.get("/v1/jobs", headers={"X-Request-ID": "mine-2"})
+    assert answer.status_code == 500
+    assert (answer.headers["x-request-id"], answer.json()["request_id"]) == ("mine-2", "mine-2")
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert "secret" not in answer.text
+
+
+def test_the_access_log_of_real_routes_has_their_templates(start: Start, caplog: pytest.LogCaptureFixture) -> None:
+    http = start()
+    with caplog.at_level(logging.INFO, ACCESS_LOG):
+        http.get("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6?signature=secret")
+        http.get("/nothing")
+    seen = [(r.route, r.status) for r in caplog.records if r.name == ACCESS_LOG]  # type: ignore[attr-defined]
+    assert seen == [("/v1/jobs/{id}", 404), ("-", 404)]
+
+
+def test_a_document_that_never_ends_is_refused_while_it_comes(start: Start) -> None:
+    """No length is announced, and what is sent is far more than the route takes."""
+    http = start()
+    document = b'{"url": "' + b"x" * 65_536
+    received = b""
+    with socket.create_connection((http.base_url.host, http.base_url.port or 80), timeout=DEADLINE_S) as connection:
+        head = "POST /v1/webhooks HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked"
+        connection.sendall(f"{head}\r\n\r\n".encode())
+        for _ in range(5):
+            connection.sendall(f"{len(document):x}\r\n".encode() + document + b"\r\n")
+        while b"\r\n\r\n" not in received and (more := connection.recv(65_536)):
+            received += more
+    assert received.startswith(b"HTTP/1.1 413 "), received[:200]
+    assert b"connection: close" in received.lower()
+
+
+def test_web_pages_of_other_hosts_need_a_key_on_loopback_too(api: Api) -> None:
+    for headers in ({"Host": "evil.example"}, {"Origin": "https://evil.example"}):
+        answer = api.http.get("/v1/jobs", headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (401, "unauthorized")
+    assert api.http.get("/v1/jobs", headers={"Origin": api.url}).status_code == 200

@@ -1,0 +1,76 @@
+"""The shell commands of the compose file, run without a container engine against the real servers of the tests."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+import redis
+import yaml
+
+from tests.servers import find_redis_server, free_port, wait_for_port
+
+
+def commands(repository: Path, service: str) -> dict[str, Any]:
+    text = (repository / "docker-compose.yml").read_text().replace("$$", "$")
+    return dict(yaml.safe_load(text)["services"][service])
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+@pytest.mark.parametrize(("answer", "good"), [(200, True), (409, True), (403, False), (500, False)])
+def test_the_bucket_is_asked_for_with_a_signature(repository: Path, answer: int, good: bool) -> None:
+    asked: list[tuple[str, str]] = []
+
+    class Store(BaseHTTPRequestHandler):
+        def do_PUT(self) -> None:
+            asked.append((self.path, self.headers["Authorization"]))
+            self.send_response(answer)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None:
+            """Say nothing."""
+
+    with HTTPServer(("127.0.0.1", 0), Store) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        script = commands(repository, "bucket")["command"][0]
+        script = script.replace("http://s3:7070", f"http://127.0.0.1:{server.server_port}")
+        keys = {"S3_ACCESS_KEY": "studio", "S3_SECRET_KEY": "s3cret"}
+        done = subprocess.run(["sh", "-c", script], env={**os.environ, **keys}, capture_output=True, check=False)
+        server.shutdown()
+    assert (done.returncode == 0) == good, done.stderr
+    ((path, signature),) = asked
+    assert path == "/meshdeform"
+    assert re.match(r"AWS4-HMAC-SHA256 Credential=studio/\d{8}/us-east-1/s3/aws4_request, ", signature)
+    assert "x-amz-content-sha256" in signature
+    assert good or f"making the bucket: {answer}".encode() in done.stderr
+
+
+def test_redis_asks_for_its_password_and_keeps_what_it_is_told(repository: Path, tmp_path: Path) -> None:
+    found = commands(repository, "redis")
+    program = find_redis_server()
+    port = free_port()
+    script = found["command"][-1].replace("redis-server -", f"{program} -")
+    script = script.rstrip() + f" --port {port} --bind 127.0.0.1 --dir {tmp_path}"
+    log = tmp_path / "redis.log"
+    with log.open("wb") as output:
+        child = subprocess.Popen(["sh", "-c", script], env={**os.environ, "REDIS_PASSWORD": "s3cret"}, stdout=output)
+    try:
+        wait_for_port(port, child, log)
+        with pytest.raises(redis.AuthenticationError):
+            redis.Redis(port=port).ping()
+        told = redis.Redis(port=port, password="s3cret", decode_responses=True)
+        assert told.config_get("append*")["appendonly"] == "yes"
+        assert told.config_get("appendfsync") == {"appendfsync": "everysec"}
+        assert told.config_get("maxmemory-policy") == {"maxmemory-policy": "noeviction"}
+        assert b"s3cret" not in Path(f"/proc/{child.pid}/cmdline").read_bytes()
+    finally:
+        child.terminate()
+        child.wait(30)

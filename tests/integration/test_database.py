@@ -1,0 +1,106 @@
+"""What a database does for the record beside keeping it."""
+
+from __future__ import annotations
+
+import gc
+import socket
+import struct
+import threading
+import time
+
+import pytest
+import sqlalchemy as sa
+
+from meshdeform.errors import UnavailableError
+from meshdeform.jobs import database as module
+from meshdeform.jobs.models import JobState
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.tables import jobs
+from tests.fault_proxy import FaultProxy
+from tests.integration.conftest import DEADLINE_S, new_job
+
+
+def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_IDLE_IN_TRANSACTION_S", 0.3)
+        sleeper = JobRecord(postgres_url)
+    record = JobRecord(postgres_url)
+    try:
+        job = new_job(record)
+        claimed = record.claim(job.id, "the sleeper", -1.0)
+        assert claimed is not None
+        held, woken = threading.Event(), threading.Event()
+        errors: list[BaseException] = []
+
+        def sleep() -> None:
+            # Stopped between two statements, with the job's row locked.
+            try:
+                with sleeper.database.write() as connection:
+                    connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(phase="asleep"))
+                    held.set()
+                    woken.wait(DEADLINE_S)
+                    connection.execute(sa.select(jobs.c.id))
+            except BaseException as error:
+                errors.append(error)
+
+        thread = threading.Thread(target=sleep)
+        thread.start()
+        assert held.wait(DEADLINE_S)
+        deadline = time.monotonic() + DEADLINE_S
+        while record.get(job.id).state is not JobState.QUEUED:
+            record.reclaim_expired(max_attempts=3)
+            assert time.monotonic() < deadline, "the sleeper still holds the job"
+            time.sleep(0.05)
+        woken.set()
+        thread.join()
+        assert [type(error) for error in errors] == [UnavailableError]
+        assert record.get(job.id).progress.phase == "queued"
+    finally:
+        sleeper.close()
+        record.close()
+
+
+# pg8000 leaves such a socket to the garbage collector, which is asked here so that no other test gets the blame.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("manner", ["reset", "closed", "nonsense"])
+def test_a_server_that_breaks_off_while_it_is_connected_to_is_away(
+    manner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The log that pytest keeps would keep the error, which has the frames, which have the socket.
+    monkeypatch.setattr(module._log, "disabled", True)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            while True:
+                try:
+                    connection, _ = server.accept()
+                except OSError:
+                    return
+                if manner == "reset":
+                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                if manner == "nonsense":
+                    connection.sendall(b"NX")
+                connection.close()
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        with pytest.raises(UnavailableError):
+            JobRecord(f"postgresql://meshdeform@127.0.0.1:{server.getsockname()[1]}/postgres")
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join()
+    gc.collect()
+
+
+def test_a_connection_that_is_reset_in_the_middle_is_replaced(postgres_port: int, postgres_url: str) -> None:
+    with FaultProxy(postgres_port) as proxy:
+        record = JobRecord(postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/"))
+        try:
+            job = new_job(record)
+            proxy.cut_after(10)
+            with pytest.raises(UnavailableError):
+                record.get(job.id)
+            proxy.pass_through()
+            # At once, whatever has become of the connections in the pool.
+            assert record.get(job.id).id == job.id
+        finally:
+            record.close()

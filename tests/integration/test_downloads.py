@@ -1,0 +1,166 @@
+"""Who may read an artifact: its owner, and for a while whoever has a signed URL. On a folder and on a real S3."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import Artifact, JobState, NewJob
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore, sign_path
+from tests.integration.conftest import DEADLINE_S, Api, serving, stored_file
+from tests.integration.http_calls import check_document, check_problem, finished_job
+
+CONTENT = bytes(range(256)) * 64
+
+
+@contextmanager
+def closed_server(folder: Path, database_url: str, redis_url: str, **more: Any) -> Iterator[Api]:
+    """A server that wants keys."""
+    named = {"database_url": database_url, "redis_url": redis_url, "queue": f"test-{folder.name}"}
+    settings = Settings(data_dir=folder, auth="on", **named, **more)
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
+        record = JobRecord(database_url)
+        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        record.close()
+
+
+@pytest.fixture
+def closed(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Iterator[Api]:
+    """A server that wants keys, on a folder."""
+    with closed_server(tmp_path, database_url, redis_url) as api:
+        yield api
+
+
+def owner(api: Api, name: str) -> tuple[str, dict[str, str]]:
+    """A new owner, and the header of its key."""
+    key, text = api.record.keys.create(name)
+    return key.owner_id, {"Authorization": f"Bearer {text}"}
+
+
+def owned_job(api: Api, owner_id: str) -> str:
+    """A job of theirs that is over, with one artifact."""
+    job = api.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id=owner_id))
+    assert api.record.claim(job.id, "worker", 60.0)
+    stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT)
+    made = Artifact(
+        name="result.glb",
+        content_type="model/gltf-binary",
+        size=stored.size,
+        sha256=stored.sha256,
+        key=f"jobs/{job.id}/1/result.glb",
+        created_at=datetime.now(UTC),
+    )
+    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    return job.id
+
+
+def test_what_is_not_yours_is_not_there(closed: Api) -> None:
+    (mine, key), (_, other) = owner(closed, "mine"), owner(closed, "other")
+    job_id = owned_job(closed, mine)
+    paths = [f"/v1/jobs/{job_id}{rest}" for rest in ("/artifacts", "/artifacts/result.glb", "/events", "/checkpoints")]
+    for path in paths:
+        assert closed.http.get(path, headers=key).status_code == 200, path
+        check_problem(closed.http.get(path, headers=other), 404, "not_found")
+        check_problem(closed.http.get(path), 401, "unauthorized")
+    check_problem(closed.http.post(f"{paths[1]}/url", headers=other), 404, "not_found")
+    check_problem(closed.http.post(f"{paths[1]}/url"), 401, "unauthorized")
+    stream = {"Accept": "text/event-stream"}
+    check_problem(closed.http.get(paths[2], headers={**other, **stream}), 404, "not_found")
+
+
+def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dict[str, Any]) -> None:
+    mine, key = owner(closed, "mine")
+    job_id, another = owned_job(closed, mine), owned_job(closed, mine)
+    path = f"/v1/jobs/{job_id}/artifacts/result.glb"
+    answer = closed.http.post(f"{path}/url", headers=key)
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["cache-control"] == "no-store"
+    signed = answer.json()
+    check_document(signed, "SignedUrl", openapi)
+    lifetime = datetime.fromisoformat(signed["expires_at"]) - datetime.now(UTC)
+    assert timedelta(seconds=3500) < lifetime <= timedelta(seconds=3600)
+    url = signed["url"]
+    whole = closed.http.get(url)
+    assert (whole.status_code, whole.content) == (200, CONTENT)
+    assert whole.headers["access-control-allow-origin"] == "*"
+    assert "access-control-allow-origin" not in closed.http.get(path, headers=key).headers
+    part = closed.http.get(url, headers={"Range": "bytes=10-19"})
+    assert (part.status_code, part.content) == (206, CONTENT[10:20])
+    assert closed.http.head(url).headers["content-length"] == str(len(CONTENT))
+    assert closed.http.get(url, headers={"If-None-Match": whole.headers["etag"]}).status_code == 304
+    query = url.partition("?")[2]
+    last = url[-1]
+    for touched in (
+        url[:-1] + ("0" if last != "0" else "1"),
+        url.replace("expires=", "expires=9"),
+        f"{url}&more=1",
+        f"{path}?{query.partition('&')[2]}",
+        f"{path}?{query.partition('&')[0]}",
+        f"{path}?expires=&signature=",
+        f"{path}?expires=99999999999999999999999&signature=é",
+        f"/v1/jobs/{another}/artifacts/result.glb?{query}",
+    ):
+        check_problem(closed.http.get(touched), 403, "forbidden")
+        # A key does not mend it: what the URL says is what counts.
+        check_problem(closed.http.get(touched, headers=key), 403, "forbidden")
+    for other in (f"/v1/jobs/{job_id}/artifacts?{query}", f"/v1/jobs/{job_id}?{query}", f"{path}/url?{query}"):
+        check_problem(closed.http.request("POST" if "/url" in other else "GET", other), 401, "unauthorized")
+    closed.record.delete(job_id)
+    check_problem(closed.http.get(url), 404, "not_found")
+
+
+def test_a_signed_url_that_is_over_its_time_is_refused(closed: Api) -> None:
+    mine, _ = owner(closed, "mine")
+    path = f"/v1/jobs/{owned_job(closed, mine)}/artifacts/result.glb"
+    secret = closed.record.secret("signed-urls")
+    late = check_problem(
+        closed.http.get(f"{path}?{sign_path('GET', path, int(time.time()), secret)}"), 403, "forbidden"
+    )
+    assert "expired" in late["detail"]
+    assert closed.http.get(f"{path}?{sign_path('GET', path, int(time.time()) + 60, secret)}").status_code == 200
+    for_writing = sign_path("PUT", path, int(time.time()) + 60, secret)
+    check_problem(closed.http.get(f"{path}?{for_writing}"), 403, "forbidden")
+
+
+def test_every_process_of_the_deployment_takes_the_same_urls(
+    closed: Api, tmp_path: Path, database_url: str, redis_url: str
+) -> None:
+    mine, key = owner(closed, "mine")
+    url = closed.http.post(f"/v1/jobs/{owned_job(closed, mine)}/artifacts/result.glb/url", headers=key).json()["url"]
+    with closed_server(tmp_path, database_url, redis_url) as second:
+        assert second.http.get(url).content == CONTENT
+
+
+def test_of_a_bucket_the_url_is_its_own(
+    record: JobRecord, database_url: str, redis_url: str, tmp_path: Path, s3_store_url: str
+) -> None:
+    with closed_server(tmp_path, database_url, redis_url, storage_url=s3_store_url) as api:
+        mine, key = owner(api, "mine")
+        path = f"/v1/jobs/{owned_job(api, mine)}/artifacts/result.glb"
+        url = api.http.post(f"{path}/url", headers=key).json()["url"]
+        assert not url.startswith(("/", api.url))
+        answer = httpx.get(url, timeout=DEADLINE_S)
+        assert (answer.status_code, answer.content) == (200, CONTENT)
+        assert answer.headers["content-type"] == "model/gltf-binary"
+        assert answer.headers["content-disposition"] == 'attachment; filename="result.glb"'
+        assert httpx.get(url[:-1] + ("0" if url[-1] != "0" else "1"), timeout=DEADLINE_S).status_code == 403
+        assert api.http.get(path, headers=key).content == CONTENT
+
+
+def test_without_keys_urls_can_be_signed_too(api: Api) -> None:
+    path = f"/v1/jobs/{finished_job(api, CONTENT)}/artifacts/result.glb"
+    url = api.http.post(f"{path}/url").json()["url"]
+    assert url.startswith(f"{path}?")
+    assert api.http.get(url).content == CONTENT
+    problem = check_problem(api.http.post(path.replace("result", "other") + "/url"), 404, "not_found")
+    assert problem["artifacts"] == ["result.glb"]

@@ -1,0 +1,103 @@
+"""Estimates, on SQLite and PostgreSQL: known answers from jobs whose steps took a known time."""
+
+from __future__ import annotations
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.estimates import Estimate, estimate
+from meshdeform.jobs.models import JobState
+from meshdeform.jobs.record import JobRecord
+from tests.integration.record_calls import at, claimed, posted
+
+QUEUE = "test"
+
+
+def estimated(record: JobRecord, **request: object) -> Estimate:
+    """What is told about a job of ten steps, or of this request."""
+    asked = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 10}, **request})
+    return estimate(record.database, record.registry, asked, default_model="builtin", queue=QUEUE)
+
+
+def measured(record: JobRecord, *step_s: float, **request: object) -> None:
+    """Jobs that have succeeded with these seconds a step."""
+    for seconds in step_s:
+        job = claimed(record, posted(record, **request))
+        record.finish(job.id, 1, JobState.SUCCEEDED, step_s=seconds)
+
+
+def waiting(record: JobRecord, steps: int, priority: int = 0) -> None:
+    posted(record, params={"steps": steps}, priority=priority)
+
+
+def test_nothing_is_told_before_anything_was_measured(record: JobRecord) -> None:
+    job = claimed(record, posted(record))
+    record.finish(job.id, 1, JobState.FAILED, step_s=9.0)
+    record.registry.seen("w", QUEUE, "cpu")
+    found = estimated(record)
+    assert (found.queue_s, found.run_s) == (None, None)
+    assert "no job" in found.basis
+
+
+def test_a_job_runs_its_steps_at_the_median_of_those_before_it(record: JobRecord) -> None:
+    measured(record, 0.1, 0.2, 30.0)
+    found = estimated(record)
+    assert (found.run_s, found.queue_s) == (2.0, None)
+    assert found.basis == "3 jobs of this kind and model; no worker is alive"
+    assert estimated(record, params={"preset": "preview"}).run_s == 300 * 0.2
+
+
+def test_only_the_newest_count(record: JobRecord) -> None:
+    measured(record, *[9.0] * 10, *[0.5] * 50)
+    assert estimated(record).run_s == 5.0
+
+
+def test_other_models_count_where_nothing_closer_is_known(record: JobRecord) -> None:
+    measured(record, 0.5)
+    other = {"params": {"steps": 10, "model": "another/model"}}
+    found = estimated(record, **other)
+    assert found.run_s == 5.0
+    assert "other models" in found.basis
+    measured(record, 2.0, **other)
+    assert estimated(record, **other).run_s == 20.0
+    assert estimated(record).run_s == 5.0
+
+
+def test_a_job_waits_for_the_work_before_it_on_the_workers_that_are_alive(record: JobRecord) -> None:
+    measured(record, 0.5)
+    record.registry.seen("w1", QUEUE, "cpu")
+    record.registry.seen("elsewhere", "another", "cpu")
+    found = estimated(record)
+    assert found.queue_s == 0.0
+    assert found.basis == "1 job of this kind and model; 1 worker alive"
+    running = claimed(record, posted(record, params={"steps": 10}))
+    assert estimated(record).queue_s == 5.0
+    record.save_progress(running.id, 1, at(4, 10))
+    assert estimated(record).queue_s == 3.0
+    waiting(record, 20)
+    assert estimated(record).queue_s == 13.0
+    # The second worker is idle and takes the one that waits; the running job's worker is free before it.
+    record.registry.seen("w2", QUEUE, "cpu")
+    assert estimated(record).queue_s == 3.0
+    record.registry.gone("w2")
+    # What is less urgent comes later.
+    waiting(record, 100, priority=-1)
+    assert estimated(record).queue_s == 13.0
+    assert estimated(record, priority=-1).queue_s == 63.0
+    assert estimated(record, priority=1).queue_s == 3.0
+
+
+def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord) -> None:
+    measured(record, 0.5)
+    record.registry.seen("w1", QUEUE, "cpu")
+    for _ in range(230):
+        waiting(record, 4)
+    assert estimated(record).queue_s == 230 * 4 * 0.5
+
+
+def test_a_workers_silence_is_noticed(record: JobRecord) -> None:
+    measured(record, 0.5)
+    record.registry.seen("w1", QUEUE, "cpu")
+    assert record.registry.alive(QUEUE) == 1
+    with record.database.write() as connection:
+        connection.exec_driver_sql("UPDATE workers SET seen_at = '2026-01-01 00:00:00.000000'")
+    assert record.registry.alive(QUEUE) == 0
+    assert estimated(record).queue_s is None

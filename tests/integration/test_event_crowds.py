@@ -1,0 +1,215 @@
+"""Many who wait for jobs at once: what they cost, who is let in, and that none is forgotten."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import sqlalchemy as sa
+from fastapi import FastAPI
+
+from meshdeform.errors import UnavailableError
+from meshdeform.jobs.events import Head
+from meshdeform.jobs.models import TERMINAL_STATES, JobState
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from service import hub as hub_module
+from service.hub import Hub
+from tests.integration.conftest import DEADLINE_S, new_job, serving_app
+from tests.integration.streams import STREAM, stream, until
+from tests.integration.test_api_process import api_process
+
+TERMINAL = {state.value for state in TERMINAL_STATES}
+
+
+@pytest.fixture
+def own(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Settings:
+    """Settings of a server of its own."""
+    return Settings(data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{tmp_path.name}")
+
+
+@pytest.fixture
+def counted(own: Settings) -> Iterator[tuple[str, FastAPI, list[str]]]:
+    """A server, and every statement that it sends to the database for those who wait."""
+    statements: list[str] = []
+
+    def count(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        if "jobs.event_seq, jobs.version" in statement and " IN (" in statement:
+            statements.append(statement)
+
+    with serving_app(own) as (url, app):
+        engine = app.state.parts.record.database._engine
+        sa.event.listen(engine, "before_cursor_execute", count)
+        yield url, app, statements
+
+
+def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_when_they_go(
+    counted: tuple[str, FastAPI, list[str]], record: JobRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, app, statements = counted
+    hub: Hub = app.state.parts.hub
+    jobs = [new_job(record).id for _ in range(20)]
+    ticks: list[None] = []
+    look = hub._look
+
+    async def counted_look() -> None:
+        ticks.append(None)
+        await look()
+
+    monkeypatch.setattr(hub, "_look", counted_look)
+
+    async def clients() -> None:
+        limits = httpx.Limits(max_connections=None)
+        async with httpx.AsyncClient(base_url=url, timeout=DEADLINE_S, limits=limits) as http:
+
+            async def follow(job_id: str) -> list[int]:
+                seen = []
+                async with http.stream("GET", f"/v1/jobs/{job_id}/events", headers=STREAM) as answer:
+                    async for line in answer.aiter_lines():
+                        if line.startswith("id: "):
+                            seen.append(int(line[4:]))
+                return seen
+
+            async def everybody_waits(many: int) -> None:
+                async with asyncio.timeout(DEADLINE_S):
+                    while hub.waiting != many:
+                        await asyncio.sleep(0.01)
+
+            readers = [asyncio.create_task(follow(job_id)) for job_id in jobs * 10]
+            await everybody_waits(200)
+            assert hub.held == 200
+            threads = threading.active_count()
+            ticks.clear()
+            statements.clear()
+            async with asyncio.timeout(DEADLINE_S):
+                while len(ticks) < 5:
+                    await asyncio.sleep(0.01)
+            assert abs(len(statements) - len(ticks)) <= 1
+            assert threads < 60  # and not one for each reader
+            for reader in readers[:100]:
+                reader.cancel()
+            await everybody_waits(100)
+            for job_id in jobs:
+                record.request_cancel(job_id)
+            assert await asyncio.gather(*readers[100:]) == [[1, 2]] * 100
+
+    asyncio.run(clients())
+    until(lambda: hub.held == 0, "all places are free")
+    assert hub.waiting == 0
+    assert hub._held == {}
+
+
+def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, list[str]], record: JobRecord) -> None:
+    url, app, statements = counted
+    job = new_job(record)
+    with httpx.Client(base_url=url, timeout=DEADLINE_S) as http, stream(http, job.id) as found:
+        events = found.events()
+        next(events)
+        until(lambda: statements, "somebody waits")
+        record.request_cancel(job.id)
+        list(events)
+    until(lambda: not app.state.parts.hub._somebody.is_set(), "the task rests")
+
+
+def test_a_record_that_is_away_loses_no_reader(
+    counted: tuple[str, FastAPI, list[str]], record: JobRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, app, _ = counted
+    job = new_job(record)
+    log, hub = app.state.parts.record.events, app.state.parts.hub
+    away, heads, after = threading.Event(), hub._heads, log.after
+    refused: list[str] = []
+
+    def asked(name: str, real: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            if away.is_set():
+                refused.append(name)
+                raise UnavailableError("The record does not answer.")
+            return real(*arguments)
+
+        return call
+
+    monkeypatch.setattr(hub, "_heads", asked("heads", heads))
+    monkeypatch.setattr(log, "after", asked("after", after))
+    with httpx.Client(base_url=url, timeout=DEADLINE_S) as http, stream(http, job.id) as found:
+        events = found.events()
+        assert next(events)["seq"] == 1
+        away.set()
+        until(lambda: refused.count("heads") >= 2, "the record was asked in vain")
+        away.clear()
+        record.request_cancel(job.id)
+        assert next(events)["type"] == "canceled"
+
+
+def test_places_are_counted_by_owner_and_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub_module, "MOST_HELD_OF_ONE", 2)
+
+    async def crowd() -> None:
+        hub = Hub(lambda ids: {})
+        monkeypatch.setattr(hub, "_most", 4)
+        with hub.place("a"), hub.place("a"):
+            with pytest.raises(hub_module.LimitError, match="2 requests of this key"), hub.place("a"):
+                raise AssertionError
+            with hub.place("b"), hub.place(""), pytest.raises(hub_module.LimitError, match="4 requests"):
+                hub.place("c").__enter__()
+        with hub.place("a"):
+            assert hub.held == 1
+
+    asyncio.run(crowd())
+
+
+def test_what_a_crowd_waits_for_is_looked_up_for_those_who_were_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who comes while the record is asked is not in the answer; that must not look like a deleted job."""
+
+    async def late() -> None:
+        asked: list[set[str]] = []
+        come, go = threading.Event(), threading.Event()
+
+        def heads(ids: Any) -> dict[str, Head]:
+            asked.append(set(ids))
+            if len(asked) == 1:
+                come.set()
+                go.wait(DEADLINE_S)
+            return {job_id: Head(1, 1, JobState.QUEUED) for job_id in ids}
+
+        hub = Hub(heads, tick_s=0.01)
+        gone: list[str] = []
+
+        def wanted(head: Head | None) -> bool:
+            if head is None:
+                gone.append("gone")
+            return len(asked) >= 3
+
+        async with hub.running():
+            first = asyncio.create_task(hub.until("a", wanted, DEADLINE_S))
+            await asyncio.to_thread(come.wait, DEADLINE_S)
+            second = asyncio.create_task(hub.until("b", wanted, DEADLINE_S))
+            await asyncio.sleep(0)
+            go.set()
+            assert await asyncio.gather(first, second) == [True, True]
+        assert asked[0] == {"a"}
+        assert {"a", "b"} in asked
+        assert gone == []
+
+    asyncio.run(late())
+
+
+def test_a_process_that_is_to_end_does_not_wait_for_its_streams(redis_url: str, tmp_path: Path) -> None:
+    with api_process(tmp_path, redis_url) as (process, url), httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
+        record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
+        job = new_job(record)
+        record.close()
+        with stream(http, job.id) as found:
+            events = found.events()
+            assert next(events)["type"] == "queued"
+            # This server waits for its answers for as long as they take.
+            process.send_signal(signal.SIGTERM)
+            assert list(events) == []
+        process.communicate(timeout=DEADLINE_S)
+        assert process.returncode in (0, -signal.SIGTERM)

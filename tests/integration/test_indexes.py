@@ -1,0 +1,190 @@
+"""What is asked again and again is answered from an index, with ten thousand jobs, on SQLite and PostgreSQL."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from sqlalchemy import event
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.cursors import encode_cursor
+from meshdeform.jobs.estimates import estimate
+from meshdeform.jobs.models import JobState
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.statistics import statistics
+from meshdeform.jobs.tables import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
+from tests.integration.record_calls import LEASE_S, at, posted
+
+COUNT = 10_000
+LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads")
+_PREFIX = "job_01kg9zqk2xf3v8c5m7n9p"
+MIDDLE = f"{_PREFIX}{COUNT + COUNT // 2}"
+
+
+@pytest.fixture(scope="module")
+def large(database_url: str) -> Iterator[JobRecord]:
+    """Ten thousand jobs, nearly all of them over, with what belongs to them."""
+    record = JobRecord(database_url)
+    posted(record)
+    with record.database.write() as connection:
+        _multiply(connection, record)
+    if not record.database.is_sqlite:
+        # As the server does by itself after a while; SQLite never does.
+        engine = sa.create_engine(record.database._engine.url, isolation_level="AUTOCOMMIT")
+        with engine.connect() as connection:
+            connection.exec_driver_sql("VACUUM ANALYZE")
+        engine.dispose()
+    yield record
+    with record.database.write() as connection:
+        for table in reversed(metadata.sorted_tables):
+            connection.execute(sa.delete(table))
+    record.close()
+
+
+def _multiply(connection: sa.Connection, record: JobRecord) -> None:
+    numbers = sa.select(sa.literal(0).label("n")).cte("numbers", recursive=True)
+    numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < COUNT - 1))
+    n, now = numbers.c.n, record.database.now()
+    text = sa.cast(n + COUNT, sa.String)
+    job_id = sa.literal(_PREFIX) + text
+    running, queued = n % 1000 == 0, n % 100 == 1
+    later = record.database.now(86_400.0)
+    changed: dict[str, Any] = {
+        "id": job_id,
+        "owner_id": sa.literal("owner-") + sa.cast(n % 50, sa.String),
+        "workload": sa.literal("workload-") + sa.cast(n % 20, sa.String),
+        "state": sa.case((running, "running"), (queued, "queued"), else_="succeeded"),
+        "priority": n % 5,
+        "event_seq": 3,
+        "attempt": sa.case((queued, 0), else_=1),
+        "step_s": sa.case((running, None), (queued, None), else_=0.5),
+        "worker_id": sa.case((running, "worker"), else_=None),
+        "lease_expires_at": sa.case((running, later), else_=None),
+        "deadline_at": sa.case((n % 10 == 0, later), else_=None),
+        "retain_until": sa.case((running, None), (queued, None), else_=later),
+        "asset_key": sa.literal("assets/") + text,
+    }
+
+    def put(table: sa.Table, values: dict[str, Any], source: Any = numbers) -> None:
+        columns = [sa.type_coerce(value, table.c[name].type).label(name) for name, value in values.items()]
+        connection.execute(sa.insert(table).from_select(list(values), sa.select(*columns).select_from(source)))
+
+    first = jobs.alias("first")
+    every = {column.name: changed.get(column.name, first.c[column.name]) for column in jobs.c}
+    put(jobs, every, numbers.join(first, sa.true()))
+    put(labels, {"job_id": job_id, "name": "batch", "value": sa.cast(n % 100, sa.String)})
+    cast = "" if record.database.is_sqlite else "::json"
+    empty = sa.literal_column(f"'{{}}'{cast}")
+    for seq in (1, 2, 3):
+        put(events, {"job_id": job_id, "seq": seq, "type": "progress", "at": now, "attempt": 1, "data": empty})
+    put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now})
+    put(uploads, {
+        "id": sa.literal("upl_") + text, "owner_id": "", "filename": "a.glb", "size": 3,
+        "key": sa.literal("assets/") + text, "created_at": now, "expires_at": later,
+    })  # fmt: skip
+    put(idempotency, {
+        "owner_id": "me", "key": text, "request_hash": "h", "token": "t", "locked_until": now, "created_at": now,
+    })  # fmt: skip
+    connection.execute(sa.insert(webhooks).values(
+        id="wh_1", owner_id="me", url="https://example.org", events=[], secret="s", created_at=now
+    ))  # fmt: skip
+    put(deliveries, {
+        "id": sa.literal("msg_") + text, "webhook_id": "wh_1", "job_id": job_id, "type": "job.queued",
+        "payload": empty, "state": sa.case((queued, "pending"), else_="delivered"), "attempts": 0,
+        "next_at": sa.case((queued, later), else_=None), "created_at": now,
+    })  # fmt: skip
+
+
+@contextmanager
+def _asked(record: JobRecord) -> Iterator[list[tuple[str, Any]]]:
+    """Every statement that is sent in the `with` block."""
+    sent: list[tuple[str, Any]] = []
+
+    def note(_c: Any, _k: Any, statement: str, parameters: Any, _x: Any, many: bool) -> None:
+        if not many and statement.lstrip().startswith(("SELECT", "UPDATE", "DELETE", "WITH")):
+            sent.append((statement, parameters))
+
+    engine = record.database._engine
+    event.listen(engine, "before_cursor_execute", note)
+    try:
+        yield sent
+    finally:
+        event.remove(engine, "before_cursor_execute", note)
+
+
+def _scanned(record: JobRecord, statement: str, parameters: Any) -> list[str]:
+    """The large tables that a statement reads from end to end."""
+    explain = "EXPLAIN QUERY PLAN " if record.database.is_sqlite else "EXPLAIN "
+    with record.database.write() as connection:
+        plan = "\n".join(str(row[-1]) for row in connection.exec_driver_sql(explain + statement, parameters))
+    tables = "|".join(LARGE)
+    pattern = rf"^SCAN ({tables})(?! USING)" if record.database.is_sqlite else rf"Seq Scan on ({tables})\b"
+    return [f"{found}: {statement}\n{plan}" for found in re.findall(pattern, plan, re.MULTILINE)]
+
+
+OWNER = "owner-7"
+Ask = Callable[[JobRecord], object]
+QUESTIONS: dict[str, Ask] = {
+    "a job": lambda record: record.get(MIDDLE),
+    "the next job": lambda record: record.claim_next("worker", LEASE_S),
+    "what a worker writes": lambda record: _work(record),
+    "artifacts": lambda record: record.artifacts(MIDDLE),
+    "a heartbeat": lambda record: record.heartbeat(f"{_PREFIX}{COUNT}", 1, LEASE_S),
+    "a page": lambda record: record.list_jobs(cursor=encode_cursor(MIDDLE)),
+    "a page of a state": lambda record: record.list_jobs(JobState.QUEUED),
+    "a page of an owner": lambda record: record.list_jobs(owner=OWNER),
+    "a page of an owner from its middle": lambda record: record.list_jobs(owner=OWNER, cursor=encode_cursor(MIDDLE)),
+    "a page of an owner's jobs in a state": lambda record: record.list_jobs(JobState.RUNNING, owner=OWNER),
+    "a page of a label": lambda record: record.list_jobs(metadata={"batch": "7"}),
+    "a page of an owner's label": lambda record: record.list_jobs(owner=OWNER, metadata={"batch": "7"}),
+    "events": lambda record: record.events.after(MIDDLE, 1),
+    "heads": lambda record: record.events.heads([MIDDLE, f"{_PREFIX}{COUNT}"]),
+    "silent workers": lambda record: record.reclaim_expired(3),
+    "leases ahead": lambda record: record.shorten_leases(86_400.0),
+    "deadlines": lambda record: record.expire_deadlines(),
+    "retention": lambda record: record.delete_retained(),
+    "old keys": lambda record: record.delete_stale_requests(),
+    "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
+    "uploads over their time": lambda record: record.expired_uploads(),
+    "who is to be told": lambda record: record.untold(),
+    "how many are queued": lambda record: record.queued_count(),
+    "who is queued": lambda record: record.queued_ids(),
+    "a worker that is gone": lambda record: record.worker_ended("worker"),
+    "an owner's unfinished jobs": lambda record: posted(record, OWNER, 10_000),
+    "deliveries that are due": lambda record: record.webhooks.due(10),
+    "how many jobs are in each state": lambda record: statistics(record.database),
+    "an estimate": lambda record: estimate(
+        record.database, record.registry, JobRequest(prompt="x"), default_model="builtin", queue="q"
+    ),
+}
+
+
+def _work(record: JobRecord) -> None:
+    """All that a worker writes; the job is queued again at last."""
+    taken = record.claim_next("worker", LEASE_S)
+    assert taken is not None
+    record.save_progress(taken.id, taken.attempt, at(3))
+    record.set_checkpoint(taken.id, taken.attempt, key="k", step=3, sha256="s")
+    record.checkpoints(taken.id)
+    record.forget_checkpoint(taken.id, taken.attempt, key="k")
+    record.release(taken.id, taken.attempt)
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_it_is_answered_from_an_index(large: JobRecord, question: str) -> None:
+    with _asked(large) as sent:
+        QUESTIONS[question](large)
+    assert sent
+    scans = [scan for statement, parameters in sent for scan in _scanned(large, statement, parameters)]
+    assert scans == []
+
+
+def test_a_scan_would_be_noticed(large: JobRecord) -> None:
+    with _asked(large) as sent, large.database.read() as connection:
+        connection.execute(sa.select(jobs.c.id).where(jobs.c.request_id == "r")).all()
+    assert [scan for statement, parameters in sent for scan in _scanned(large, statement, parameters)] != []

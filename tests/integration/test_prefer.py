@@ -1,0 +1,135 @@
+"""`Prefer: wait=N` over real sockets: the answer comes with the end of the job, or when the time is up."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from meshdeform.errors import UnavailableError
+from meshdeform.jobs.models import JobState
+from meshdeform.jobs.record import JobRecord
+from meshdeform.settings import Settings
+from tests.integration.conftest import DEADLINE_S, new_job, serving_app
+from tests.integration.http_calls import check_problem
+from tests.integration.streams import until
+
+WAIT = {"Prefer": "wait=60"}
+
+
+@pytest.fixture
+def server(
+    tmp_path: Path, record: JobRecord, database_url: str, redis_url: str
+) -> Iterator[tuple[httpx.Client, FastAPI]]:
+    """A server of its own, and a client that waits for longer than the test may take."""
+    settings = Settings(
+        data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{tmp_path.name}"
+    )
+    with serving_app(settings) as (url, app), httpx.Client(base_url=url, timeout=2 * DEADLINE_S) as http:
+        yield http, app
+
+
+def waiting(app: FastAPI, many: int) -> None:
+    until(lambda: app.state.parts.hub.waiting == many, f"{many} wait")
+
+
+def test_an_answer_is_held_back_until_the_job_is_over(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
+    http, app = server
+    job = new_job(record)
+    with ThreadPoolExecutor() as pool:
+        answer = pool.submit(http.get, f"/v1/jobs/{job.id}", headers=WAIT)
+        waiting(app, 1)
+        assert record.claim(job.id, "worker", 60.0)
+        assert not answer.done()
+        record.finish(job.id, 1, JobState.SUCCEEDED)
+        found = answer.result(DEADLINE_S)
+    assert found.status_code == 200
+    assert found.json()["state"] == "succeeded"
+    assert found.headers["preference-applied"] == "wait=60"
+
+
+def test_a_job_that_is_over_is_shown_at_once(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
+    http, _ = server
+    job = new_job(record)
+    record.request_cancel(job.id)
+    start = time.monotonic()
+    assert http.get(f"/v1/jobs/{job.id}", headers=WAIT).json()["state"] == "canceled"
+    assert time.monotonic() - start < DEADLINE_S
+
+
+def test_after_its_time_the_job_is_shown_as_it_is(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
+    http, _ = server
+    job = new_job(record)
+    answer = http.get(f"/v1/jobs/{job.id}", headers={"Prefer": "wait=1"})
+    assert (answer.status_code, answer.json()["state"]) == (200, "queued")
+
+
+def test_a_job_that_is_deleted_meanwhile_is_not_found(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
+    http, app = server
+    job = new_job(record)
+    with ThreadPoolExecutor() as pool:
+        answer = pool.submit(http.get, f"/v1/jobs/{job.id}", headers=WAIT)
+        waiting(app, 1)
+        record.request_cancel(job.id)
+        record.delete(job.id)
+        found = answer.result(DEADLINE_S)
+    # Between the two it was `canceled` for a moment, which the server may have seen.
+    assert found.status_code == 404 or found.json()["state"] == "canceled"
+
+
+def test_a_job_that_is_not_there_is_not_waited_for(server: tuple[httpx.Client, FastAPI]) -> None:
+    http, app = server
+    check_problem(http.get("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6", headers=WAIT), 404, "not_found")
+    assert app.state.parts.hub.held == 0
+
+
+def test_a_client_that_goes_away_frees_its_place(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
+    http, app = server
+    job = new_job(record)
+    with httpx.Client(base_url=http.base_url) as impatient:
+        with pytest.raises(httpx.ReadTimeout):
+            impatient.get(f"/v1/jobs/{job.id}", headers=WAIT, timeout=httpx.Timeout(DEADLINE_S, read=1.0))
+        until(lambda: app.state.parts.hub.held == 0, "the place is free")
+
+
+def test_a_post_may_wait_too(server: tuple[httpx.Client, FastAPI], record: JobRecord, sphere: bytes) -> None:
+    http, app = server
+    files: dict[str, Any] = {"asset": ("sphere.glb", sphere), "request": (None, '{"prompt": "a mushroom"}')}
+    with ThreadPoolExecutor() as pool:
+        answer = pool.submit(http.post, "/v1/jobs", files=files, headers=WAIT)
+        waiting(app, 1)
+        [job] = record.list_jobs().jobs
+        record.request_cancel(job.id)
+        found = answer.result(DEADLINE_S)
+    assert (found.status_code, found.json()["state"]) == (200, "canceled")
+    assert found.headers["location"] == f"/v1/jobs/{job.id}"
+
+
+def test_a_record_that_goes_away_shows_the_job_as_it_was(
+    server: tuple[httpx.Client, FastAPI], record: JobRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    http, app = server
+    job = new_job(record)
+    kept = app.state.parts.record
+    get, away = kept.get, threading.Event()
+
+    def maybe(*arguments: Any) -> Any:
+        if away.is_set():
+            raise UnavailableError("The record does not answer.")
+        return get(*arguments)
+
+    monkeypatch.setattr(kept, "get", maybe)
+    with ThreadPoolExecutor() as pool:
+        answer = pool.submit(http.get, f"/v1/jobs/{job.id}", headers=WAIT)
+        waiting(app, 1)
+        away.set()
+        record.request_cancel(job.id)
+        found = answer.result(DEADLINE_S)
+    assert (found.status_code, found.json()["state"]) == (200, "queued")

@@ -1,0 +1,273 @@
+"""What mends the queue when Redis forgets, workers fall silent or the store is away: a real Redis, both databases."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import redis
+
+from meshdeform.errors import UnavailableError
+from meshdeform.jobs.models import JobState
+from meshdeform.jobs.queue import JobQueue
+from meshdeform.jobs.reconciler import Reconciler
+from meshdeform.jobs.record import JobRecord
+from meshdeform.storage import ObjectStore
+from tests.integration.conftest import DEADLINE_S, new_job, stored_file
+from tests.integration.record_calls import LEASE_S, OVER, at, claimed, ids, late, posted, set_to
+from tests.servers import RedisServer, free_port
+
+
+@pytest.fixture
+def queue(redis_url: str) -> Iterator[JobQueue]:
+    opened = JobQueue(redis_url, "test")
+    yield opened
+    opened.close()
+
+
+def reconciler(record: JobRecord, queue: JobQueue, store: ObjectStore | None = None) -> Reconciler:
+    return Reconciler(record, queue, 3, LEASE_S, store=store)
+
+
+def until(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + DEADLINE_S
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
+    jobs = [new_job(record) for _ in range(3)]
+    queue.enqueue(jobs[1].id)
+    assert record.untold() == ids(jobs)
+    assert reconciler(record, queue).run_once() == [jobs[0].id, jobs[2].id]
+    assert record.untold() == []
+    assert reconciler(record, queue).run_once() == []
+    assert queue.length() == 3
+
+
+def test_what_redis_forgot_is_told_again_and_only_that(record: JobRecord, queue: JobQueue, redis_url: str) -> None:
+    jobs = [new_job(record) for _ in range(4)]
+    for job in jobs:
+        queue.enqueue(job.id)
+    claimed(record, jobs[0])
+    looks = reconciler(record, queue)
+    assert looks.run_once() == []
+    with redis.Redis.from_url(redis_url) as connection:
+        connection.flushall()
+    queue.enqueue(jobs[2].id)
+    assert looks.run_once() == [jobs[1].id, jobs[3].id]
+    assert looks.run_once() == []
+    assert queue.told() == {job.id for job in jobs[1:]}
+    assert queue.length() == 3
+
+
+def test_the_most_urgent_job_is_told_first(record: JobRecord, queue: JobQueue) -> None:
+    usual, urgent = posted(record), posted(record, priority=5)
+    assert reconciler(record, queue).run_once() == [urgent.id, usual.id]
+
+
+def test_a_message_that_its_worker_took_to_the_grave_is_sent_again(
+    record: JobRecord, queue: JobQueue, redis_url: str
+) -> None:
+    jobs = [new_job(record) for _ in range(3)]
+    looks = reconciler(record, queue)
+    looks.run_once()
+    with redis.Redis.from_url(redis_url) as connection:
+        connection.lpop("rq:queue:test")
+    assert looks.run_once() == [jobs[0].id]
+    assert looks.run_once() == []
+
+
+def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_takes(
+    record: JobRecord, queue: JobQueue, redis_url: str
+) -> None:
+    jobs = [posted(record, priority=number) for number in range(6)]
+    looks = reconciler(record, queue)
+    looks.run_once()
+    with redis.Redis.from_url(redis_url) as connection:
+        for _ in range(2):
+            # A worker hears of any job and takes the most urgent one.
+            connection.lpop("rq:queue:test")
+            taken = record.claim_next("worker", LEASE_S)
+            assert taken is not None
+        assert looks.run_once() == []
+        connection.lpop("rq:queue:test", 3)
+    assert len(looks.run_once()) >= 3
+    assert queue.length() >= record.queued_count() == len(jobs) - 2
+
+
+def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: JobRecord, tmp_path: Path) -> None:
+    server = RedisServer(tmp_path)
+    server.start()
+    queue = JobQueue(server.url, "test")
+    try:
+        jobs = [new_job(record) for _ in range(3)]
+        looks = reconciler(record, queue)
+        assert looks.run_once() == ids(jobs)
+        server.kill()
+        more = new_job(record)
+        assert looks.run_once() == []
+        assert record.untold() == [more.id]
+        server.start()
+        assert looks.run_once() == ids([*jobs, more])
+        assert looks.run_once() == []
+        assert record.untold() == []
+    finally:
+        queue.close()
+        server.stop()
+
+
+def test_reconcilers_that_look_at_once_leave_every_job_told(
+    record: JobRecord, queue: JobQueue, database_url: str
+) -> None:
+    jobs = {new_job(record).id for _ in range(20)}
+    records = [JobRecord(database_url) for _ in range(3)]
+    threads = [threading.Thread(target=reconciler(each, queue).run_once) for each in records]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for each in records:
+        each.close()
+    assert queue.told() == jobs
+    # What was told twice is taken once.
+    taken = [record.claim_next("worker", LEASE_S) for _ in range(queue.length())]
+    assert {job.id for job in taken if job} == jobs
+    assert {record.get(job_id).attempt for job_id in jobs} == {1}
+
+
+def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
+    job = claimed(record, new_job(record), OVER)
+    record.told([job.id])
+    assert reconciler(record, queue).run_once() == [job.id]
+    assert record.get(job.id).state is JobState.QUEUED
+    assert record.untold() == []
+
+
+def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
+    job = claimed(record, new_job(record), 86_400.0)
+    usual = claimed(record, new_job(record), LEASE_S)
+    reconciler(record, queue).run_once()
+    assert record.shorten_leases(LEASE_S / 2 + 1.0) == 0
+    assert {record.get(each.id).state for each in (job, usual)} == {JobState.RUNNING}
+
+
+def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobRecord, queue: JobQueue) -> None:
+    running, queued = claimed(record, late(record)), late(record)
+    with queue.listen_for_cancel(running.id) as mine, queue.listen_for_cancel(queued.id) as nobodys:
+        assert not mine.wait(0.05)  # subscribed from here on
+        assert not nobodys.wait(0.05)
+        assert reconciler(record, queue).run_once() == []
+        assert mine.wait(DEADLINE_S)
+        assert not nobodys.wait(0.05)
+    assert {record.get(job.id).state for job in (running, queued)} == {JobState.EXPIRED}
+
+
+def test_what_is_past_its_time_is_deleted_with_its_objects(record: JobRecord, queue: JobQueue, tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    job = record.request_cancel(posted(record, retention_s=60.0).id)
+    kept = record.request_cancel(posted(record, retention_s=60.0).id)
+    for each in (job, kept):
+        store.put(f"jobs/{each.id}/1/result.glb", b"result")
+    set_to(record, job, retain_until=record.database.now(-1.0))
+    reconciler(record, queue, store).run_once()
+    assert ids(record.list_jobs().jobs) == [kept.id]
+    assert [key for key, _ in store.list("jobs/")] == [f"jobs/{kept.id}/1/result.glb"]
+
+
+def test_what_lost_attempts_stored_goes_with_the_end_of_the_job(
+    record: JobRecord, queue: JobQueue, tmp_path: Path
+) -> None:
+    store = ObjectStore(tmp_path)
+    job = claimed(record, new_job(record), OVER)
+    store.put(f"jobs/{job.id}/1/result.glb", b"never published")
+    record.reclaim_expired(3)
+    claimed(record, job)
+    store.put(f"jobs/{job.id}/2/result.glb", b"result")
+    looks = reconciler(record, queue, store)
+    looks.run_once()
+    assert len(list(store.list("jobs/"))) == 2
+    record.save_progress(job.id, 2, at(9))
+    record.finish(job.id, 2, JobState.SUCCEEDED)
+    looks.run_once()
+    assert [key for key, _ in store.list("jobs/")] == [f"jobs/{job.id}/2/result.glb"]
+
+
+def test_an_upload_past_its_time_goes_and_a_job_keeps_its_file(
+    record: JobRecord, queue: JobQueue, tmp_path: Path
+) -> None:
+    store = ObjectStore(tmp_path)
+    open_, complete, used = (record.uploads.create("me", f"{n}.glb", 3, 60.0) for n in range(3))
+    store.append(open_.id, 0, [b"ab"], 3)
+    for upload, letter in ((complete, "1"), (used, "2")):
+        key = stored_file(letter).key
+        store.put(key, b"xyz")
+        record.files.pin(key)
+        record.uploads.complete(upload.id, letter * 64, key)
+    new_job(record, letter="2")
+    looks = reconciler(record, queue, store)
+    looks.run_once()
+    assert store.exists(stored_file("1").key)
+    assert store.appended_size(open_.id) == 2
+    with record.database.write() as connection:
+        connection.exec_driver_sql("UPDATE uploads SET expires_at = '2026-01-01 00:00:00.000000'")
+    looks.run_once()
+    assert record.expired_uploads() == []
+    assert not store.exists(stored_file("1").key)
+    assert store.exists(stored_file("2").key)
+    assert [key for key, _ in store.list()] == [stored_file("2").key]
+
+
+def test_one_duty_that_fails_does_not_stop_the_others(
+    record: JobRecord, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store = ObjectStore(tmp_path)
+    lost = claimed(record, new_job(record), OVER)
+    overdue = claimed(record, late(record))
+    over = record.request_cancel(posted(record, retention_s=60.0).id)
+    set_to(record, over, retain_until=record.database.now(-1.0))
+    store.put(f"jobs/{over.id}/1/result.glb", b"result")
+    nowhere = JobQueue(f"redis://127.0.0.1:{free_port()}/0", "test")
+    with caplog.at_level(logging.WARNING):
+        assert reconciler(record, nowhere, store).run_once() == []
+    nowhere.close()
+    assert "Redis" in caplog.text
+    assert record.get(lost.id).state is JobState.QUEUED
+    assert record.get(overdue.id).state is JobState.EXPIRED
+    assert ids(record.list_jobs(JobState.CANCELED).jobs) == []
+    assert list(store.list("jobs/")) == []
+
+
+def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, queue: JobQueue, tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    gone = record.request_cancel(new_job(record).id)
+    record.delete(gone.id)
+    job = new_job(record)
+
+    def away(prefix: str) -> None:
+        raise UnavailableError("away")
+
+    store.delete_prefix = away  # type: ignore[method-assign]
+    assert reconciler(record, queue, store).run_once() == [job.id]
+    assert record.discarded_prefixes() == [f"jobs/{gone.id}/"]
+
+
+def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: str) -> None:
+    job = new_job(record)
+    queue = JobQueue(redis_url, "test")
+    enqueue, failures = queue.enqueue, iter([UnavailableError("away"), RuntimeError("a mistake")])
+
+    def flaky(job_id: str) -> None:
+        if error := next(failures, None):
+            raise error
+        enqueue(job_id)
+
+    queue.enqueue = flaky  # type: ignore[method-assign]
+    with Reconciler(record, queue, 3, LEASE_S, every_s=0.01):
+        until(lambda: job.id in queue.told())
+    queue.close()

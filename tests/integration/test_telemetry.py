@@ -1,0 +1,97 @@
+"""Traces, sent to a real OTLP receiver on loopback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import pytest
+
+from meshdeform import telemetry
+
+
+class Collector:
+    """Takes OTLP over HTTP and keeps the spans."""
+
+    def __init__(self) -> None:
+        from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
+
+        self.spans: list[Any] = []
+        self.services: set[str] = set()
+        collector = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["content-length"]))
+                for resource in ExportTraceServiceRequest.FromString(body).resource_spans:
+                    for attribute in resource.resource.attributes:
+                        if attribute.key == "service.name":
+                            collector.services.add(attribute.value.string_value)
+                    for scope in resource.scope_spans:
+                        collector.spans.extend(scope.spans)
+                self.send_response(200)
+                self.send_header("content-length", "0")
+                self.end_headers()
+
+            def log_message(self, *arguments: object) -> None:
+                pass
+
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._thread = threading.Thread(target=self._server.serve_forever)
+        self._thread.start()
+        self.endpoint = f"http://127.0.0.1:{self._server.server_port}"
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+
+@pytest.fixture
+def collector(monkeypatch: pytest.MonkeyPatch) -> Iterator[Collector]:
+    receiver = Collector()
+    monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", receiver.endpoint)
+    # Compression is the default of nobody: the receiver reads plain bodies.
+    monkeypatch.setenv("OTEL_EXPORTER_OTLP_COMPRESSION", "none")
+    yield receiver
+    telemetry.stop_tracing()
+    receiver.close()
+
+
+def test_without_a_collector_nothing_is_loaded() -> None:
+    code = (
+        "import sys; from meshdeform import telemetry as t; assert not t.start_tracing('api')\n"
+        "with t.span('x', {'a': 1}, traceparent='00-' + 'a' * 32 + '-' + 'b' * 16 + '-01'): pass\n"
+        "assert t.current_traceparent() is None; assert not any('opentelemetry' in name for name in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_job_s_attempt_belongs_to_the_trace_of_its_request(collector: Collector) -> None:
+    assert telemetry.start_tracing("api")
+    with telemetry.span("POST /v1/jobs", {"http.request.method": "POST"}):
+        kept = telemetry.current_traceparent()
+    # As in another process, later: only the word that the job carries connects the two.
+    with telemetry.span("attempt", {"job.attempt": 1}, traceparent=kept), telemetry.span("optimize"):
+        pass
+    telemetry.stop_tracing()
+    spans = {span.name: span for span in collector.spans}
+    assert set(spans) == {"POST /v1/jobs", "attempt", "optimize"}
+    assert len({span.trace_id for span in spans.values()}) == 1
+    assert spans["attempt"].parent_span_id == spans["POST /v1/jobs"].span_id
+    assert spans["optimize"].parent_span_id == spans["attempt"].span_id
+    assert collector.services == {"meshdeform-api"}
+
+
+def test_a_span_tells_of_the_error_that_left_it(collector: Collector) -> None:
+    telemetry.start_tracing("worker")
+    with pytest.raises(ValueError, match="broke"), telemetry.span("attempt"):
+        raise ValueError("it broke")
+    telemetry.stop_tracing()
+    (span,) = collector.spans
+    assert span.status.code == 2
+    assert span.events[0].name == "exception"

@@ -1,0 +1,164 @@
+"""Webhooks over HTTP, on SQLite and on PostgreSQL: the server sends while the tests look."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs.models import NewJob
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.webhooks import MAX_WEBHOOKS, TEST_EVENT
+from meshdeform.settings import Settings
+from tests.integration.conftest import DEADLINE_S, serving, stored_file
+from tests.unit.webhooks.receiver import Receiver, receiving
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    with receiving() as found:
+        yield found
+
+
+def eventually(found: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + DEADLINE_S
+    while not (result := found()):
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.02)
+    return result
+
+
+@pytest.fixture(scope="module")
+def http(
+    database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Callable[[str], httpx.Client]]:
+    """A server, and a client for each owner."""
+    settings = Settings(
+        data_dir=tmp_path_factory.mktemp("api"),
+        database_url=database_url,
+        redis_url=redis_server_url,
+        queue=f"test-{uuid.uuid4().hex}",
+        webhook_networks=["127.0.0.0/8"],
+    )
+    clients: list[httpx.Client] = []
+    keys = JobRecord(database_url)
+
+    def client(owner: str) -> httpx.Client:
+        headers = {"Authorization": f"Bearer {keys.keys.create(owner)[1]}"}
+        clients.append(httpx.Client(base_url=url, headers=headers, timeout=DEADLINE_S))
+        return clients[-1]
+
+    with serving(settings) as url:
+        yield client
+        for each in clients:
+            each.close()
+    keys.close()
+
+
+def post_job(record: JobRecord, owner: str) -> str:
+    return record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner)).id
+
+
+def test_a_webhook_over_http_from_its_making_to_its_end(
+    record: JobRecord, http: Callable[[str], httpx.Client], receiver: Receiver
+) -> None:
+    ann = http("ann")
+    made = ann.post("/v1/webhooks", json={"url": receiver.url, "events": ["job.queued"]})
+    assert made.status_code == 201
+    document = made.json()
+    path, secret = made.headers["location"], document.pop("secret")
+    assert path == f"/v1/webhooks/{document['id']}"
+    assert ann.get(path).json() == document == ann.get("/v1/webhooks").json()["webhooks"][0]
+    assert (document["url"], document["events"], document["enabled"]) == (receiver.url, ["job.queued"], True)
+
+    job_id = post_job(record, "ann")
+    message = eventually(lambda: receiver.messages and receiver.messages[0])
+    assert message.verified(secret)["data"]["job"]["id"] == job_id
+    log = eventually(lambda: ann.get(f"{path}/deliveries?state=delivered").json()["deliveries"])
+    assert (log[0]["id"], log[0]["job_id"], log[0]["attempt_count"]) == (message.id, job_id, 1)
+    detail = ann.get(f"{path}/deliveries/{message.id}").json()
+    assert detail["payload"] == message.verified(secret)
+    assert [(each["number"], each["status"], each["error"]) for each in detail["attempts"]] == [(1, 204, None)]
+
+    rotated = ann.post(f"{path}/rotate").json()
+    assert rotated["rotation_ends_at"] is not None
+    tested = ann.post(f"{path}/test")
+    assert (tested.status_code, tested.json()["type"], tested.json()["job_id"]) == (202, TEST_EVENT, None)
+    second = eventually(lambda: len(receiver.messages) > 1 and receiver.messages[1])
+    assert second.verified(secret) == second.verified(rotated["secret"])
+    assert second.verified(secret)["type"] == TEST_EVENT
+
+    replayed = ann.post(f"{path}/deliveries/{message.id}/replay")
+    assert (replayed.status_code, replayed.json()["message_id"]) == (202, message.id)
+    third = eventually(lambda: len(receiver.messages) > 2 and receiver.messages[2])
+    assert (third.id, third.body) == (message.id, message.body)
+
+    off = ann.patch(path, json={"enabled": False}).json()
+    assert (off["enabled"], off["disabled_reason"]) == (False, "disabled by its owner")
+    refused = ann.post(f"{path}/test")
+    assert (refused.status_code, refused.json()["code"]) == (409, "conflict")
+    changed = ann.patch(path, json={"enabled": True, "events": [], "url": receiver.url + "/new"}).json()
+    assert (changed["enabled"], changed["events"], changed["url"]) == (True, [], receiver.url + "/new")
+    assert ann.delete(path).status_code == 204
+    assert ann.get(path).status_code == 404
+
+
+def test_nobody_finds_another_owners_webhook_over_http(record: JobRecord, http: Callable[[str], httpx.Client]) -> None:
+    ann, bob = http("ann"), http("bob")
+    path = ann.post("/v1/webhooks", json={"url": "http://127.0.0.1:8080/"}).headers["location"]
+    post_job(record, "ann")
+    (sent,) = ann.get(f"{path}/deliveries").json()["deliveries"]
+    one = f"{path}/deliveries/{sent['id']}"
+    for method, url in (
+        ("GET", path),
+        ("PATCH", path),
+        ("DELETE", path),
+        ("POST", f"{path}/rotate"),
+        ("POST", f"{path}/test"),
+        ("GET", f"{path}/deliveries"),
+        ("GET", one),
+        ("POST", f"{one}/replay"),
+    ):
+        answer = bob.request(method, url, json={} if method == "PATCH" else None)
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), (method, url)
+    assert bob.get("/v1/webhooks").json() == {"webhooks": []}
+    assert ann.get(path).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["http://10.0.0.1/", "https://169.254.169.254/latest/meta-data/", "https://[::ffff:127.0.0.1]/", "ftp://127.0.0.1/",
+     "https://user:secret@127.0.0.1/", "https://2130706433/", "http://127.0.0.1:22/", "no url"],
+)  # fmt: skip
+def test_an_address_that_may_not_be_called_is_refused(
+    url: str, record: JobRecord, http: Callable[[str], httpx.Client]
+) -> None:
+    ann = http("ann")
+    path = ann.post("/v1/webhooks", json={"url": "http://127.0.0.1:8080/"}).headers["location"]
+    for answer in (ann.post("/v1/webhooks", json={"url": url}), ann.patch(path, json={"url": url})):
+        assert (answer.status_code, answer.json()["code"]) == (422, "webhook_address")
+    assert [found["url"] for found in ann.get("/v1/webhooks").json()["webhooks"]] == ["http://127.0.0.1:8080/"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [{}, {"url": 5}, {"url": ""}, {"url": "https://example.com/" + "a" * 2000}, {"url": "http://127.0.0.1:80/", "x": 1},
+     {"url": "http://127.0.0.1:80/", "events": ["job.progress"]}, {"url": "http://127.0.0.1:80/", "secret": "mine"}],
+)  # fmt: skip
+def test_what_is_no_webhook_is_refused(
+    body: dict[str, Any], record: JobRecord, http: Callable[[str], httpx.Client]
+) -> None:
+    answer = http("ann").post("/v1/webhooks", json=body)
+    assert (answer.status_code, answer.json()["code"]) == (422, "parameter_invalid")
+
+
+def test_the_last_webhook_that_an_owner_may_have(record: JobRecord, http: Callable[[str], httpx.Client]) -> None:
+    ann = http("ann")
+    answers = [ann.post("/v1/webhooks", json={"url": "http://127.0.0.1:8080/"}) for _ in range(MAX_WEBHOOKS + 1)]
+    assert [answer.status_code for answer in answers] == [201] * MAX_WEBHOOKS + [422]
+    assert answers[-1].json()["code"] == "request_invalid"

@@ -1,0 +1,51 @@
+"""An asset is checked once, and only what passed is remembered."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from meshdeform.errors import AssetError
+from meshdeform.gltf import Limits
+from service import checked
+from service.checked import CheckedAssets
+from service.multipart import ReceivedFile
+
+
+def received(path: Path, data: bytes, filename: str) -> ReceivedFile:
+    path.write_bytes(data)
+    return ReceivedFile(path, filename, len(data), hashlib.sha256(data).hexdigest())
+
+
+def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    real = checked.check_asset_subprocess
+
+    def counted(path: Path, filename: str, limits: Limits) -> object:
+        calls.append(filename)
+        return real(path, filename, limits)
+
+    monkeypatch.setattr(checked, "check_asset_subprocess", counted)
+    assets = CheckedAssets(Limits())
+    sphere = (repository / "examples/sphere.glb").read_bytes()
+    first = assets.check(received(tmp_path / "a", sphere, "one.glb"))
+    again = assets.check(received(tmp_path / "b", sphere, "two.GLB"))
+    assert first == again
+    assert calls == ["one.glb"]
+    broken = received(tmp_path / "c", sphere[:-100], "three.glb")
+    for _ in range(2):
+        with pytest.raises(AssetError):
+            assets.check(broken)
+    assert calls == ["one.glb", "three.glb", "three.glb"]
+
+
+def test_what_was_checked_long_ago_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checked, "check_asset_subprocess", lambda *_: object())
+    monkeypatch.setattr(checked, "_REMEMBERED", 2)
+    assets = CheckedAssets(Limits())
+    files = [ReceivedFile(Path("x"), "x.glb", 1, letter * 64) for letter in "abc"]
+    seen = [assets.check(file) for file in files]
+    assert assets.check(files[2]) is seen[2]
+    assert assets.check(files[0]) is not seen[0]
