@@ -1,0 +1,191 @@
+"""Two hundred clients against one API with ten thousand jobs in its record.
+
+    python bench/load.py                          PostgreSQL
+    python bench/load.py --database sqlite
+
+Prints p50 and p99 of creating, getting and following jobs, each also as a ratio to one client alone in the same run,
+the API's memory before and after, and every answer that was not the expected one. No worker runs: the jobs stay queued,
+so nothing but the API, its database and Redis is measured. All of them, and the clients, share the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import random
+import statistics
+import tempfile
+import time
+from collections import Counter, defaultdict
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import sqlalchemy as sa
+
+from meshdeform.config import JobRequest
+from meshdeform.jobs import rows
+from meshdeform.jobs.ids import new_job_id
+from meshdeform.jobs.models import JobState, NewJob, StoredFile
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.tables import events, jobs
+from tests.acceptance.cluster import SPHERE, Cluster, running_redis
+from tests.servers import PostgresServer
+
+JOBS, CLIENTS = 10_000, 200
+QUEUED = 100
+REQUEST = json.dumps({"prompt": "a mushroom", "params": {"preset": "preview"}})
+
+
+def seed(record: JobRecord) -> list[str]:
+    """Write the jobs: all but a few are over, with five events each. Returns the ids of some of them."""
+    file = StoredFile(key="assets/" + "a" * 64, filename="a.glb", size=1, sha256="a" * 64)
+    request = JobRequest.model_validate_json(REQUEST)
+    ids = [new_job_id() for _ in range(JOBS)]
+    with record.database.write() as connection:
+        for start in range(0, JOBS, 500):
+            batch, told = [], []
+            for number, job_id in enumerate(ids[start : start + 500], start):
+                over = number < JOBS - QUEUED
+                row = rows.new_job(job_id, NewJob(request, file), record.database.now(), None)
+                row["created_at"] = row["created_at"] if record.database.is_sqlite else sa.func.now()
+                batch.append({**row, "state": JobState.SUCCEEDED if over else JobState.QUEUED, "event_seq": 5})
+                kinds = ("queued", "started", "progress", "progress", "succeeded" if over else "queued")
+                told += [
+                    {"job_id": job_id, "seq": seq, "type": kind, "attempt": 1, "data": {}, "at": row["created_at"]}
+                    for seq, kind in enumerate(kinds, 1)
+                ]
+            connection.execute(sa.insert(jobs).values(batch))
+            for first in range(0, len(told), 500):
+                connection.execute(sa.insert(events).values(told[first : first + 500]))
+    return ids
+
+
+class Clients:
+    """Many clients of one API, and how long each of their requests took."""
+
+    def __init__(self, url: str, pause_s: float = 0.0) -> None:
+        self._pause_s = pause_s
+        self._url, self.seconds, self.odd = url, defaultdict[str, list[float]](list), Counter[str]()
+        self._asset = SPHERE.read_bytes()
+
+    async def run(self, count: int, ids: list[str], rounds: int) -> None:
+        """Let so many clients go through their rounds at the same time."""
+        limits = httpx.Limits(max_connections=count, max_keepalive_connections=count)
+        async with httpx.AsyncClient(base_url=self._url, timeout=300.0, limits=limits) as http:
+            await asyncio.gather(*(self._client(http, number, ids, rounds) for number in range(count)))
+
+    async def _client(self, http: httpx.AsyncClient, number: int, ids: list[str], rounds: int) -> None:
+        files = {"asset": ("sphere.glb", self._asset)}
+        made = await self._timed("create", 202, lambda: http.post("/v1/jobs", files=files, data={"request": REQUEST}))
+        mine = made.json()["id"] if made is not None and made.status_code == 202 else ids[-1]
+        for turn in range(rounds):
+            other = ids[(number * 7919 + turn * 104_729) % len(ids)]
+            await self._timed("get", 200, lambda other=other: http.get(f"/v1/jobs/{other}"))
+            await self._timed("get", 200, lambda: http.get(f"/v1/jobs/{mine}"))
+            await self._timed(
+                "events", 200, lambda other=other: http.get(f"/v1/jobs/{other}/events", params={"format": "json"})
+            )
+            await self._timed("list", 200, lambda: http.get("/v1/jobs", params={"limit": 20}))
+
+    async def _timed(
+        self, what: str, expected: int, send: Callable[[], Awaitable[httpx.Response]]
+    ) -> httpx.Response | None:
+        await asyncio.sleep(self._pause_s * random.uniform(0.5, 1.5))
+        start = time.perf_counter()
+        try:
+            answer = await send()
+        except httpx.TransportError as error:
+            self.odd[f"{what}: {type(error).__name__}"] += 1
+            return None
+        self.seconds[what].append(time.perf_counter() - start)
+        if answer.status_code != expected:
+            self.odd[f"{what}: {answer.status_code}"] += 1
+        return answer
+
+
+async def follow(url: str, job_id: str, count: int) -> float:
+    """Open so many event streams on one job, let it be canceled, and return the slowest one's delay in seconds."""
+    heard: list[float] = []
+    ready = asyncio.Semaphore(0)
+    limits = httpx.Limits(max_connections=count + 1)
+    async with httpx.AsyncClient(base_url=url, timeout=300.0, limits=limits) as http:
+
+        async def stream() -> None:
+            headers = {"Accept": "text/event-stream"}
+            async with http.stream("GET", f"/v1/jobs/{job_id}/events", headers=headers) as answer:
+                async for line in answer.aiter_lines():
+                    if line == "event: queued":
+                        ready.release()
+                    if line == "event: canceled":
+                        heard.append(time.perf_counter())
+                        return
+
+        streams = [asyncio.create_task(stream()) for _ in range(count)]
+        for _ in range(count):
+            await ready.acquire()
+        start = time.perf_counter()
+        await http.post(f"/v1/jobs/{job_id}/cancel")
+        await asyncio.gather(*streams)
+    return max(heard) - start
+
+
+def report(alone: Clients, many: Clients) -> None:
+    """Print what was measured."""
+    print(f"{'':8}{'n':>7}{'p50 ms':>10}{'p99 ms':>10}{'p50 / alone':>14}")
+    for what, seconds in many.seconds.items():
+        ordered = sorted(seconds)
+        p50, p99 = statistics.median(ordered), ordered[int(0.99 * (len(ordered) - 1))]
+        ratio = p50 / statistics.median(alone.seconds[what])
+        print(f"{what:8}{len(ordered):>7}{1000 * p50:>10.1f}{1000 * p99:>10.1f}{ratio:>14.1f}")
+    print("unexpected answers:", dict(many.odd) or "none")
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--database", choices=["postgresql", "sqlite"], default="postgresql")
+    parser.add_argument("--rounds", type=int, default=10, help="rounds of each client")
+    parser.add_argument("--clients", type=int, default=CLIENTS)
+    parser.add_argument(
+        "--pause", type=float, default=2.0, help="mean seconds between two requests of a client; 0: as fast as it gets"
+    )
+    options = parser.parse_args()
+    base = Path(tempfile.mkdtemp(prefix="meshdeform-load-", dir="/tmp"))
+    base.chmod(0o755)
+    with contextlib.ExitStack() as cleanup:
+        redis = cleanup.enter_context(running_redis(base))
+        database_url = ""
+        if options.database == "postgresql":
+            folder = base / "postgres"
+            folder.mkdir()
+            server = PostgresServer(folder, durable=True)
+            server.start()
+            cleanup.callback(server.kill)
+            database_url = server.url
+        cluster = Cluster(base, redis, database_url=database_url)
+        cleanup.callback(cluster.clean_up)
+        ids = seed(cluster.record)
+        api = psutil.Process(cluster.start_api().pid)
+        url = str(cluster.http.base_url)
+        alone, many, again = Clients(url), Clients(url, options.pause), Clients(url, options.pause)
+        for _ in range(5):
+            asyncio.run(alone.run(1, ids, 20))
+        memory: list[Any] = [api.memory_info().rss]
+        asyncio.run(many.run(options.clients, ids, options.rounds))
+        memory.append(api.memory_info().rss)
+        asyncio.run(again.run(options.clients, ids, options.rounds))
+        memory.append(api.memory_info().rss)
+        print(f"{options.clients} clients, a request of each every {options.pause:g} s")
+        report(alone, many)
+        delay = asyncio.run(follow(url, ids[-1], options.clients))
+        print(f"{options.clients} event streams on one job: the slowest heard of its end after {delay:.2f} s")
+        print("API memory in MB, before, after, and after the same again:", [round(size / 1e6) for size in memory])
+
+
+if __name__ == "__main__":
+    main()

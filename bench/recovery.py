@@ -1,0 +1,170 @@
+"""How long jobs wait when something dies: ``python -m bench.recovery [--times 7]``.
+
+A deployment of plain processes on PostgreSQL, with the default settings (a lease of 30 s), runs jobs whose steps cost
+nothing but 10 ms. Each fault strikes a running job so many times; printed are the median and the worst of the seconds
+from the fault to the moment at which the next worker has the job, or, where nothing was lost, at which it goes on. The
+seconds are this machine's where a process is started again; where a lease is waited for they are the lease's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import os
+import signal
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import redis
+
+from meshdeform.jobs.models import Event, EventType
+from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.servers import PostgresServer
+
+STEPS = 6000
+
+
+class Bench:
+    """One deployment, hit again and again."""
+
+    def __init__(self, cluster: Cluster, postgres: PostgresServer) -> None:
+        self.cluster, self.postgres = cluster, postgres
+
+    def next_start(self, job_id: str, after: datetime) -> float:
+        """Wait for the next attempt and return the seconds until it began."""
+
+        def found() -> Event | None:
+            events = self.cluster.events(job_id)
+            return next((e for e in events if e.type is EventType.STARTED and e.at > after), None)
+
+        event = until("the next attempt", found, deadline_s=120.0)
+        return (event.at - after).total_seconds()
+
+    def running(self) -> str:
+        """A job that runs."""
+        job_id = self.cluster.submit(STEPS)
+        self.cluster.at_step(job_id, 5)
+        return job_id
+
+    def done(self, job_id: str) -> None:
+        """End the job."""
+        with contextlib.suppress(Exception):
+            self.cluster.record.request_cancel(job_id)
+            self.cluster.queue.publish_cancel(job_id)
+        self.cluster.finished(job_id)
+
+    def worker_killed(self) -> float:
+        """A first death: of those that follow soon the supervisor waits longer and longer, up to 30 s."""
+        self.cluster.parts["worker"].stop()
+        self.cluster.start_worker()
+        job_id = self.running()
+        now = datetime.now(UTC)
+        self.cluster.parts["worker"].child().kill()
+        seconds = self.next_start(job_id, now)
+        self.done(job_id)
+        return seconds
+
+    def host_lost(self) -> float:
+        """Supervisor and worker fall silent; another supervisor is there."""
+        job_id = self.running()
+        self.cluster.start_worker("other")
+        until("the other is ready", lambda: "device" in self.cluster.parts["other"].log)
+        silent = [self.cluster.parts["worker"].child().pid, self.cluster.parts["worker"].pid]
+        now = datetime.now(UTC)
+        for pid in silent:
+            os.kill(pid, signal.SIGSTOP)
+        seconds = self.next_start(job_id, now)
+        for pid in silent:
+            os.kill(pid, signal.SIGCONT)
+        self.done(job_id)
+        self.cluster.parts["other"].stop()
+        return seconds
+
+    def redis_emptied(self) -> float:
+        """A queued job's message is lost; a worker is free."""
+        first = self.running()
+        waiting = self.cluster.submit(STEPS)
+        with redis.Redis.from_url(self.cluster.redis.url) as connection:
+            connection.flushall()
+        self.cluster.record.request_cancel(first)
+        self.cluster.queue.publish_cancel(first)
+        now = datetime.now(UTC)
+        seconds = self.next_start(waiting, now)
+        self.done(waiting)
+        return seconds
+
+    def postgres_crashed(self) -> float:
+        """The running job's progress goes on being recorded."""
+        job_id = self.running()
+        now = time.monotonic()
+        self.postgres.kill()
+        self.postgres.start()
+        before = until("the record", lambda: self.cluster.job(job_id)).progress.step
+        until("progress", lambda: self.cluster.job(job_id).progress.step > before)
+        seconds = time.monotonic() - now
+        assert self.cluster.job(job_id).attempt == 1
+        self.done(job_id)
+        return seconds
+
+    def step_hangs(self) -> float:
+        """The worker does no step; its supervisor waits for MESHDEFORM_STEP_TIMEOUT_S (here 5 s) first."""
+        self.cluster.parts["worker"].stop()
+        self.cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="5")
+        job_id = self.running()
+        now = datetime.now(UTC)
+        self.cluster.parts["worker"].child().send_signal(signal.SIGSTOP)
+        seconds = self.next_start(job_id, now)
+        self.done(job_id)
+        return seconds
+
+
+def measure(name: str, times: int, once: Callable[[], float]) -> None:
+    """Print one row."""
+    found = sorted(once() for _ in range(times))
+    print(f"{name:<42}{times:>3}{statistics.median(found):>9.1f}{found[-1]:>9.1f}", flush=True)
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--times", type=int, default=7)
+    parser.add_argument("--only", default="", help="words of the rows to measure; default: every row")
+    options = parser.parse_args()
+    times: int = options.times
+    # What the record's client says while its server is down is what is measured here.
+    logging.disable()
+    base = Path(tempfile.mkdtemp(prefix="meshdeform-recovery-", dir="/tmp"))
+    base.chmod(0o755)
+    folder = base / "postgres"
+    folder.mkdir()
+    server = PostgresServer(folder, durable=True)
+    server.start()
+    settings = {"MESHDEFORM_LEASE_S": "30", "MESHDEFORM_MAX_ATTEMPTS": "1000"}
+    with contextlib.ExitStack() as cleanup:
+        cleanup.callback(server.kill)
+        running = cleanup.enter_context(running_redis(base))
+        cluster = Cluster(base, running, database_url=server.url, environment=settings)
+        cleanup.callback(cluster.clean_up)
+        cluster.start_api()
+        cluster.start_worker()
+        bench = Bench(cluster, server)
+        print(f"{'seconds from the fault until a job goes on':<42}{'n':>3}{'median':>9}{'worst':>9}")
+        rows: list[tuple[str, int, Callable[[], float]]] = [
+            ("worker process killed", times, bench.worker_killed),
+            ("Redis emptied, one job queued", times, bench.redis_emptied),
+            ("PostgreSQL crashed and started again", times, bench.postgres_crashed),
+            ("host silent (lease of 30 s)", max(3, times // 2), bench.host_lost),
+            ("step hangs (step timeout of 5 s)", times, bench.step_hangs),
+        ]
+        for name, count, once in rows:
+            if options.only in name:
+                measure(name, count, once)
+
+
+if __name__ == "__main__":
+    main()
