@@ -169,6 +169,16 @@ class PostgresServer:
                 command, cwd=self._folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
         wait_for_port(self.port, self._child, log, self._host)
+        self._wait_for_recovery(log)
+
+    def _wait_for_recovery(self, log: Path) -> None:
+        # After a crash it accepts connections long before it has read its log, and refuses every session until then.
+        command = [self._binaries / "pg_isready", "-q", "-t", "1", "-h", self._host, "-p", str(self.port)]
+        deadline = time.monotonic() + DEADLINE_S
+        while subprocess.run(command, check=False, cwd=self._folder).returncode != 0:
+            if time.monotonic() > deadline or (self._child is not None and self._child.poll() is not None):
+                raise RuntimeError(f"PostgreSQL does not recover:\n{log.read_text(errors='replace')[-2000:]}")
+            time.sleep(0.02)
 
     def kill(self) -> None:
         """End it without a checkpoint and without waiting for anybody, as a crash does."""
