@@ -194,8 +194,13 @@ class JobRecord(WorkerSide, Upkeep):
             raise ConflictError(f"The job is {job.state} and cannot be canceled any more.", state=job.state.value)
         return job
 
-    def delete(self, job_id: str, owner: str | None = None) -> None:
+    def delete(self, job_id: str, owner: str | None = None) -> list[str]:
         """Forget a job that is over. Its objects are due for removal from now on (`cleanup.py`).
+
+        Returns
+        -------
+        list of str
+            The files that it used, by key: asset, target, and the checkpoint that it began from. Others may use them.
 
         Raises
         ------
@@ -204,7 +209,8 @@ class JobRecord(WorkerSide, Upkeep):
         """
         over = sa.and_(jobs.c.id == job_id, jobs.c.state.in_(TERMINAL_STATES), _owned(owner))
         with self._database.write() as connection:
-            if connection.execute(sa.delete(jobs).where(over).returning(jobs.c.id)).one_or_none() is None:
+            row = connection.execute(sa.delete(jobs).where(over).returning(*_FILES)).one_or_none()
+            if row is None:
                 job = find_job(connection, job_id, owner)
                 raise ConflictError(
                     f"The job is {job.state}; only a job that is over can be deleted.",
@@ -212,6 +218,7 @@ class JobRecord(WorkerSide, Upkeep):
                     state=job.state.value,
                 )
             connection.execute(sa.insert(discarded).values(prefix=f"jobs/{job_id}/"))
+        return [key for key in row if key is not None]
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
         """Return the results of a job, by name; none before it has succeeded.
@@ -257,6 +264,7 @@ class JobRecord(WorkerSide, Upkeep):
             )
 
 
+_FILES = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key)
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 

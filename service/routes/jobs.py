@@ -13,7 +13,7 @@ from fastapi.responses import JSONResponse
 
 from meshdeform.config import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
-from meshdeform.jobs.cleanup import remove_unreachable
+from meshdeform.jobs.cleanup import remove_job
 from meshdeform.jobs.models import Job, JobState
 from meshdeform.jobs.views import JobList, JobView
 from service.auth import PrincipalDep
@@ -156,10 +156,10 @@ def cancel_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:
 )
 def delete_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
     """Only a job that is over: cancel it first. The asset goes too, unless another job uses it."""
-    parts.record.delete(id, principal.owner_id)
+    files = parts.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
         # The record knows what is left to remove: if the store is away now, the reconciler does it later.
-        remove_unreachable(parts.record, parts.store)
+        remove_job(parts.record, parts.store, id, files)
     return Response(status_code=204)
 
 

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from meshdeform.config import JobRequest
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.cleanup import remove_unreachable
+from meshdeform.jobs.cleanup import remove_job, remove_unreachable
+from meshdeform.jobs.models import NewJob, Origin, OriginMode
 from meshdeform.jobs.record import JobRecord
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import new_job, stored_file
@@ -47,3 +49,46 @@ def test_what_the_store_could_not_remove_stays_on_the_record(record: JobRecord, 
     with pytest.raises(UnavailableError):
         remove_unreachable(record, store)
     assert record.discarded_prefixes() == [f"jobs/{job.id}/"]
+
+
+def test_one_job_is_removed_with_what_only_it_used(record: JobRecord, tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    files = {letter: stored_file(letter) for letter in "abc"}
+    for file in files.values():
+        store.put(file.key, b"xyz")
+    gone, shared, other, _ = (new_job(record, letter=letter) for letter in "aabb")
+    discarded = new_job(record, letter="c")
+    unused: dict[str, list[str]] = {}
+    for job in (gone, shared, discarded):
+        store.put(f"jobs/{job.id}/1/result.glb", b"result")
+        record.request_cancel(job.id)
+    for job in (gone, discarded):
+        unused[job.id] = record.delete(job.id)
+    assert unused == {gone.id: [files["a"].key], discarded.id: [files["c"].key]}
+    remove_job(record, store, gone.id, unused[gone.id])
+    assert not store.exists(f"jobs/{gone.id}/1/result.glb")
+    assert store.exists(files["a"].key)
+    assert store.exists(f"jobs/{shared.id}/1/result.glb")
+    # Due for removal, and left to the reconciler.
+    assert store.exists(f"jobs/{discarded.id}/1/result.glb")
+    assert store.exists(files["c"].key)
+    assert record.discarded_prefixes() == [f"jobs/{discarded.id}/"]
+    remove_job(record, store, shared.id, record.delete(shared.id))
+    assert not store.exists(files["a"].key)
+    assert store.exists(files["b"].key)
+    assert record.get(other.id).asset == files["b"]
+
+
+def test_a_job_s_target_and_origin_go_with_it(record: JobRecord, tmp_path: Path) -> None:
+    store = ObjectStore(tmp_path)
+    asset, target, copied = stored_file("d"), stored_file("e"), stored_file("f")
+    for file in (asset, target, copied):
+        store.put(file.key, b"xyz")
+    origin = Origin(job_id="job_before", step=4, mode=OriginMode.RETRY, key=copied.key, sha256=copied.sha256)
+    job = record.create(NewJob(JobRequest(prompt="a vase"), asset, target, origin=origin))
+    record.request_cancel(job.id)
+    files = record.delete(job.id)
+    assert files == [asset.key, target.key, copied.key]
+    remove_job(record, store, job.id, files)
+    assert not any(store.exists(key) for key in files)
+    assert record.files.unused() == []
