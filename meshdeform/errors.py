@@ -25,7 +25,7 @@
     ├── MethodNotAllowedError          405  method_not_allowed     the route has no such method
     ├── RequestTimeoutError            408  request_timeout        the body does not come
     ├── RangeError                     416  range_not_satisfiable  asks for bytes past the end
-    ├── ConflictError                  409  conflict               the job's state forbids it
+    ├── ConflictError                  409  conflict               the state of what it names forbids it
     │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request of this key is under way
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after it lost its lease
     ├── LimitError                     429  rate_limited           more requests than the key may make
@@ -288,11 +288,11 @@ class RangeError(MeshdeformError):
 
 
 class ConflictError(MeshdeformError):
-    """The job's state does not allow that."""
+    """The state of the job, upload or webhook does not allow that."""
 
     status = 409
     code = "conflict"
-    advice = "Read the job first; terminal states never change."
+    advice = "Read its state first; a job that is over never changes."
 
 
 class IdempotencyBusyError(ConflictError):
