@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["NUM_VIEWS", "CameraRange", "Cameras", "fixed_cameras", "sample_orthogonal_cameras"]
+__all__ = ["NUM_VIEWS", "CameraRange", "Cameras", "fixed_cameras", "sample_orthogonal_cameras", "sample_random_cameras"]
 
 NUM_VIEWS = 4
 _MARGIN = 1.05
@@ -43,8 +43,7 @@ class Cameras:
         World to camera space; the camera looks along its -Z.
     eye : (B, 3) float32
         Camera positions in world space.
-    azimuth_deg : float
-        Azimuth of view 0; view k stands at ``azimuth_deg + 90 k``.
+    azimuths_deg : tuple of B floats
     elevation_deg : tuple of B floats
     fov_deg : float
         Vertical field of view, the same for all views.
@@ -53,9 +52,14 @@ class Cameras:
     view_proj: Tensor
     view: Tensor
     eye: Tensor
-    azimuth_deg: float
+    azimuths_deg: tuple[float, ...]
     elevation_deg: tuple[float, ...]
     fov_deg: float
+
+    @property
+    def azimuth_deg(self) -> float:
+        """Azimuth of view 0; of orthogonal views, view k stands at ``azimuth_deg + 90 k``."""
+        return self.azimuths_deg[0]
 
     def to(self, device: torch.device | str) -> Cameras:
         """Give the same cameras with their tensors on `device`."""
@@ -63,31 +67,35 @@ class Cameras:
             self.view_proj.to(device),
             self.view.to(device),
             self.eye.to(device),
-            self.azimuth_deg,
+            self.azimuths_deg,
             self.elevation_deg,
             self.fov_deg,
         )
 
 
 def fixed_cameras(
-    azimuth_deg: float,
+    azimuth_deg: float | tuple[float, ...],
     elevation_deg: float | tuple[float, ...],
     fov_deg: float = 37.5,
     *,
     views: int = NUM_VIEWS,
     distance_scale: float = 1.0,
 ) -> Cameras:
-    """Cameras at azimuths ``azimuth_deg + 90 k`` that look at the origin.
+    """Cameras at azimuths ``azimuth_deg + 90 k``, or at the given ones, that look at the origin.
 
     Parameters
     ----------
     azimuth_deg, elevation_deg, fov_deg : degrees
-        One elevation for all views, or one a view.
+        One azimuth for view 0, or one a view; one elevation for all views, or one a view.
     views : int
-        How many.
+        How many, where `azimuth_deg` does not say it.
     distance_scale : float
         Multiplies the distance at which the unit sphere just fits (larger shows more).
     """
+    if isinstance(azimuth_deg, int | float):
+        azimuths = tuple(float(azimuth_deg + 90 * k) for k in range(views))
+    else:
+        azimuths, views = azimuth_deg, len(azimuth_deg)
     elevations = (elevation_deg,) * views if isinstance(elevation_deg, int | float) else tuple(elevation_deg)
     distance = distance_scale * _MARGIN / math.sin(math.radians(fov_deg) / 2)
     focal = 1 / math.tan(math.radians(fov_deg) / 2)
@@ -101,11 +109,9 @@ def fixed_cameras(
         ],
         dtype=torch.float64,
     )
-    view = torch.stack([_look_at(azimuth_deg + 90 * k, elevations[k], distance) for k in range(views)])
+    view = torch.stack([_look_at(a, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
     eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
-    return Cameras(
-        (projection @ view).float(), view.float(), eye.float(), float(azimuth_deg), elevations, float(fov_deg)
-    )
+    return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, float(fov_deg))
 
 
 def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -> Cameras:
@@ -125,6 +131,18 @@ def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
     elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
     return fixed_cameras(azimuth, elevations, fov)
+
+
+def sample_random_cameras(bounds: CameraRange, generator: torch.Generator, views: int = NUM_VIEWS) -> Cameras:
+    """Draw cameras that know nothing of each other: azimuths ~ U(-180, 180), elevations uniform, one field of view.
+
+    What the paper compares its orthogonal views with (Xu et al. 2024, section 4.3).
+    """
+    u = torch.rand(1 + 2 * views, generator=generator, dtype=torch.float64).tolist()
+    fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[0]
+    azimuths = tuple(-180 + 360 * a for a in u[1 : 1 + views])
+    span = bounds.elevation_max_deg - bounds.elevation_min_deg
+    return fixed_cameras(azimuths, tuple(bounds.elevation_min_deg + span * e for e in u[1 + views :]), fov)
 
 
 def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:
