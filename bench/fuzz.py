@@ -1,9 +1,10 @@
 """A fuzz of the asset reader: ``python -m bench.fuzz [--minutes M | --mutants N] [--seed N] [--keep FOLDER]``.
 
-Files that the project makes itself are damaged in every way that we could think of, and go through what the service
-does with an upload: the inspection that runs inside the API, then the whole decoding under the memory limit of the
-check; what is accepted is written back both ways and read again. The outcome must be an asset or a `MeshdeformError` of
-a status below 500: no other exception, no signal, no hang, and no memory past the limit, which the kernel keeps.
+Files that the project makes itself are damaged in every way that we could think of (`mutations.py`), and go through
+what the service does with an upload: the inspection that runs inside the API, then the whole decoding under the memory
+limit of the check; what is accepted is written back both ways and read again. The outcome must be an asset or a
+`MeshdeformError` of a status below 500: no other exception, no signal, no hang, and no memory past the limit, which the
+kernel keeps.
 
 A child process does some hundred mutants, since a process for each would do ten a second; when it dies, the mutant that
 killed it is known and the next child goes on behind it. Mutant `i` of a seed is always the same one:
@@ -13,266 +14,24 @@ killed it is known and the next child goes on behind it. Mutant `i` of a seed is
 from __future__ import annotations
 
 import argparse
-import base64
 import collections
 import faulthandler
 import json
 import os
-import random
 import resource
 import signal
-import struct
 import subprocess
 import sys
 import time
 import traceback
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+from bench.mutations import LARGEST, ROOT, corpus, mutant
 
 MUTANT_S = 20
 """Seconds that one mutant may take."""
 _BATCH = 500
-_LARGEST = 2**20
-_NUMBERS = [-1, 0, 1, 2, 3, 4, 255, 2**16, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**53, 2**64, 10**400, -(2**40)]
-_FLOATS = [-0.0, 0.5, 1e-300, 1e300, 3.4e38, -3.5e38, 1e-45]
-_TEXTS = ["", "VEC3", "MAT4", "SCALAR", "data:,", "data:;base64,####", "data:;base64,AAAA", "x.bin", "\ud800", "2.0"]
-_TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
-
-
-@cache
-def corpus() -> list[tuple[str, bytes]]:
-    """Return the seeds: (name, file)."""
-    from meshdeform.gltf import load_asset
-    from tests.unit.gltf.builders import quad
-    from tests.unit.gltf.test_compressed import draco_asset, draco_stream, meshopt_asset
-    from tests.unit.gltf.test_convert import OBJ, PLY, stl
-    from tests.unit.gltf.test_fuzz import kitchen_sink
-    from tests.unit.gltf.test_images import asset, picture
-    from tests.unit.gltf.test_morph import with_targets
-    from tests.unit.gltf.test_replace import rich
-
-    examples = [(path.name, path.read_bytes()) for path in sorted((ROOT / "examples").glob("*.glb"))[:1]]
-    textured = asset(picture("PNG"), picture("JPEG"), picture("WEBP"))
-    embedded = load_asset(quad())
-    made = [
-        ("quad.glb", quad()),
-        ("rich.glb", rich().glb()),
-        ("sink.glb", kitchen_sink()),
-        ("targets.glb", with_targets(3).glb()),
-        ("morphed.glb", embedded.replace(embedded.surface.positions * 2.0, morph=True)),
-        ("meshopt.glb", meshopt_asset().glb()),
-        ("draco.glb", draco_asset(draco_stream()).glb()),
-        ("textured.glb", textured),
-        ("data-uris.gltf", _as_gltf(kitchen_sink())),
-        ("mesh.obj", OBJ),
-        ("mesh.ply", PLY),
-        ("mesh.stl", stl()),
-    ]
-    return made + examples
-
-
-def _as_gltf(glb: bytes) -> bytes:
-    from tests.unit.gltf.builders import unpack
-
-    root, binary, _ = unpack(glb)
-    root["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
-    return json.dumps(root).encode()
-
-
-def mutant(seed: int, number: int) -> tuple[str, bytes]:
-    """Return one damaged file, always the same for a seed and a number."""
-    chance = random.Random(f"{seed}/{number}")
-    name, data = chance.choice(corpus())
-    ways = [_flip, _flip, _cut, _lengths, _swap_parts]
-    if name.endswith((".glb", ".gltf")):
-        ways += [_json_values, _json_values, _json_values, _json_values, _payload, _payload]
-    if name.endswith(".glb"):
-        ways.append(_chunks)
-    for _ in range(chance.choice([1, 1, 1, 2, 3])):
-        try:
-            data = chance.choice(ways)(chance, data)[:_LARGEST]
-        except RecursionError:  # two deep nestings in one another; they can be read no more, and stay as they are
-            break
-    if chance.random() < 0.02:
-        name = chance.choice(["a.obj", "a.ply", "a.stl", "a.gltf", "a.glb", "a", "-x.glb", "\0.obj"])
-    return name, data
-
-
-def _flip(chance: random.Random, data: bytes) -> bytes:
-    broken = bytearray(data)
-    for _ in range(min(chance.choice([1, 2, 4, 16, 64]), len(broken))):
-        at = chance.randrange(len(broken))
-        broken[at] = chance.choice([broken[at] ^ 1 << chance.randrange(8), 0, 255, chance.randrange(256)])
-    return bytes(broken)
-
-
-def _cut(chance: random.Random, data: bytes) -> bytes:
-    broken = bytearray(data[: chance.randrange(len(data) + 1)])
-    if chance.random() < 0.7 and len(broken) >= 12:
-        broken[8:12] = struct.pack("<I", len(broken))
-    if chance.random() < 0.5 and len(broken) > 28:
-        (length,) = struct.unpack("<I", broken[12:16])
-        at = 20 + length
-        if at + 8 <= len(broken):
-            broken[at : at + 4] = struct.pack("<I", len(broken) - at - 8)
-    return bytes(broken)
-
-
-def _lengths(chance: random.Random, data: bytes) -> bytes:
-    """Put an odd number where four bytes are, best where a length is."""
-    if len(data) < 24:
-        return data
-    broken = bytearray(data)
-    at = chance.choice([4, 8, 12, 16, 80, 4 * chance.randrange(len(data) // 4)])
-    if at + 4 <= len(data):
-        (old,) = struct.unpack("<I", broken[at : at + 4])
-        new = chance.choice([0, 1, old + 1, old - 1, 2 * old, 2**31, 2**32 - 1, len(data)])
-        broken[at : at + 4] = struct.pack("<I", new % 2**32)
-    return bytes(broken)
-
-
-def _swap_parts(chance: random.Random, data: bytes) -> bytes:
-    a, b, c = sorted(chance.randrange(len(data) + 1) for _ in range(3))
-    return chance.choice([data[:a] + data[b:c] + data[a:b] + data[c:], data[:b] + data[a:], data[:a] + data[b:]])
-
-
-def _parts(data: bytes) -> tuple[dict[str, Any], bytes, bytes] | None:
-    """Return the JSON, the binary chunk and the rest, of a glTF that still has them."""
-    from tests.unit.gltf.builders import unpack
-
-    try:
-        return unpack(data) if data.startswith(b"glTF") else (dict(json.loads(data)), b"", b"")
-    except (ValueError, TypeError, AssertionError, struct.error, RecursionError):
-        return None
-
-
-def _joined(like: bytes, root: Any, binary: bytes, rest: bytes) -> bytes:
-    text = json.dumps(root).encode()
-    if not like.startswith(b"glTF"):
-        return text
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    if binary:
-        body += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body) + len(rest)) + body + rest
-
-
-def _places(value: Any) -> list[tuple[Any, ...]]:
-    """Return the paths to everything inside a JSON value, which may be nested deeper than Python calls."""
-    found: list[tuple[Any, ...]] = []
-    todo: list[tuple[tuple[Any, ...], Any]] = [((), value)]
-    while todo and len(found) < 20_000:
-        way, inside = todo.pop()
-        items = inside.items() if isinstance(inside, dict) else enumerate(inside) if isinstance(inside, list) else ()
-        below = [((*way, key), item) for key, item in items]
-        found += [path for path, _ in below]
-        todo += reversed(below)
-    return found
-
-
-def _at(root: Any, way: tuple[Any, ...]) -> Any:
-    for step in way:
-        root = root[step]
-    return root
-
-
-def _json_values(chance: random.Random, data: bytes) -> bytes:
-    """Replace, remove, repeat or exchange values of the JSON."""
-    parts = _parts(data)
-    if parts is None:
-        return data
-    root, binary, rest = parts
-    for _ in range(chance.choice([1, 1, 2, 4])):
-        places = _places(root)
-        if not places:
-            break
-        *way, last = chance.choice(places)
-        parent = _at(root, tuple(way))
-        deed = chance.randrange(10)
-        if deed == 0:
-            del parent[last]
-        elif deed == 1:
-            parent[last] = json.loads(json.dumps(_at(root, chance.choice(places))))
-        elif deed == 2 and isinstance(parent, list):
-            parent += json.loads(json.dumps(parent)) * chance.choice([1, 1, 1, 20 if len(data) < 10_000 else 2])
-        elif deed == 3:
-            parent[last] = _nested(chance)
-        elif deed == 4 and isinstance(parent[last], int):
-            parent[last] += chance.choice([-1, 1, 4, -4])
-        else:
-            parent[last] = _odd(chance, parent[last])
-    return _joined(data, root, binary, rest)
-
-
-def _odd(chance: random.Random, old: Any) -> Any:
-    if isinstance(old, int | float) and chance.random() < 0.7:
-        return chance.choice([*_NUMBERS, *_FLOATS, *_TYPES])
-    one = chance.choice([None, True, False, {}, [], chance.choice(_NUMBERS), chance.choice(_FLOATS)])
-    texts = chance.choice(_TEXTS)
-    return chance.choice([one, texts, [one], {"count": one, "bufferView": 0}, [texts], [0, 1, 2], {"extensions": one}])
-
-
-def _nested(chance: random.Random) -> Any:
-    value: Any = 0
-    for _ in range(chance.choice([3, 100, 126, 130, 400])):
-        value = chance.choice([[value], {"a": value}, {"extensions": value}])
-    return value
-
-
-def _payload(chance: random.Random, data: bytes) -> bytes:
-    """Damage the binary chunk only: indices, sparse rows, Draco and meshopt streams, images."""
-    parts = _parts(data)
-    if parts is None or not parts[1]:
-        return data
-    root, binary, rest = parts
-    views = root.get("bufferViews")
-    span = (0, len(binary))
-    if isinstance(views, list) and views:
-        view = chance.choice(views)
-        body = view if isinstance(view, dict) else {}
-        for name in ("extensions", "EXT_meshopt_compression"):
-            body = body[name] if isinstance(body.get(name), dict) else body
-        start, length = body.get("byteOffset", 0), body.get("byteLength", 0)
-        if isinstance(start, int) and isinstance(length, int) and 0 <= start < start + length <= len(binary):
-            span = (start, start + length)
-    inside = binary[slice(*span)]
-    harm = chance.choice([_flip, _flip, _swap_parts])
-    changed = harm(chance, inside)[: len(inside)].ljust(len(inside), b"\0")
-    if chance.random() < 0.1:
-        changed = bytes(chance.choice([0, 1, 127, 255]) for _ in range(1)) * len(inside)
-    return _joined(data, root, binary[: span[0]] + changed + binary[span[1] :], rest)
-
-
-def _chunks(chance: random.Random, data: bytes) -> bytes:
-    """Shuffle, repeat, drop and rename the chunks of a GLB."""
-    chunks, at = [], 12
-    while at + 8 <= len(data):
-        (length,) = struct.unpack("<I", data[at : at + 4])
-        chunks.append(data[at : at + 8 + length])
-        at += 8 + length
-    if not chunks:
-        return data
-    deed = chance.randrange(5)
-    if deed == 0:
-        chance.shuffle(chunks)
-    elif deed == 1:
-        again = chance.choice(chunks)
-        chunks += [again] * chance.choice([1, 3, 2000 if len(again) < 500 else 2])
-    elif deed == 2:
-        chunks.pop(chance.randrange(len(chunks)))
-    elif deed == 3:
-        at = chance.randrange(len(chunks))
-        chunks[at] = chunks[at][:4] + chance.choice([b"JSON", b"BIN\0", b"XTRA", bytes(4)]) + chunks[at][8:]
-    else:
-        chunks.insert(
-            chance.randrange(len(chunks) + 1), struct.pack("<I4s", chance.choice([0, 4, 5]), b"XTRA") + b"abcd"
-        )
-    body = b"".join(chunks)
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
 def outcome(name: str, data: bytes) -> str:
@@ -320,7 +79,7 @@ def child(seed: int, first: int, last: int) -> None:
 
     faulthandler.enable()
     corpus()
-    bound_memory(Limits().memory_bytes(_LARGEST))
+    bound_memory(Limits().memory_bytes(LARGEST))
     signal.signal(signal.SIGALRM, signal.SIG_DFL)  # ends the process, whatever it is in
     for number in range(first, last):
         name, data = mutant(seed, number)
