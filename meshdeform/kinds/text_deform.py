@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -15,14 +14,14 @@ from meshdeform.checkpoint import dump_checkpoint, fingerprint, load_checkpoint,
 from meshdeform.config import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.deform import Deformation
 from meshdeform.errors import ParameterError, PromptError
+from meshdeform.frame import Frame
 from meshdeform.gltf import Asset, Limits, load_asset
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.jacobians import completed_jacobians
 from meshdeform.kinds.base import ArtifactData, StepReport
+from meshdeform.kinds.text_guidance import score_distillation
 from meshdeform.kinds.text_report import RunFacts, build_report
-from meshdeform.mesh import TriangleMesh
 from meshdeform.normals import transform_normals, transform_tangents
 from meshdeform.operators import effective_face_areas
 from meshdeform.preview import preview_png
@@ -32,30 +31,8 @@ from meshdeform.weld import WeldedMesh, weld
 
 __all__ = ["TextDeformRun", "start"]
 
-_FRAME_RADIUS = 0.6
-"""Radius of the source in the frame where the cameras see the unit sphere: room to grow into."""
-
 _GLB = "model/gltf-binary"
 _Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """The similarity between the world and the frame of the cameras."""
-
-    centre: Tensor
-    scale: float
-
-    @classmethod
-    def around(cls, verts: Tensor) -> _Frame:
-        centre = (verts.amin(0) + verts.amax(0)) / 2
-        return cls(centre, _FRAME_RADIUS / float((verts - centre).norm(dim=1).max()))
-
-    def enter(self, verts: Tensor) -> Tensor:
-        return (verts - self.centre) * self.scale
-
-    def leave(self, verts: Tensor) -> Tensor:
-        return verts / self.scale + self.centre
 
 
 def start(
@@ -103,8 +80,8 @@ def start(
         loaded = load_asset(asset, filename, limits)
         surface = loaded.surface
         welded = weld(surface.positions, surface.triangles)
-    frame = _Frame.around(welded.mesh.verts)
-    mesh = TriangleMesh(frame.enter(welded.mesh.verts), welded.mesh.faces)
+    frame = Frame.around(welded.mesh.verts)
+    mesh = frame.place(welded.mesh)
     with clock.phase("prepare"):
         guidance = _guidance(request, params, prior, target, target_filename, limits, device)
         run = fingerprint(
@@ -136,21 +113,14 @@ def _guidance(
             )
         shape = load_asset(target, target_filename, limits).surface
         goal = weld(shape.positions, shape.triangles).mesh
-        goal = TriangleMesh(_Frame.around(goal.verts).enter(goal.verts), goal.faces)
-        return TargetGuidance(goal, device=device, identity={"sha256": sha256_hex(target)})
+        return TargetGuidance(
+            Frame.around(goal.verts).place(goal), device=device, identity={"sha256": sha256_hex(target)}
+        )
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:
         raise ParameterError("params.guidance is `sds`, which needs a prior.")
-    return ScoreDistillation(
-        prior,
-        request.prompt,
-        negative_prompt=params.negative_prompt,
-        guidance_scale=params.guidance_scale,
-        timestep_min=params.timestep_min,
-        timestep_max=params.timestep_max,
-        timestep_max_end=params.timestep_max_end,
-    )
+    return score_distillation(prior, request.prompt, params)
 
 
 class TextDeformRun:
@@ -160,7 +130,7 @@ class TextDeformRun:
         self,
         asset: Asset,
         welded: WeldedMesh,
-        frame: _Frame,
+        frame: Frame,
         deformation: Deformation,
         facts: RunFacts,
         clock: PhaseClock,

@@ -1,0 +1,28 @@
+"""Score distillation by the parameters of a job: the one place that hands them to the guidance."""
+
+from __future__ import annotations
+
+from meshdeform.config import ResolvedParams
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.priors.base import Prior
+
+__all__ = ["score_distillation"]
+
+
+def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> ScoreDistillation:
+    """The guidance `sds` as a job with these parameters runs it.
+
+    Raises
+    ------
+    PromptError, ParameterError
+        The prior cannot use this prompt.
+    """
+    return ScoreDistillation(
+        prior,
+        prompt,
+        negative_prompt=params.negative_prompt,
+        guidance_scale=params.guidance_scale,
+        timestep_min=params.timestep_min,
+        timestep_max=params.timestep_max,
+        timestep_max_end=params.timestep_max_end,
+    )
