@@ -83,7 +83,9 @@ class _RecordCollector(Collector):
         for state in sorted(TERMINAL_STATES):
             ended.add_metric([state.value], sums.get(("jobs_ended", state.value), 0.0))
         yield ended
-        sent = CounterMetricFamily("meshdeform_webhook_deliveries", "Outcomes of deliveries to webhooks.", labels=["outcome"])
+        sent = CounterMetricFamily(
+            "meshdeform_webhook_deliveries", "Outcomes of deliveries to webhooks.", labels=["outcome"]
+        )
         for outcome in _OUTCOMES:
             sent.add_metric([outcome], sums.get(("webhook_deliveries", outcome), 0.0))
         yield sent
