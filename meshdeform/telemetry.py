@@ -17,7 +17,7 @@ from meshdeform.errors import DependencyError
 if TYPE_CHECKING:
     from opentelemetry.trace import Tracer
 
-__all__ = ["current_traceparent", "span", "start_tracing", "stop_tracing"]
+__all__ = ["current_traceparent", "rename_span", "span", "start_tracing", "stop_tracing"]
 
 _ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 _tracer: Tracer | None = None
@@ -95,6 +95,17 @@ def span(
     context = TraceContextTextMapPropagator().extract({"traceparent": traceparent}) if traceparent else None
     with _tracer.start_as_current_span(name, context=context, attributes=dict(attributes or {})):
         yield
+
+
+def rename_span(name: str, attributes: Mapping[str, str | int | float] | None = None) -> None:
+    """Say of the innermost span what is known only within it."""
+    if _tracer is None:
+        return
+    from opentelemetry.trace import get_current_span
+
+    innermost = get_current_span()
+    innermost.update_name(name)
+    innermost.set_attributes(dict(attributes or {}))
 
 
 def current_traceparent() -> str | None:

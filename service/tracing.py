@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshdeform.telemetry import span
+from meshdeform.telemetry import rename_span, span
 from service.metrics import route_of
 
 if TYPE_CHECKING:
@@ -27,7 +27,11 @@ class TracingMiddleware:
             await self._app(scope, receive, send)
             return
         caller = next((value.decode("latin-1") for name, value in scope["headers"] if name == b"traceparent"), None)
-        route = route_of(scope)
-        attributes = {"http.request.method": scope["method"], "http.route": route}
-        with span(f"{scope['method']} {route}", attributes, traceparent=caller):
-            await self._app(scope, receive, send)
+        method = scope["method"]
+        with span(method, {"http.request.method": method}, traceparent=caller):
+            try:
+                await self._app(scope, receive, send)
+            finally:
+                # The router says which route it is, and it is further in.
+                route = route_of(scope)
+                rename_span(f"{method} {route}", {"http.route": route})
