@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import sqlalchemy as sa
@@ -86,6 +86,11 @@ class Pg8000Dialect(PGDialect_pg8000):
         """Execute a statement without parameters."""
         with self.network():
             super().do_execute_no_params(cursor, statement, context)  # type: ignore[no-untyped-call]
+
+    def do_close(self, dbapi_connection: Any) -> None:
+        """Close, also where the other end is gone and hears no goodbye: the pool would log that as an error."""
+        with suppress(self.loaded_dbapi.InterfaceError, OSError):
+            super().do_close(dbapi_connection)  # type: ignore[no-untyped-call]
 
 
 sa.dialects.registry.register(DRIVER.replace("+", "."), __name__, "Pg8000Dialect")
