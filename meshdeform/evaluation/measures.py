@@ -1,0 +1,100 @@
+"""Is the mesh still good, and how far is it from its source: the figures of one result.
+
+What `meshdeform.quality` measures for every job's report, and besides:
+
+::
+
+    self_intersections_added   faces that cut another now and cut none at rest
+    displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
+    chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
+
+with d the diagonal of the source's bounding box, so both distances are free of a unit. The first follows every vertex;
+the second sees only the surfaces and takes no notice of vertices that slide on them.
+
+Source of the Chamfer distance: Fan et al. 2017, A Point Set Generation Network, eq. 2, here with distances instead of
+their squares and halved.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.intersections import intersecting_faces
+from meshdeform.mesh import TriangleMesh
+from meshdeform.quality import measure
+
+__all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
+
+POINTS = 10_000
+"""Points drawn on each surface for the Chamfer distance."""
+
+_Floats = NDArray[np.float64]
+
+
+def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | int]:
+    """All figures of a deformation, by name.
+
+    Parameters
+    ----------
+    rest, deformed : TriangleMesh
+        The same faces, in the same unit.
+
+    Returns
+    -------
+    dict
+        The fields of `meshdeform.quality.MeshQuality`, and the three above.
+
+    Raises
+    ------
+    ShapeError
+        The meshes have not the same faces.
+    NumericalError
+        A position is not finite.
+    """
+    before, after, faces = rest.verts.numpy(), deformed.verts.numpy(), rest.faces.numpy()
+    if not np.array_equal(faces, deformed.faces.numpy()) or before.shape != after.shape:
+        raise ShapeError("the deformed mesh must have the faces of the rest mesh")
+    if not np.isfinite(after).all():
+        raise NumericalError("The deformed mesh is not finite.")
+    added = intersecting_faces(after, faces) & ~intersecting_faces(before, faces)
+    diagonal = float(np.linalg.norm(np.ptp(before, axis=0)))
+    return {
+        **measure(before, faces, after).to_dict(),
+        "self_intersections_added": int(added.sum()),
+        "displacement": displacement(before, faces, after) / diagonal,
+        "chamfer": chamfer_distance(before, after, faces) / diagonal,
+    }
+
+
+def displacement(before: _Floats, faces: NDArray[np.int64], after: _Floats) -> float:
+    """Root of the area-weighted mean squared way of the vertices, in the meshes' unit."""
+    weights = np.bincount(faces.ravel(), np.repeat(_areas(before, faces), 3), len(before))
+    return float(np.sqrt((weights * ((after - before) ** 2).sum(1)).sum() / weights.sum()))
+
+
+def chamfer_distance(before: _Floats, after: _Floats, faces: NDArray[np.int64], seed: int = 0) -> float:
+    """Mean distance between two surfaces, estimated with `POINTS` points on each, in the meshes' unit.
+
+    Both are sampled alike, so that a surface has no distance from itself.
+    """
+    one, other = surface_points(before, faces, POINTS, seed), surface_points(after, faces, POINTS, seed)
+    there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
+    return float((there.mean() + back.mean()) / 2)
+
+
+def surface_points(verts: _Floats, faces: NDArray[np.int64], count: int, seed: int) -> _Floats:
+    """Points (count, 3) uniform on a surface by area (Osada et al. 2002, Shape Distributions, eq. 1)."""
+    rng = np.random.default_rng(seed)
+    share = np.cumsum(_areas(verts, faces))
+    face = np.searchsorted(share, rng.random(count) * share[-1], side="right").clip(max=len(faces) - 1)
+    root, second = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+    a, b, c = verts[faces[face]].transpose(1, 0, 2)
+    return np.asarray((1 - root) * a + root * (1 - second) * b + root * second * c)
+
+
+def _areas(verts: _Floats, faces: NDArray[np.int64]) -> _Floats:
+    a, b, c = verts[faces].transpose(1, 0, 2)
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))

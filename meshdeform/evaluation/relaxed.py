@@ -1,0 +1,99 @@
+"""Evenly triangulated surfaces of star-shaped solids: a geodesic sphere, cast outwards and relaxed on the surface.
+
+A solid is a function of points that is negative inside. Every vertex of the sphere is moved along its ray from the
+origin to where the function vanishes; then, in turns, vertices move tangentially to the centroid of their neighbours'
+areas and go back to the surface along the gradient, which evens out the triangles without moving the surface.
+
+Sources: Wenninger 1979, Spherical Models (geodesic subdivision); Botsch and Kobbelt 2004, A Remeshing Approach to
+Multiresolution Modeling, section 4 (tangential relaxation with areas as weights).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from meshdeform.mesh import TriangleMesh, face_cross, safe_normalize
+from meshdeform.shapes import icosphere
+
+__all__ = ["Solid", "capsule", "geodesic_sphere", "relaxed_surface", "smooth_union"]
+
+Solid = Callable[[Tensor], Tensor]
+"""Points (N, 3) float64 to values (N,): negative inside, growing outwards along every ray from the origin."""
+
+_FAR = 4.0
+
+
+def geodesic_sphere(frequency: int) -> TriangleMesh:
+    """The unit sphere of 20 `frequency`^2 triangles: each face of the icosahedron cut into `frequency`^2."""
+    base, n = icosphere(0), frequency
+    points, faces = [], []
+    for a, b, c in base.verts[base.faces]:
+        first = sum(len(part) for part in points)
+        rows = [[first + i * (i + 1) // 2 + j for j in range(i + 1)] for i in range(n + 1)]
+        points.append(torch.stack([a * (n - i) + b * (i - j) + c * j for i in range(n + 1) for j in range(i + 1)]) / n)
+        for i in range(n):
+            faces += [(rows[i][j], rows[i + 1][j], rows[i + 1][j + 1]) for j in range(i + 1)]
+            faces += [(rows[i][j], rows[i + 1][j + 1], rows[i][j + 1]) for j in range(i)]
+    every = torch.cat(points)
+    _, inverse = torch.unique((every * 1e6).round().long(), dim=0, return_inverse=True)
+    verts = torch.zeros(int(inverse.max()) + 1, 3, dtype=torch.float64).index_copy(0, inverse, every)
+    return TriangleMesh(torch.nn.functional.normalize(verts, dim=1), inverse[torch.tensor(faces)])
+
+
+def capsule(start: tuple[float, float, float], end: tuple[float, float, float], thick: float, thin: float) -> Solid:
+    """A limb from `start` to `end` whose radius goes from `thick` to `thin`; a distance where these are equal."""
+    a = torch.tensor(start, dtype=torch.float64)
+    axis = torch.tensor(end, dtype=torch.float64) - a
+
+    def value(points: Tensor) -> Tensor:
+        along = (((points - a) @ axis) / (axis @ axis)).clamp(0, 1)
+        return (points - a - along[:, None] * axis).norm(dim=1) - (thick + (thin - thick) * along)
+
+    return value
+
+
+def smooth_union(*solids: Solid, blend: float) -> Solid:
+    """The union with rounded seams: ``-blend log sum exp(-f / blend)``."""
+    return lambda points: -blend * torch.logsumexp(torch.stack([-f(points) / blend for f in solids]), 0)
+
+
+def relaxed_surface(solid: Solid, frequency: int, *, rounds: int = 100) -> TriangleMesh:
+    """The surface of `solid` in 20 `frequency`^2 triangles of much the same size, counter-clockwise from outside."""
+    sphere = geodesic_sphere(frequency)
+    faces = sphere.faces
+    verts = _cast(solid, sphere.verts)
+    corners = faces.reshape(-1)
+    for _ in range(rounds):
+        cross = face_cross(verts, faces)
+        areas = cross.norm(dim=1)
+        middle = verts[faces].mean(1)
+        weight = torch.zeros(len(verts), dtype=torch.float64).index_add_(0, corners, areas.repeat_interleave(3))
+        pull = torch.zeros_like(verts).index_add_(0, corners, (areas[:, None] * middle).repeat_interleave(3, 0))
+        step = pull / weight[:, None] - verts
+        normal = safe_normalize(torch.zeros_like(verts).index_add_(0, corners, cross.repeat_interleave(3, 0)))
+        verts = verts + 0.7 * (step - (step * normal).sum(1, keepdim=True) * normal)
+        for _ in range(2):
+            verts = _newton(solid, verts)
+    return TriangleMesh(verts, faces)
+
+
+def _cast(solid: Solid, rays: Tensor) -> Tensor:
+    """Where each ray from the origin leaves the solid, by bisection."""
+    low, high = torch.zeros(len(rays), 1, dtype=torch.float64), torch.full((len(rays), 1), _FAR, dtype=torch.float64)
+    for _ in range(50):
+        middle = (low + high) / 2
+        inside = (solid(rays * middle) < 0)[:, None]
+        low, high = torch.where(inside, middle, low), torch.where(inside, high, middle)
+    return rays * low
+
+
+def _newton(solid: Solid, verts: Tensor) -> Tensor:
+    """One step along the gradient towards the surface."""
+    points = verts.detach().requires_grad_()
+    value = solid(points)
+    (gradient,) = torch.autograd.grad(value.sum(), points)
+    square = (gradient * gradient).sum(1).clamp_min(1e-6)
+    return (points - (value / square).clamp(-0.1, 0.1)[:, None] * gradient).detach()

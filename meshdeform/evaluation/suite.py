@@ -1,0 +1,130 @@
+"""What is deformed into what: the suites of the benchmark.
+
+`small` and `full` use prompts of the builtin prior's vocabulary; twelve nouns, easy (a mushroom) and hard (a chair, a
+table and an airplane need thin parts far from any source), a third of them with an attribute.
+
+`paper` is for Stable Diffusion models. Its first five prompts are shown in the public pages and repositories of the two
+papers that the method comes from; the other prompts and all sources are ours, for the papers' meshes are not free to
+ship. Nothing here reproduces a figure of theirs.
+
+Sources of `PAPER_PROMPTS`: "a giraffe", "an octopus", "a heart shaped vase", "a mandolin": the project page and README
+of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of FusionDeformer (Xu et al. 2024).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from meshdeform.errors import ParameterError
+
+__all__ = ["PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
+
+_PROMPTS = (
+    "a mushroom",
+    "a tall vase",
+    "a fish",
+    "a rocket with big fins",
+    "a fat penguin",
+    "a rabbit with big ears",
+    "a giraffe",
+    "a dinosaur with a long neck",
+    "a twisted tree",
+    "an airplane",
+    "a chair",
+    "a table",
+)
+
+PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
+"""The prompts of `paper` that the papers' authors show themselves."""
+
+_OUR_PROMPTS = (
+    "a dachshund",
+    "a camel",
+    "a rabbit",
+    "a wooden chair",
+    "a fighter jet",
+    "a wine bottle",
+    "a mushroom",
+)
+
+
+@dataclass(frozen=True)
+class Item:
+    """One deformation of a suite."""
+
+    source: str
+    prompt: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """A file name that tells it from every other item."""
+        return f"{self.source}--{self.prompt.replace(' ', '-')}--seed{self.seed}"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Every source is deformed by every prompt with every seed.
+
+    Attributes
+    ----------
+    name : str
+    sources : tuple of str
+        Of `meshdeform.evaluation.sources.SOURCES`.
+    prompts : tuple of str
+        Each is also what the results of the others are told from: retrieval is among all of these.
+    seeds : tuple of int
+    preset : str
+        The parameters unless others are asked for.
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    prompts: tuple[str, ...]
+    seeds: tuple[int, ...]
+    preset: str
+
+    def items(self, limit: int | None = None) -> list[Item]:
+        """All deformations, or the first `limit`: any run of as many as there are prompts has each prompt once."""
+        count = len(self.sources)
+        every = [
+            Item(self.sources[(number + shift) % count], prompt, seed)
+            for seed in self.seeds
+            for shift in range(count)
+            for number, prompt in enumerate(self.prompts)
+        ]
+        return every[:limit]
+
+    def with_seeds(self, seeds: tuple[int, ...]) -> Suite:
+        """The same with other seeds."""
+        return replace(self, seeds=seeds)
+
+
+SUITES: dict[str, Suite] = {
+    suite.name: suite
+    for suite in (
+        Suite("small", ("sphere", "cube", "vase", "quadruped"), _PROMPTS, (0,), "balanced"),
+        Suite(
+            "full",
+            ("sphere", "cube", "cylinder", "torus", "vase", "armchair", "quadruped", "toy"),
+            _PROMPTS,
+            (0, 1),
+            "balanced",
+        ),
+        Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),
+    )
+}
+"""The suites by name."""
+
+
+def find_suite(name: str) -> Suite:
+    """A suite by its name.
+
+    Raises
+    ------
+    ParameterError
+        There is none of this name.
+    """
+    if name not in SUITES:
+        raise ParameterError(f"There is no suite {name!r}.", advice=f"Choose one of: {', '.join(SUITES)}.")
+    return SUITES[name]

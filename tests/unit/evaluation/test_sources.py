@@ -1,0 +1,113 @@
+"""The benchmark's sources are what their table says, and its suites are whole."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from meshdeform.errors import ParameterError
+from meshdeform.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
+from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh
+from meshdeform.evaluation.suite import SUITES, find_suite
+from meshdeform.intersections import intersecting_faces
+from meshdeform.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.quality import measure
+
+SINGLE = [name for name in SOURCES if name != "toy"]
+
+
+def volume(mesh: TriangleMesh) -> float:
+    return float((mesh.verts[mesh.faces[:, 0]] * face_cross(mesh.verts, mesh.faces)).sum() / 6)
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_sources_are_closed_consistently_oriented_outwards_and_of_the_promised_size(name: str) -> None:
+    mesh = source_mesh(name)
+    edges = edges_of(mesh.faces)
+    assert 1_500 <= len(mesh.faces) <= 2_600
+    assert bool((edges.counts == 2).all())
+    assert bool(edges.consistent.all())
+    assert volume(mesh) > 0
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_sources_of_one_piece_do_not_cut_themselves_and_have_the_genus_they_should(name: str) -> None:
+    mesh = source_mesh(name)
+    euler = len(mesh.verts) - len(edges_of(mesh.faces).edges) + len(mesh.faces)
+    assert euler == (0 if name == "torus" else 2)
+    assert not intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy()).any()
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_triangles_are_even(name: str) -> None:
+    mesh = source_mesh(name)
+    areas = face_areas(mesh.verts, mesh.faces)
+    quality = measure(mesh.verts.numpy(), mesh.faces.numpy(), mesh.verts.numpy())
+    assert areas.quantile(0.99) < 6.5 * areas.quantile(0.01)
+    assert quality.min_angle_p1_deg_before > 18
+
+
+def test_the_toy_is_of_seven_parts_that_hang_together() -> None:
+    mesh = source_mesh("toy")
+    part = connected_components(mesh.faces, len(mesh.verts)).numpy()
+    cut = intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy())
+    assert len(set(part)) == 7
+    assert set(part[mesh.faces.numpy()[cut]].ravel()) == set(part)
+
+
+@pytest.mark.parametrize("frequency", [1, 2, 5])
+def test_a_geodesic_sphere_has_20_n_squared_faces_and_the_volume_of_a_ball_in_the_limit(frequency: int) -> None:
+    mesh = geodesic_sphere(frequency)
+    assert len(mesh.faces) == 20 * frequency**2
+    assert len(mesh.verts) == 10 * frequency**2 + 2
+    assert torch.allclose(mesh.verts.norm(dim=1), torch.ones(len(mesh.verts), dtype=torch.float64))
+    assert volume(geodesic_sphere(20)) == pytest.approx(4 / 3 * torch.pi, rel=0.01)
+
+
+def test_a_relaxed_surface_lies_on_its_solid() -> None:
+    def ball(points: torch.Tensor) -> torch.Tensor:
+        return points.norm(dim=1) - 0.7
+
+    mesh = relaxed_surface(ball, 3, rounds=5)
+    assert torch.allclose(mesh.verts.norm(dim=1), torch.full((len(mesh.verts),), 0.7, dtype=torch.float64), atol=1e-6)
+
+
+def test_a_capsule_is_negative_inside_and_its_radius_goes_from_one_to_the_other() -> None:
+    limb = capsule((0, 0, 0), (0, 2, 0), 0.5, 0.1)
+    points = torch.tensor([[0, 0, 0], [0.5, 0, 0], [0.3, 1, 0], [0.1, 2, 0], [0, 3, 0]], dtype=torch.float64)
+    assert limb(points).tolist() == pytest.approx([-0.5, 0, 0, 0, 0.9])
+
+
+def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
+    mesh = geodesic_sphere(2)
+    assert mesh_sha256(mesh) == mesh_sha256(TriangleMesh(mesh.verts + 1e-14, mesh.faces))
+    assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
+
+
+@pytest.mark.parametrize(("name", "count"), [("small", 48), ("full", 192), ("paper", 48)])
+def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count: int) -> None:
+    suite = SUITES[name]
+    items = suite.items()
+    assert len(items) == len(set(items)) == len({item.name for item in items}) == count
+    assert set(suite.sources) <= set(SOURCES)
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: str) -> None:
+    suite = SUITES[name]
+    some = suite.items(len(suite.prompts))
+    assert {item.prompt for item in some} == set(suite.prompts)
+    assert {item.source for item in some} == set(suite.sources)
+
+
+@pytest.mark.parametrize("name", ["small", "full"])
+def test_the_builtin_prior_understands_each_prompt_and_no_two_are_of_one_noun(name: str) -> None:
+    nouns = [parse(prompt).noun for prompt in SUITES[name].prompts]
+    assert len(nouns) == len(set(nouns)) == 12
+
+
+def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:
+    assert {item.seed for item in SUITES["small"].with_seeds((3, 4)).items()} == {3, 4}
+    with pytest.raises(ParameterError, match="no suite 'large'"):
+        find_suite("large")
