@@ -3,7 +3,8 @@
 ::
 
     prompt     = [article] {adjective} noun {("with" | "and" | ",") [article] degree part}
-    adjective  = tall | short | thin | fat | wide | long | flat | twisted | leaning | bent | tapered
+    adjective  = tall | short | thin | fat | wide | long | flat | twisted | leaning | bent | tapered |
+                 pinched
     degree     = long | short | big | small          part = neck | legs | head | ...
 
 Every noun takes every adjective; which parts a noun has stands in `NOUNS`. Synonyms, plurals, capitals
@@ -119,7 +120,7 @@ def _singular(word: str) -> list[str]:
 
 
 def _noun(word: str) -> str | None:
-    irregular = {"snowmen": "snowman", "cacti": "cactus"}
+    irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
     for form in _singular(irregular.get(word, word)):
         canonical = NOUN_SYNONYMS.get(form, form)
         if canonical in NOUNS:

@@ -1,7 +1,8 @@
 """The network of the builtin prior: a small convolutional U-Net that reads the prompt and the azimuth.
 
-It predicts the clean picture behind a noisy one, 128 x 128 pixels: a 2 x 2 grid of four views, azimuth
-a + {0, 90, 180, 270} degrees, 64 pixels each, three channels of camera-space normals in [-1, 1]. A strided stem
+It predicts the clean picture behind a noisy one, 128 x 128 pixels, three channels of camera-space normals in
+[-1, 1]: a 2 x 2 grid of four views, azimuth a + {0, 90, 180, 270} degrees, 64 pixels each, or one view alone. Which
+of the two it is, is a condition like the prompt: a learned vector and a learned place. A strided stem
 takes the picture to 32 x 32 at once and a pixel shuffle brings it back, so a forward pass is cheap on one core.
 
 Sources: Ho et al. 2020 (DDPM), Dhariwal & Nichol 2021 (adaptive group norm), Salimans & Ho 2022
@@ -138,7 +139,7 @@ class AttentionBlock(nn.Module):
 
 
 class PriorNetwork(nn.Module):
-    """The clean 2 x 2 grid of views behind a noisy one."""
+    """The clean 2 x 2 grid of views, or the clean single view, behind a noisy one."""
 
     def __init__(self, config: ModelConfig | None = None) -> None:
         super().__init__()
@@ -157,13 +158,18 @@ class PriorNetwork(nn.Module):
         self.attention = nn.ModuleList(AttentionBlock(c2, heads) for _ in range(2))
         # Where on the picture a pixel lies decides which of the four views it belongs to.
         self.place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
+        # What a single view adds to the conditions of a grid; zero, so that weights without them mean what they meant.
+        self.single = nn.Parameter(torch.zeros(e))
+        self.single_place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
         self.up1 = nn.ModuleList([ResidualBlock(c2 + c1, c1, e), ResidualBlock(c1, c1, e)])
         self.up0 = nn.ModuleList([ResidualBlock(c1 + c0, c0, e), ResidualBlock(c0, c0, e)])
         self.norm = nn.GroupNorm(8, c0)
         self.out = nn.Conv2d(c0, 3 * 16, 3, padding=1)
         nn.init.zeros_(self.out.weight)
 
-    def forward(self, x: Tensor, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:
+    def forward(
+        self, x: Tensor, timestep: Tensor, text: Tensor, azimuth_deg: Tensor, single: Tensor | None = None
+    ) -> Tensor:
         """Predict x0.
 
         Parameters
@@ -175,14 +181,21 @@ class PriorNetwork(nn.Module):
         text : (B, embedding) float32
             Output of `self.text`; encoded once a job, not once a step.
         azimuth_deg : (B,) float32
-            Azimuth of the first view, degrees.
+            Azimuth of the first view, or of the only one, degrees.
+        single : (B,) bool, optional
+            Which pictures are one view; none of them unless given.
         """
-        condition = functional.silu(self._condition(timestep, text, azimuth_deg))
+        conditions = self._condition(timestep, text, azimuth_deg)
+        if single is not None:
+            conditions = conditions + single[:, None] * self.single
+        condition = functional.silu(conditions)
         h0 = self.down0(self.stem(x), condition)
         h1 = self.pool0(h0)
         for block in self.down1:
             h1 = block(h1, condition)
         h = self.pool1(h1) + self.place
+        if single is not None:
+            h = h + single[:, None, None, None] * self.single_place
         h = self.attention[0](self.middle[0](h, condition))
         h = self.attention[1](self.middle[1](h, condition))
         h = self.middle[2](h, condition)

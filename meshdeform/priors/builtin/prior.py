@@ -2,7 +2,7 @@
 
 It works on pixels: z0 is the picture itself, scaled to [-1, 1], and there is no autoencoder between the mesh
 and the gradient. It knows the azimuth of the first view, which is what keeps a giraffe from growing a
-head on every side.
+head on every side. A picture is a 2 x 2 grid of four views, or one view alone: the cameras say which.
 
 ::
 
@@ -18,12 +18,12 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import Cameras
-from meshdeform.errors import ParameterError
+from meshdeform.cameras import NUM_VIEWS, Cameras
+from meshdeform.errors import ParameterError, ShapeError
 from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.grammar import parse, tokenise
 from meshdeform.priors.builtin.model import null_tokens
-from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
 
 __all__ = ["BuiltinPrior"]
@@ -46,6 +46,9 @@ class BuiltinPrior:
     """
 
     style = STYLE
+    """Of the four views of a grid."""
+    single_style = SINGLE_STYLE
+    """Of single views."""
     num_timesteps = NUM_TIMESTEPS
 
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS) -> None:
@@ -81,7 +84,7 @@ class BuiltinPrior:
         return text
 
     def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
-        """Scale a picture (1, 3, 128, 128) from [0, 1] to [-1, 1]; differentiable, and nothing random."""
+        """Scale pictures (B, 3, 128, 128) from [0, 1] to [-1, 1]; differentiable, and nothing random."""
         return image * 2.0 - 1.0
 
     @torch.no_grad()
@@ -92,19 +95,37 @@ class BuiltinPrior:
 
         Parameters
         ----------
-        z_t : (1, 3, 128, 128) float32
-        timestep : (1,) int64
+        z_t : (B, 3, 128, 128) float32
+            One grid of four views, or B single views.
+        timestep : (B,) int64
         embedding : (2, E) float32
             From `encode_prompt`.
         guidance_scale : float
             1 is the conditional prediction alone; 0 the unconditional one.
         cameras : Cameras
-            The cameras of the four views; only the azimuth is used.
+            Four for a grid, of which the first's azimuth is used; or one a picture, each with its own azimuth.
+
+        Returns
+        -------
+        (B, 3, 128, 128) float32
+
+        Raises
+        ------
+        ShapeError
+            Neither a grid nor a camera for every picture.
         """
+        count, azimuths = z_t.shape[0], cameras.azimuths_deg
+        grid = count == 1 and len(azimuths) == NUM_VIEWS
+        if not grid and len(azimuths) != count:
+            raise ShapeError(
+                f"{count} pictures and {len(azimuths)} cameras are neither a grid of {NUM_VIEWS} views nor single views"
+            )
         noisy = z_t.detach().to(self.device, self.dtype)
-        both = noisy.expand(2, -1, -1, -1).contiguous(memory_format=torch.channels_last)
-        steps = timestep.to(self.device).expand(2)
-        azimuth = torch.full((2,), cameras.azimuth_deg, device=self.device)
-        clean = self._network(both, steps, embedding, azimuth)
+        both = noisy.repeat(2, 1, 1, 1).contiguous(memory_format=torch.channels_last)
+        steps = timestep.to(self.device).repeat(2)
+        azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * 2, device=self.device)
+        single = None if grid else torch.ones(2 * count, dtype=torch.bool, device=self.device)
+        text = embedding.repeat_interleave(count, 0)
+        clean = self._network(both, steps, text, azimuth, single)
         nothing, prompted = noise_from_clean(clean, both, steps, self.alphas_cumprod).chunk(2)
         return nothing + guidance_scale * (prompted - nothing)

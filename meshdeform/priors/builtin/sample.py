@@ -1,7 +1,7 @@
 """See what the builtin prior knows: `python -m meshdeform.priors.builtin.sample "a vase" "a tall vase" -o sheet.png`.
 
-One row a prompt, one picture a column, each a 2 x 2 grid of four views, sampled with deterministic DDIM
-and classifier-free guidance. Without prompts: every noun once.
+One row a prompt, one picture a column, each a 2 x 2 grid of four views (or, with `--single`, one view), sampled with
+deterministic DDIM and classifier-free guidance. Without prompts: every noun once.
 
 Source: Song et al. 2021, Denoising diffusion implicit models, eq. 12 with sigma = 0.
 """
@@ -39,6 +39,7 @@ def sample(
     steps: int = 40,
     guidance_scale: float = 3.0,
     seed: int = 0,
+    single: bool = False,
 ) -> Tensor:
     """Pictures of prompts.
 
@@ -47,9 +48,11 @@ def sample(
     network : PriorNetwork
     prompts : B strings
     azimuth_deg : (B,) float32
-        Azimuth of the first view.
+        Azimuth of the first view, or of the only one.
     steps : int
         Evaluations of the network, evenly spaced.
+    single : bool
+        Single views instead of grids.
 
     Returns
     -------
@@ -59,11 +62,12 @@ def sample(
     tokens = torch.cat([torch.tensor([tokenise(parse(prompt)) for prompt in prompts]), null_tokens(count)])
     text = network.text(tokens)
     levels = cosine_alphas_cumprod()
+    alone = torch.ones(2 * count, dtype=torch.bool) if single else None
     x = torch.randn(count, 3, IMAGE_SIZE, IMAGE_SIZE, generator=torch.Generator().manual_seed(seed))
     schedule = torch.linspace(NUM_TIMESTEPS - 1, 0, steps + 1).long()
     for now, following in itertools.pairwise(schedule):
         both = torch.cat([x, x]).contiguous(memory_format=torch.channels_last)
-        prompted, nothing = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2)).chunk(2)
+        prompted, nothing = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2), alone).chunk(2)
         # Guidance of x0 is guidance of eps: both are affine in it.
         clean = (nothing + guidance_scale * (prompted - nothing)).clamp(-1.0, 1.0)
         noise = noise_from_clean(clean, x, now.expand(count), levels)
@@ -98,6 +102,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=40)
     parser.add_argument("--guidance-scale", type=float, default=3.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--single", action="store_true", help="single views instead of grids")
     arguments = parser.parse_args()
     network, metadata = read_network(arguments.weights)
     turns = torch.linspace(30.0, 150.0, arguments.each) if arguments.each > 1 else torch.tensor([30.0])
@@ -109,6 +114,7 @@ def main() -> None:
             steps=arguments.steps,
             guidance_scale=arguments.guidance_scale,
             seed=arguments.seed,
+            single=arguments.single,
         )
         for prompt in arguments.prompts
     ]

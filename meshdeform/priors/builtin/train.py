@@ -1,10 +1,11 @@
-"""Train the builtin prior from nothing: `python -m meshdeform.priors.builtin.train`.
+"""Train the builtin prior, from nothing or from another edition: `python -m meshdeform.priors.builtin.train`.
 
 Data: members of the families, drawn by `dataset.py` from `--seed`. Loss: squared error of the clean picture,
 weighted as `diffusion.py` says, timesteps uniform (stratified within a batch), the prompt dropped with probability
 0.12. AdamW, one cycle of the learning rate, gradients clipped to norm 1, an exponential moving average of the weights.
 The average is what is written and what ships. `--steps` fixes the run; `--minutes` times the first steps
-and then fixes it. A run that was stopped goes on from `--state`.
+and then fixes it. A run that was stopped goes on from `--state`; a run with `--initial` starts from the weights
+of another edition, whose vocabulary may be smaller (`warm_start.py`).
 
 Sources: Ho & Salimans 2022 (prompt dropout); Loshchilov & Hutter 2019
 (AdamW); Smith & Topin 2019 (one cycle); Kingma et al. 2021, appendix I (stratified timesteps).
@@ -25,7 +26,8 @@ from torch import Tensor, nn
 from meshdeform.priors.builtin.dataset import PictureSet
 from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.model import PriorNetwork
-from meshdeform.priors.builtin.weights_file import WEIGHTS, write_weights
+from meshdeform.priors.builtin.warm_start import warm_start
+from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 
 __all__ = ["TrainConfig", "Trainer", "main"]
 
@@ -48,13 +50,23 @@ class TrainConfig:
 
 
 class Trainer:
-    """A network, its optimiser and its average; `step()` learns from one batch."""
+    """A network, its optimiser and its average; `step()` learns from one batch.
 
-    def __init__(self, data: PictureSet, config: TrainConfig, *, device: str, precision: str) -> None:
+    The network and its average start from the weights in `initial`, where there are some.
+    """
+
+    def __init__(
+        self, data: PictureSet, config: TrainConfig, *, device: str, precision: str, initial: Path | None = None
+    ) -> None:
         torch.manual_seed(config.seed)
         self.data, self.config, self.device = data, config, torch.device(device)
         self.precision = precision
         self.network = PriorNetwork().to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.provenance: dict[str, str] = {}
+        if initial:
+            new = warm_start(self.network, initial, torch.Generator().manual_seed(config.seed))
+            self.provenance["initial"] = file_sha256(initial)
+            _log.info("started from %s, without %s", initial, ", ".join(new) or "exception")
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
@@ -63,8 +75,8 @@ class Trainer:
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.step_number, self.total_steps = 0, 0
 
-    def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Noisy pictures, timesteps, tokens, azimuths and clean pictures; every draw from the one generator."""
+    def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
+        """Noisy pictures, timesteps, tokens, azimuths, single, clean pictures; every draw from the one generator."""
         size, draw = self.config.batch, self.generator
         rows = torch.randint(len(self.data), (size,), generator=draw)
         clean = self.data.images[rows].to(self.device).float() / 127.5 - 1.0
@@ -74,7 +86,8 @@ class Trainer:
         timestep = (share * NUM_TIMESTEPS).long().to(self.device)
         noise = torch.randn(clean.shape, generator=draw).to(self.device)
         noisy = add_noise(clean, noise, timestep, self.alphas_cumprod).contiguous(memory_format=torch.channels_last)
-        return noisy, timestep, tokens.to(self.device), self.data.azimuth_deg[rows].to(self.device), clean
+        azimuth_deg, single = (told[rows].to(self.device) for told in (self.data.azimuth_deg, self.data.single))
+        return noisy, timestep, tokens.to(self.device), azimuth_deg, single, clean
 
     def learning_rate(self) -> float:
         """One cycle: a linear rise over the warm-up, then half a cosine to zero."""
@@ -90,9 +103,9 @@ class Trainer:
         """Learn from one batch; returns its loss."""
         for group in self.optimiser.param_groups:
             group["lr"] = self.learning_rate()
-        noisy, timestep, tokens, azimuth_deg, clean = self.batch()
+        noisy, timestep, tokens, azimuth_deg, single, clean = self.batch()
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bf16"):
-            predicted = self.network(noisy, timestep, self.network.text(tokens), azimuth_deg)
+            predicted = self.network(noisy, timestep, self.network.text(tokens), azimuth_deg, single)
         weight = loss_weight(timestep, self.alphas_cumprod)
         loss = (weight * (predicted.float() - clean).square()).mean()
         self.optimiser.zero_grad()
@@ -114,6 +127,8 @@ class Trainer:
             "batch": str(self.config.batch),
             "pictures": str(len(self.data)),
             "precision": self.precision,
+            "learning_rate": str(self.config.learning_rate),
+            **self.provenance,
         }
         write_weights(weights, self.average, self.network.config, provenance)
         held: dict[str, Any] = {
@@ -123,6 +138,7 @@ class Trainer:
             "generator": self.generator.get_state(),
             "step_number": self.step_number,
             "total_steps": self.total_steps,
+            "provenance": self.provenance,
         }
         state.parent.mkdir(parents=True, exist_ok=True)
         part = state.with_suffix(".part")
@@ -137,6 +153,7 @@ class Trainer:
         self.optimiser.load_state_dict(held["optimiser"])
         self.generator.set_state(held["generator"].cpu())
         self.step_number, self.total_steps = held["step_number"], held["total_steps"]
+        self.provenance = held["provenance"]
 
 
 def _fit(trainer: Trainer, minutes: float, state: Path, weights: Path, save_every: int) -> None:
@@ -169,9 +186,13 @@ def _arguments() -> argparse.Namespace:
     length.add_argument("--steps", type=int, help="optimiser steps (default: 10000)")
     length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about so long")
     parser.add_argument("--members", type=int, default=240, help="members drawn of each family")
-    parser.add_argument("--pictures", type=int, default=4, help="pictures of each member")
+    parser.add_argument("--pictures", type=int, default=4, help="grids of each member, beside a single view")
     parser.add_argument("--batch", type=int, help="default: 24 on a CPU, 128 on a GPU")
+    parser.add_argument(
+        "--learning-rate", type=float, default=TrainConfig.learning_rate, help="at the top of the cycle"
+    )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--initial", type=Path, help="weights of another edition to start from")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument(
         "--precision",
@@ -180,7 +201,7 @@ def _arguments() -> argparse.Namespace:
         help="of the forward pass",
     )
     parser.add_argument("--threads", type=int, help="CPU threads")
-    parser.add_argument("--cache", type=Path, required=True, help="file that keeps the drawn pictures (about 2 GB)")
+    parser.add_argument("--cache", type=Path, required=True, help="file that keeps the drawn pictures (about 2.4 GB)")
     parser.add_argument("--state", type=Path, help="file that a stopped run goes on from (default: beside the cache)")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="where the weights go (default: the package)")
     parser.add_argument("--save-every", type=int, default=500, help="steps between two writes")
@@ -197,9 +218,10 @@ def main() -> None:
     batch = arguments.batch or (24 if arguments.device == "cpu" else 128)
     trainer = Trainer(
         data,
-        TrainConfig(seed=arguments.seed, batch=batch),
+        TrainConfig(seed=arguments.seed, batch=batch, learning_rate=arguments.learning_rate),
         device=arguments.device,
         precision=arguments.precision,
+        initial=arguments.initial,
     )
     state = arguments.state or arguments.cache.with_suffix(".state.pt")
     if state.is_file():

@@ -18,12 +18,14 @@ __all__ = [
     "OPPOSITES",
     "PARTS",
     "PART_SYNONYMS",
+    "SECOND_EDITION",
     "SIZE",
     "SIZEWISE",
 ]
 
 NOUNS: dict[str, tuple[str, ...]] = {
     "airplane": ("wings",),
+    "bell": ("handle",),
     "boat": ("sail",),
     "bottle": ("neck",),
     "bowl": (),
@@ -39,14 +41,18 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "fish": ("fins", "tail"),
     "giraffe": ("head", "legs", "neck"),
     "goblet": ("stem",),
+    "guitar": ("neck",),
     "hat": ("brim",),
     "heart": (),
     "horse": ("head", "legs", "neck", "tail"),
     "house": ("roof",),
     "lamp": ("shade", "stem"),
     "mushroom": ("cap", "stem"),
+    "octopus": ("arms", "head"),
     "pear": (),
     "penguin": ("head", "wings"),
+    "pig": ("ears", "legs", "nose"),
+    "pineapple": ("leaves",),
     "rabbit": ("ears", "head"),
     "rocket": ("fins",),
     "snowman": ("head", "nose"),
@@ -55,6 +61,7 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "table": ("legs",),
     "tree": ("trunk", "crown"),
     "turtle": ("head", "neck"),
+    "umbrella": ("handle",),
     "vase": ("neck",),
     "whale": ("tail",),
 }
@@ -72,6 +79,7 @@ ADJECTIVES: dict[str, str] = {
     "leaning": "sheared to one side",
     "bent": "curved to one side",
     "tapered": "growing thinner toward the top",
+    "pinched": "narrow at half height",
 }
 """The attributes of the whole shape, which work on every noun, and what each does."""
 
@@ -84,6 +92,7 @@ PARTS: dict[str, tuple[str, str]] = {
     "crown": SIZE,
     "ears": SIZE,
     "fins": SIZE,
+    "handle": LENGTH,
     "head": SIZE,
     "leaves": LENGTH,
     "legs": LENGTH,
@@ -101,15 +110,17 @@ PARTS: dict[str, tuple[str, str]] = {
 
 NOUN_SYNONYMS = {
     "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane",
-    "sailboat": "boat", "ship": "boat", "yacht": "boat",
+    "handbell": "bell", "sailboat": "boat", "ship": "boat", "yacht": "boat",
     "flask": "bottle", "cup": "bowl", "dish": "bowl", "basin": "bowl",
     "automobile": "car", "kitten": "cat", "kitty": "cat", "seat": "chair",
     "dino": "dinosaur", "sauropod": "dinosaur", "brontosaurus": "dinosaur", "diplodocus": "dinosaur",
     "puppy": "dog", "hound": "dog", "bird": "duck", "duckling": "duck",
-    "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "sunhat": "hat", "fedora": "hat",
-    "pony": "horse", "foal": "horse", "home": "house", "hut": "house", "cottage": "house",
-    "toadstool": "mushroom", "bunny": "rabbit", "hare": "rabbit", "spaceship": "rocket", "missile": "rocket",
-    "couch": "sofa", "settee": "sofa", "starfish": "star", "desk": "table", "tortoise": "turtle", "urn": "vase",
+    "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "ukulele": "guitar",
+    "sunhat": "hat", "fedora": "hat", "pony": "horse", "foal": "horse", "home": "house", "hut": "house",
+    "cottage": "house", "toadstool": "mushroom", "piglet": "pig", "hog": "pig", "ananas": "pineapple",
+    "bunny": "rabbit", "hare": "rabbit", "spaceship": "rocket", "missile": "rocket",
+    "couch": "sofa", "settee": "sofa", "starfish": "star", "desk": "table", "tortoise": "turtle",
+    "parasol": "umbrella", "brolly": "umbrella", "urn": "vase",
 }  # fmt: skip
 ADJECTIVE_SYNONYMS = {
     "high": "tall", "low": "short", "squat": "short", "stubby": "short",
@@ -119,6 +130,7 @@ ADJECTIVE_SYNONYMS = {
     "flattened": "flat", "squashed": "flat", "spiral": "twisted", "twisting": "twisted",
     "tilted": "leaning", "slanted": "leaning", "sloping": "leaning",
     "curved": "bent", "crooked": "bent", "bowed": "bent", "pointed": "tapered", "tapering": "tapered",
+    "waisted": "pinched", "cinched": "pinched", "hourglass": "pinched",
 }  # fmt: skip
 DEGREE_SYNONYMS = {
     "long": "long", "tall": "long", "high": "long",
@@ -127,15 +139,21 @@ DEGREE_SYNONYMS = {
     "small": "small", "little": "small", "tiny": "small", "narrow": "small",
 }  # fmt: skip
 PART_SYNONYMS = {
-    "arm": "arms", "branch": "arms", "branches": "arms", "backrest": "back", "top": "cap", "foliage": "crown",
-    "canopy": "crown", "ear": "ears", "fin": "fins", "leaf": "leaves", "leg": "legs", "lampshade": "shade",
+    "arm": "arms", "tentacle": "arms", "tentacles": "arms", "branch": "arms", "branches": "arms",
+    "backrest": "back", "top": "cap", "foliage": "crown", "canopy": "crown",
+    "ear": "ears", "fin": "fins", "leaf": "leaves", "leg": "legs", "lampshade": "shade",
     "wing": "wings", "flippers": "wings", "stalk": "stem", "face": "head",
+    "handles": "handle", "grip": "handle", "shaft": "handle", "snout": "nose",
 }  # fmt: skip
 LENGTHWISE = {"big": "long", "small": "short"}
 SIZEWISE = {"long": "big", "short": "small"}
 FILLERS = frozenset({"a", "an", "the", "and", "with", "has", "having", "that", "its", "very", "of", "some", "one"})
 
 OPPOSITES = tuple(
-    frozenset(words) for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"))
+    frozenset(words)
+    for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"), ("fat", "pinched"))
 )
 """Adjectives that no shape has together."""
+
+SECOND_EDITION = frozenset({"bell", "guitar", "octopus", "pig", "pineapple", "umbrella", "pinched", "handle"})
+"""The words that the first edition of the weights did not have; without them the token order is the first edition's."""

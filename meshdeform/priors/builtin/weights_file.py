@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
 
-__all__ = ["WEIGHTS", "file_sha256", "read_network", "write_weights"]
+__all__ = ["WEIGHTS", "file_sha256", "read_network", "read_tensors", "vocabulary_hash", "write_weights"]
 
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
 _ADVICE = (
@@ -26,9 +26,9 @@ _ADVICE = (
 )
 
 
-def vocabulary_hash() -> str:
-    """Hash of the token numbering: weights of another numbering would read every prompt wrongly."""
-    return hashlib.sha256(" ".join(VOCABULARY).encode()).hexdigest()[:16]
+def vocabulary_hash(words: Sequence[str] | None = None) -> str:
+    """Hash of a token numbering (this grammar's): weights of another numbering would read every prompt wrongly."""
+    return hashlib.sha256(" ".join(VOCABULARY if words is None else words).encode()).hexdigest()[:16]
 
 
 def file_sha256(path: Path) -> str:
@@ -44,6 +44,7 @@ def write_weights(path: Path, state: Mapping[str, Tensor], config: ModelConfig, 
         **provenance,
         "config": json.dumps(asdict(config)),
         "vocabulary": vocabulary_hash(),
+        "words": " ".join(VOCABULARY),
     }
     part = path.with_suffix(".part")
     save_file({name: tensor.detach().to(torch.float16).contiguous() for name, tensor in state.items()}, part, metadata)
@@ -59,6 +60,24 @@ def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
     ModelError
         No such file, not safetensors, or weights of another grammar.
     """
+    state, metadata = read_tensors(path)
+    if metadata.get("vocabulary") != vocabulary_hash():
+        raise ModelError(f"The weights in {path} were trained for another vocabulary.", advice=_ADVICE)
+    config = json.loads(metadata["config"])
+    network = PriorNetwork(ModelConfig(**{**config, "channels": tuple(config["channels"])}))
+    network.load_state_dict(state)
+    network.eval().requires_grad_(requires_grad=False)
+    return network.to(memory_format=torch.channels_last), metadata  # type: ignore[call-overload]
+
+
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """The tensors in float32 and the metadata of a file of weights, of whatever vocabulary.
+
+    Raises
+    ------
+    ModelError
+        No such file, or not safetensors.
+    """
     if not path.is_file():
         raise ModelError(
             f"The builtin prior's weights are missing: there is no {path.name} in {path.parent}.", advice=_ADVICE
@@ -69,10 +88,4 @@ def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 (not a dict)
     except SafetensorError as error:
         raise ModelError(f"The builtin prior's weights in {path} cannot be read: {error}.", advice=_ADVICE) from error
-    if metadata.get("vocabulary") != vocabulary_hash():
-        raise ModelError(f"The weights in {path} were trained for another vocabulary.", advice=_ADVICE)
-    config = json.loads(metadata["config"])
-    network = PriorNetwork(ModelConfig(**{**config, "channels": tuple(config["channels"])}))
-    network.load_state_dict(state)
-    network.eval().requires_grad_(requires_grad=False)
-    return network.to(memory_format=torch.channels_last), metadata  # type: ignore[call-overload]
+    return state, metadata

@@ -80,6 +80,17 @@ def test_everything_it_is_told_changes_the_prediction(network: PriorNetwork) -> 
     torch.testing.assert_close(predict(azimuth=370.0), base, atol=1e-4, rtol=1e-4)
 
 
+def test_single_views_are_told_from_grids_picture_by_picture(network: PriorNetwork) -> None:
+    x = torch.randn(1, 3, 128, 128, generator=torch.Generator().manual_seed(1)).expand(2, -1, -1, -1)
+    at, azimuth = torch.tensor([300, 300]), torch.tensor([10.0, 10.0])
+    with torch.no_grad():
+        text = network.text(_tokens("a vase", "a vase"))
+        grids = network(x, at, text, azimuth)
+        mixed = network(x, at, text, azimuth, torch.tensor([False, True]))
+    torch.testing.assert_close(mixed[0], grids[0])
+    assert (mixed[1] - grids[1]).abs().max() > 1e-3
+
+
 def test_padding_does_not_change_a_prompt_and_no_words_have_their_own_vector(network: PriorNetwork) -> None:
     with torch.no_grad():
         together = network.text(_tokens("a vase", "a tall thin vase"))

@@ -5,13 +5,13 @@ import pytest
 import torch
 
 from meshdeform.cameras import fixed_cameras
-from meshdeform.errors import ModelError, ParameterError, VocabularyError
+from meshdeform.errors import ModelError, ParameterError, ShapeError, VocabularyError
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.diffusion import add_noise
 from meshdeform.priors.builtin.families import member
 from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 from meshdeform.shading import Renderer, combine_views
 
@@ -41,6 +41,27 @@ def test_guidance_extrapolates_from_nothing_through_the_prompt(weights: Path) ->
     torch.testing.assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
     other = prior.encode_prompt("a dog")
     torch.testing.assert_close(prior.predict_noise(z_t, at, other, 0.0, cameras), nothing)
+
+
+def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> None:
+    prior = BuiltinPrior(weights=weights)
+    embedding = prior.encode_prompt("a tall vase")
+    z_t = torch.randn(3, 3, 128, 128, generator=torch.Generator().manual_seed(0))
+    at, azimuths = torch.tensor([400, 100, 700]), (20.0, -75.0, 160.0)
+    together = prior.predict_noise(z_t, at, embedding, 3.0, fixed_cameras(azimuths, 10.0))
+    assert together.shape == z_t.shape
+    for k, azimuth in enumerate(azimuths):
+        alone = prior.predict_noise(z_t[k : k + 1], at[k : k + 1], embedding, 3.0, fixed_cameras((azimuth,), 10.0))
+        torch.testing.assert_close(together[k : k + 1], alone, atol=1e-3, rtol=1e-3)
+    turned = prior.predict_noise(z_t, at, embedding, 3.0, fixed_cameras((20.0, -75.0, 0.0), 10.0))
+    torch.testing.assert_close(turned[:2], together[:2], atol=1e-3, rtol=1e-3)
+    assert (turned[2] - together[2]).abs().max() > 1e-3
+    four = fixed_cameras(20.0, 10.0)
+    grid = prior.predict_noise(z_t[:1], at[:1], embedding, 3.0, four)
+    assert (grid - together[:1]).abs().max() > 1e-3
+    with pytest.raises(ShapeError, match="3 pictures and 4 cameras"):
+        prior.predict_noise(z_t, at, embedding, 3.0, four)
+    assert (prior.single_style.view_size, 2 * prior.style.view_size) == (SINGLE_STYLE.view_size, 128)
 
 
 def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> None:

@@ -3,15 +3,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 
-from meshdeform.cameras import fixed_cameras
-from meshdeform.priors.builtin import dataset, sample, train, weights_file
-from meshdeform.priors.builtin.dataset import PictureSet, draw_prompt, pictures
+from meshdeform.cameras import CameraRange, fixed_cameras
+from meshdeform.errors import ModelError
+from meshdeform.priors.builtin import dataset, sample, train, warm_start, weights_file
+from meshdeform.priors.builtin.dataset import PictureSet, draw_prompt, pictures, single_views
 from meshdeform.priors.builtin.families import member
-from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, parse, tokenise
+from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, parse, tokenise
+from meshdeform.priors.builtin.held_out import held_out_pairs, is_held_out
 from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.train import TrainConfig, Trainer
+from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 from meshdeform.shading import Renderer, combine_views
 
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
@@ -20,14 +24,16 @@ SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 @pytest.fixture(scope="module")
 def tiny() -> PictureSet:
     generator = torch.Generator().manual_seed(0)
-    images, tokens, azimuth = [], [], []
+    images, tokens, azimuth, single = [], [], [], []
     for noun in ("vase", "star"):
         shape = member(noun, (), np.random.default_rng(0))
-        drawn, angles = pictures(shape, 3, generator)
-        images.append(drawn)
-        azimuth.append(angles)
+        for count, draw in ((2, pictures), (1, single_views)):
+            drawn, angles = draw(shape, count, generator)
+            images.append(drawn)
+            azimuth.append(angles)
+            single += [draw is single_views] * count
         tokens += [tokenise(parse(noun))] * 3
-    return PictureSet(torch.cat(images), torch.tensor(tokens), torch.cat(azimuth))
+    return PictureSet(torch.cat(images), torch.tensor(tokens), torch.cat(azimuth), torch.tensor(single))
 
 
 @pytest.fixture
@@ -50,6 +56,29 @@ def test_a_picture_is_what_the_deformer_renders() -> None:
     assert abs(images[0].float().div(255).mean() - fixed.mean()) < 0.05
 
 
+def test_a_single_view_is_one_camera_s_at_the_azimuth_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dataset, "CAMERAS", CameraRange(15.0, 15.0, 40.0, 40.0))
+    shape = member("giraffe", (), np.random.default_rng(0))
+    images, azimuth = single_views(shape, 2, torch.Generator().manual_seed(5))
+    renderer = Renderer(torch.from_numpy(shape.faces), len(shape.verts), SINGLE_STYLE)
+    for image, angle in zip(images, azimuth, strict=True):
+        view = renderer.render(torch.from_numpy(shape.verts), fixed_cameras((float(angle),), 15.0, 40.0))[0]
+        torch.testing.assert_close(image.float() / 255, view.permute(2, 0, 1), atol=0.02, rtol=0.0)
+
+
+def test_drawn_prompts_never_have_what_is_held_out_unless_asked() -> None:
+    rng = np.random.default_rng(1)
+    drawn = {(noun, a) for noun in NOUNS for _ in range(150) for a in draw_prompt(noun, rng).attributes}
+    assert not drawn & set(held_out_pairs())
+    every = {
+        (noun, a)
+        for noun in ("pig", "bell")
+        for _ in range(300)
+        for a in draw_prompt(noun, rng, held_out=True).attributes
+    }
+    assert any(is_held_out(noun, attribute) for noun, attribute in every)
+
+
 def test_drawn_prompts_are_mostly_plain_and_never_contradict_themselves() -> None:
     rng = np.random.default_rng(0)
     prompts = [draw_prompt(noun, rng) for noun in NOUNS for _ in range(60)]
@@ -67,12 +96,14 @@ def test_a_drawn_set_is_the_same_again_and_its_cache_gives_it_back(
     first = PictureSet.drawn(members=1, pictures_each=2, seed=3)
     kept = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 3)
     read = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 3)
-    assert len(first) == 4
+    assert first.single.tolist() == [False, False, True] * 2
     for other in (kept, read):
         assert torch.equal(first.images, other.images)
         assert torch.equal(first.tokens, other.tokens)
         assert torch.equal(first.azimuth_deg, other.azimuth_deg)
-    assert not torch.equal(first.images, PictureSet.drawn(members=1, pictures_each=2, seed=4).images)
+        assert torch.equal(first.single, other.single)
+    other_seed = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 4)
+    assert not torch.equal(first.images, other_seed.images)
 
 
 @pytest.mark.usefixtures("small_network")
@@ -143,3 +174,73 @@ def test_samples_are_pictures_and_the_same_for_the_same_seed() -> None:
     assert 0 <= float(first.min()) <= float(first.max()) <= 1
     sheet = sample.contact_sheet([first, first], ["one", "two"])
     assert sheet.size == (2 * 128 + 6, 2 * (128 + 18))
+
+
+@pytest.fixture
+def older(tmp_path: Path) -> Path:
+    """Weights of a network with fewer words, in another order, and without single views."""
+    torch.manual_seed(3)
+    state = PriorNetwork(SMALL).state_dict()
+    state = {name: torch.randn_like(tensor) * 0.2 if not tensor.any() else tensor for name, tensor in state.items()}
+    words = [word for word in reversed(VOCABULARY) if word not in ("pig", "pinched")]
+    del state["single"], state["single_place"]
+    state["text.word.weight"] = torch.randn(len(words), SMALL.text_width).half().float()
+    path = tmp_path / "older.safetensors"
+    save_file({name: tensor.half() for name, tensor in state.items()}, path, {"words": " ".join(words)})
+    return path
+
+
+def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None:
+    network = PriorNetwork(SMALL)
+    assert warm_start.warm_start(network, older, torch.Generator()) == ("single", "single_place")
+    held, metadata = weights_file.read_tensors(older)
+    words = metadata["words"].split()
+    rows = network.text.word.weight.detach()
+    for number, word in enumerate(VOCABULARY):
+        if word in words:
+            assert torch.equal(rows[number], held["text.word.weight"][words.index(word)]), word
+    nouns = torch.stack([rows[VOCABULARY.index(noun)] for noun in NOUNS if noun != "pig"])
+    away = rows[VOCABULARY.index("pig")] - nouns.mean(0)
+    assert 0 < float(away.abs().mean()) < 0.5 * float(nouns.std(0).mean())
+    for name, tensor in network.state_dict().items():
+        if name in held and name != "text.word.weight":
+            assert torch.equal(tensor, held[name]), name
+    # What a single view adds is zero until it is trained.
+    x, at, azimuth = torch.randn(1, 3, 128, 128), torch.tensor([300]), torch.tensor([20.0])
+    text = network.text(torch.tensor([tokenise(parse("a tall vase"))]))
+    torch.testing.assert_close(network(x, at, text, azimuth), network(x, at, text, azimuth, torch.tensor([True])))
+
+
+def test_a_run_starts_from_older_weights_and_says_so(
+    tiny: PictureSet, older: Path, tmp_path: Path, small_network: None
+) -> None:
+    trainer = Trainer(tiny, TrainConfig(batch=3), device="cpu", precision="fp32", initial=older)
+    held, _ = weights_file.read_tensors(older)
+    assert torch.equal(trainer.network.out.weight, held["out.weight"])
+    assert torch.equal(trainer.average["out.weight"], held["out.weight"])
+    trainer.total_steps = 2
+    trainer.step()
+    trainer.step()
+    assert trainer.network.single.abs().max() > 0
+    trainer.save(tmp_path / "state.pt", tmp_path / "prior.safetensors")
+    _, metadata = weights_file.read_network(tmp_path / "prior.safetensors")
+    assert metadata["initial"] == weights_file.file_sha256(older)
+    assert metadata["words"].split() == list(VOCABULARY)
+
+
+def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused(older: Path, tmp_path: Path) -> None:
+    first = [word for word in VOCABULARY if word not in SECOND_EDITION]
+    held, _ = weights_file.read_tensors(older)
+    held["text.word.weight"] = torch.randn(len(first), SMALL.text_width)
+    path = tmp_path / "first.safetensors"
+    save_file(held, path, {"vocabulary": "f5c2dc7550895897"})
+    network = PriorNetwork(SMALL)
+    warm_start.warm_start(network, path, torch.Generator())
+    assert torch.equal(
+        network.text.word.weight[VOCABULARY.index("whale")], held["text.word.weight"][first.index("whale")]
+    )
+    save_file(held, path, {"vocabulary": "0"})
+    with pytest.raises(ModelError, match="vocabulary"):
+        warm_start.warm_start(PriorNetwork(SMALL), path, torch.Generator())
+    with pytest.raises(ModelError, match="other sizes"):
+        warm_start.warm_start(PriorNetwork(), older, torch.Generator())

@@ -101,6 +101,8 @@ def test_attributes_of_the_whole_do_what_they_say(noun: str, word: str) -> None:
             assert _spread(shape, top=True) / _spread(shape, top=False) < 0.8 * (
                 _spread(plain, top=True) / _spread(plain, top=False)
             )
+        case "pinched":
+            assert _waist(shape) < 0.7 * _waist(plain)
         case "twisted":
             assert np.abs(shape.verts - plain.verts).max() > 0.15
 
@@ -115,6 +117,16 @@ def _spread(shape: Part, *, top: bool) -> float:
     height = (shape.verts[:, 1] - shape.verts[:, 1].min()) / np.ptp(shape.verts[:, 1])
     quarter = shape.verts[height > 0.75] if top else shape.verts[height < 0.25]
     return float(np.linalg.norm(quarter[:, [0, 2]], axis=1).max())
+
+
+def _waist(shape: Part) -> float:
+    """Girth at half height over that at the top and the bottom: largest distances from the axis."""
+    # Points along the edges: not every shape has a vertex at half height.
+    start, end = shape.verts[shape.faces], shape.verts[np.roll(shape.faces, -1, axis=1)]
+    points = np.concatenate([start + t * (end - start) for t in np.linspace(0, 1, 20)]).reshape(-1, 3)
+    height = (points[:, 1] - points[:, 1].min()) / np.ptp(points[:, 1])
+    away = np.linalg.norm(points[:, [0, 2]], axis=1)
+    return float(away[np.abs(height - 0.5) < 0.12].max() / away[np.abs(height - 0.5) > 0.35].max())
 
 
 @pytest.mark.parametrize("noun", [noun for noun, own in NOUNS.items() if own])

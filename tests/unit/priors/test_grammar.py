@@ -38,6 +38,9 @@ from meshdeform.priors.builtin.grammar import (
         ("a table with tall legs", ("table", "long", "legs")),
         ("an elephant with a long trunk", ("elephant", "long", "trunk")),
         ("a bunny with huge ears", ("rabbit", "big", "ears")),
+        ("octopi with huge tentacles", ("octopus", "long", "arms")),
+        ("a piglet with a big snout", ("pig", "long", "nose")),
+        ("a waisted umbrella with a long shaft", ("umbrella", "pinched", "whole", "long", "handle")),
         ("a fat house with a high roof", ("house", "fat", "whole", "big", "roof")),
     ],
 )
@@ -128,10 +131,12 @@ def test_every_synonym_leads_to_a_word_that_is_known() -> None:
 
 
 def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
-    assert len(NOUNS) >= 24
-    assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) >= 8
+    assert len(NOUNS) == 40
+    assert list(NOUNS) == sorted(NOUNS)
+    assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) == 12
     assert len(VOCABULARY) == len(set(VOCABULARY))
     assert str(Attribute("neck", "long")) == "long neck"
+    assert set(VOCABULARY) >= vocabulary.SECOND_EDITION
 
 
 def test_the_grammar_needs_neither_torch_nor_numpy() -> None:

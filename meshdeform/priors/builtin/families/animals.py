@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshdeform.priors.builtin.families.parts import Part, ellipsoid, join, limb, pair
+from meshdeform.priors.builtin.families.parts import Part, ellipsoid, join, lathe, limb, moved, pair, turned
 from meshdeform.priors.builtin.families.traits import Rng, Traits
 
-__all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse"]
+__all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 
 
 @dataclass(frozen=True)
@@ -141,4 +141,27 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, body.height + 0.02, -half - 0.1])
     tip = rump + [0, -0.16 - 0.16 * tail, -0.25 - tail]
     parts.append(limb([rump, (rump + tip) / 2 + [0, -0.06, 0], tip], [0.28, 0.15, 0.06]))
+    return join(parts)
+
+
+def pig(rng: Rng, traits: Traits) -> Part:
+    """A round barrel on short legs, a snout that ends in a disc, pointed ears, a curl of a tail."""
+    leg = traits.draw(rng, "legs", (0.03, 0.06), (0.22, 0.28), (0.75, 0.95))
+    ears = traits.draw(rng, "ears", (0.03, 0.06), (0.17, 0.22), (0.46, 0.56))
+    nose = traits.draw(rng, "nose", (0.02, 0.05), (0.16, 0.22), (0.6, 0.75))
+    body = _Body(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
+    skull = np.array([0.0, body.height + 0.12, body.length / 2 + body.radius * 0.8])
+    parts = body.parts()
+    parts.append(ellipsoid(skull, [0.31, 0.3, 0.29]))
+    wide = rng.uniform(0.155, 0.18)
+    disc = lathe([(wide * 0.85, 0.0), (wide * 0.88, 0.16 + nose), (wide, 0.18 + nose), (wide * 0.9, 0.26 + nose)])
+    parts.append(moved(turned(disc, 90, "x"), skull + [0, -0.07, 0.02]))
+    ear = skull + [0.17, 0.18, -0.04]
+    parts += pair(
+        limb([ear, ear + [0.05 + 0.25 * ears, 0.08 + ears, 0.06]], [[0.12, 0.07], [0.04, 0.035]], segments=10)
+    )
+    rump = np.array([0.0, body.height + 0.12, -body.length / 2 - body.radius * 0.85])
+    turn = np.linspace(0.0, 2 * np.pi, 7)
+    curl = [rump + [0.11 * np.sin(t), 0.11 * (1 - np.cos(t)), -0.05 - 0.028 * t] for t in turn]
+    parts.append(limb(curl, np.linspace(0.06, 0.045, 7), segments=8, samples=3))
     return join(parts)

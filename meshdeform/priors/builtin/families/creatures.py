@@ -7,7 +7,7 @@ import numpy as np
 from meshdeform.priors.builtin.families.parts import Part, ellipsoid, extrude, join, limb, moved, pair, turned
 from meshdeform.priors.builtin.families.traits import Rng, Traits
 
-__all__ = ["cat", "duck", "fish", "penguin", "rabbit", "turtle", "whale"]
+__all__ = ["cat", "duck", "fish", "octopus", "penguin", "rabbit", "turtle", "whale"]
 
 
 def cat(rng: Rng, traits: Traits) -> Part:
@@ -138,4 +138,22 @@ def turtle(rng: Rng, traits: Traits) -> Part:
     parts.append(limb([front, skull], [0.16, 0.13]))
     parts.append(ellipsoid(skull, [head * 0.9, head * 0.9, head * 1.1], rings=10))
     parts.append(limb([[0, 0.25, -shell * 0.9], [0, 0.18, -shell * 1.3]], [0.1, 0.05], segments=8))
+    return join(parts)
+
+
+def octopus(rng: Rng, traits: Traits) -> Part:
+    """A bulb of a head with two eyes in front, on eight arms that spread and curl up at their tips."""
+    head = traits.draw(rng, "head", (0.2, 0.24), (0.42, 0.5), (0.85, 1.0))
+    arms = traits.draw(rng, "arms", (0.05, 0.12), (0.62, 0.76), (1.4, 1.65))
+    waist = rng.uniform(0.26, 0.3)
+    parts = [ellipsoid([0, 0.26, 0], [waist * 1.15, 0.24, waist * 1.15], rings=10)]
+    skull = np.array([0.0, 0.34 + head * 1.05, -0.08 * head])
+    parts.append(limb([np.array([0.0, 0.26, 0.0]), skull], [waist * 0.9, 0.55 * head + 0.08]))
+    parts.append(ellipsoid(skull, [head * 0.9, head * 1.15, head * 0.95]))
+    parts += pair(ellipsoid([0.16 + 0.1 * head, 0.44, waist * 0.85], 0.11, rings=8))
+    for eighth in range(8):
+        reach = arms * rng.uniform(0.92, 1.08)
+        out = [0.15, 0.3 + 0.45 * reach, 0.34 + 0.85 * reach, 0.36 + 1.05 * reach]
+        path = np.stack([np.zeros(4), [0.2, 0.11, 0.09, 0.12 + 0.28 * reach], out], 1)
+        parts.append(turned(limb(path, [0.15, 0.115, 0.085, 0.05], segments=10, samples=4), 22.5 + 45 * eighth, "y"))
     return join(parts)

@@ -7,7 +7,7 @@ import numpy as np
 from meshdeform.priors.builtin.families.parts import Part, ellipsoid, join, lathe, limb, moved, turned
 from meshdeform.priors.builtin.families.traits import Rng, Traits
 
-__all__ = ["cactus", "carrot", "mushroom", "pear", "tree"]
+__all__ = ["cactus", "carrot", "mushroom", "pear", "pineapple", "tree"]
 
 
 def mushroom(rng: Rng, traits: Traits) -> Part:
@@ -87,3 +87,25 @@ def tree(rng: Rng, traits: Traits) -> Part:
         lift = middle + crown * rng.uniform(-0.3, 0.3)
         clumps.append(moved(turned(clump, start + 72 * fifth, "y"), [0, lift, 0]))
     return join([stem, *clumps])
+
+
+def pineapple(rng: Rng, traits: Traits) -> Part:
+    """A barrel of a fruit, all knobs, under a tuft of leaves that bow outward."""
+    girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.1, 1.25)
+    leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.5, 0.64), (1.15, 1.4))
+    turn = np.linspace(0.0, np.pi, 33)
+    flesh = lathe(np.stack([girth * np.sin(turn) ** 0.7, height * (1 - np.cos(turn)) / 2], 1), segments=48)
+    x, y, z = flesh.verts.T
+    around = np.arctan2(x, z)
+    # Two crossing families of spirals.
+    knobs = 1 + 0.06 * np.cos(5 * around + 13 * y / height) * np.cos(5 * around - 13 * y / height)
+    parts = [Part(np.stack([x * knobs, y, z * knobs], 1), flesh.faces)]
+    start = rng.uniform(0, 72)
+    for ring, (count, spread, length) in enumerate(((6, 0.62, 0.75), (5, 0.28, 1.0))):
+        for number in range(count):
+            reach = length * leaf
+            path = [[0, height - 0.06, 0.1], [0, height + 0.6 * reach, 0.12 + 0.35 * spread * reach]]
+            path.append([0, height + reach, 0.14 + spread * reach])
+            blade = limb(path, [[0.1, 0.06], [0.1, 0.05], [0.04, 0.035]], segments=8)
+            parts.append(turned(blade, start + 30 * ring + 360 * number / count, "y"))
+    return join(parts)

@@ -1,4 +1,4 @@
-"""A hat, a heart, a house, a snowman and a star."""
+"""A guitar, a hat, a heart, a house, a snowman and a star."""
 
 from __future__ import annotations
 
@@ -7,7 +7,29 @@ import numpy as np
 from meshdeform.priors.builtin.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, pair
 from meshdeform.priors.builtin.families.traits import Rng, Traits
 
-__all__ = ["hat", "heart", "house", "snowman", "star"]
+__all__ = ["guitar", "hat", "heart", "house", "snowman", "star"]
+
+
+def guitar(rng: Rng, traits: Traits) -> Part:
+    """A guitar standing upright, its strings toward +Z: a waisted body, a neck, a head with six pegs."""
+    low, high, waist = rng.uniform(0.48, 0.54), rng.uniform(0.34, 0.38), rng.uniform(0.24, 0.28)
+    height, deep = rng.uniform(1.1, 1.22), rng.uniform(0.24, 0.3)
+    neck = traits.draw(rng, "neck", (0.1, 0.16), (0.75, 0.9), (1.6, 1.85))
+    turn = np.linspace(0.0, np.pi, 25)[1:-1]
+    share = (1 - np.cos(turn)) / 2
+    bout = low + (high - low) / (1 + np.exp(-(share - 0.5) * 16))
+    side = (bout - (bout - waist) * np.exp(-(((share - 0.6) / 0.16) ** 2))) * np.sin(turn) ** 0.55
+    right = list(zip(side, height * share, strict=True))
+    outline = [(0.0, 0.0), *right, (0.0, height), *[(-x, y) for x, y in reversed(right)]]
+    parts = [extrude(outline, deep, bevel=0.15)]
+    face, top = deep / 2, height + neck
+    parts.append(box([0, height * 0.25, face], [0.34, 0.09, 0.1], cells=4))
+    parts.append(ellipsoid([0, height * 0.56, face], [0.13, 0.13, 0.05], rings=8))
+    parts.append(box([0, (height * 0.6 + top) / 2, face], [0.15, top - height * 0.6, 0.13], cells=12))
+    parts.append(box([0, top + 0.14, face - 0.02], [0.26, 0.36, 0.12]))
+    for level in (0.04, 0.14, 0.24):
+        parts += pair(limb([[0.1, top + level, face], [0.2, top + level, face]], [0.045, 0.05], segments=8, samples=3))
+    return join(parts)
 
 
 def hat(rng: Rng, traits: Traits) -> Part:

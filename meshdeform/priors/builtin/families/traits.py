@@ -128,6 +128,13 @@ def _tapered(verts: Array, rng: Rng) -> Array:
     return verts * np.stack([scale, np.ones_like(scale), scale], 1)
 
 
+def _pinched(verts: Array, rng: Rng) -> Array:
+    # A bell curve about half height: the ends keep their girth, so that it is no thin shape.
+    waist = np.exp(-(((_height(verts) - 0.5) / 0.2) ** 2))
+    scale = 1.1 - rng.uniform(0.62, 0.72) * waist
+    return verts * np.stack([scale, np.ones_like(scale), scale], 1)
+
+
 WHOLE: dict[str, Callable[[Array, Rng], Array]] = {
     "tall": _tall,
     "short": _short,
@@ -137,6 +144,7 @@ WHOLE: dict[str, Callable[[Array, Rng], Array]] = {
     "long": _long,
     "flat": _flat,
     "tapered": _tapered,
+    "pinched": _pinched,
     "twisted": _twisted,
     "bent": _bent,
     "leaning": _leaning,
