@@ -1,4 +1,4 @@
-"""The command line: `meshdeform run | serve | api | worker | keys | version`.
+"""The command line: `meshdeform run | eval | serve | api | worker | keys | version`.
 
 Nothing heavy is imported before a command needs it, so `--help` answers at once. Every expected error is one line and
 its advice on standard error; the exit code says what kind it was (`meshdeform.commands.exits`).
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import typer
 
+from meshdeform.commands.evaluate import evaluate
 from meshdeform.commands.keys import keys
 from meshdeform.commands.run import run
 from meshdeform.commands.servers import api, serve, worker
@@ -25,6 +26,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(run)
+app.command("eval")(evaluate)
 app.command()(serve)
 app.command()(api)
 app.command()(worker)

@@ -29,9 +29,10 @@ _FAR = 4.0
 def geodesic_sphere(frequency: int) -> TriangleMesh:
     """The unit sphere of 20 `frequency`^2 triangles: each face of the icosahedron cut into `frequency`^2."""
     base, n = icosphere(0), frequency
-    points, faces = [], []
+    points: list[Tensor] = []
+    faces: list[tuple[int, int, int]] = []
     for a, b, c in base.verts[base.faces]:
-        first = sum(len(part) for part in points)
+        first = len(points) * (n + 1) * (n + 2) // 2
         rows = [[first + i * (i + 1) // 2 + j for j in range(i + 1)] for i in range(n + 1)]
         points.append(torch.stack([a * (n - i) + b * (i - j) + c * j for i in range(n + 1) for j in range(i + 1)]) / n)
         for i in range(n):
@@ -50,7 +51,8 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
 
     def value(points: Tensor) -> Tensor:
         along = (((points - a) @ axis) / (axis @ axis)).clamp(0, 1)
-        return (points - a - along[:, None] * axis).norm(dim=1) - (thick + (thin - thick) * along)
+        distance: Tensor = (points - a - along[:, None] * axis).norm(dim=1)
+        return distance - (thick + (thin - thick) * along)
 
     return value
 

@@ -1,0 +1,166 @@
+"""One item of the benchmark: deform, measure, judge, draw, and keep all of it in a folder of its own.
+
+::
+
+    items/sphere--a-giraffe--seed0/
+        steps-000600.ply    the shape, in the source's own frame
+        steps-000600.png    its picture
+        record.json         everything that was found; written last, so an item with a record is whole
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from meshdeform.atomic_files import write_files
+from meshdeform.deform import Deformation
+from meshdeform.evaluation.clip_judge import ClipJudge
+from meshdeform.evaluation.measures import measures
+from meshdeform.evaluation.mesh_file import read_ply, write_ply
+from meshdeform.evaluation.picture import picture_png
+from meshdeform.evaluation.plan import Plan
+from meshdeform.evaluation.retrieval import ShapeJudge, judgement, load_judge
+from meshdeform.evaluation.suite import Item
+from meshdeform.frame import Frame
+from meshdeform.kinds.text_guidance import score_distillation
+from meshdeform.mesh import TriangleMesh
+from meshdeform.priors import load_prior
+from meshdeform.priors.base import Prior
+
+__all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path"]
+
+_RECORD = "record.json"
+
+
+def item_folder(folder: Path, item: Item) -> Path:
+    """Where an item's files lie."""
+    return folder / "items" / item.name
+
+
+def source_path(folder: Path, name: str) -> Path:
+    """Where a source's mesh lies."""
+    return folder / "sources" / f"{name}.ply"
+
+
+def read_record(folder: Path, item: Item) -> dict[str, Any] | None:
+    """What was found about an item; None where it was not done."""
+    try:
+        found: dict[str, Any] = json.loads((item_folder(folder, item) / _RECORD).read_text())
+    except FileNotFoundError:
+        return None
+    return found
+
+
+def failed_record(folder: Path, item: Item, error: str, detail: str) -> dict[str, Any]:
+    """Write down that an item failed, and why; the next run tries it again."""
+    place = item_folder(folder, item)
+    place.mkdir(parents=True, exist_ok=True)
+    record = {**_head(item), "failed": {"error": error, "detail": detail}, "states": []}
+    write_files({place / _RECORD: _json(record)})
+    return record
+
+
+class Evaluator:
+    """Does the items of a plan in this process, with one torch thread; models are loaded once.
+
+    Parameters
+    ----------
+    plan : Plan
+    deforms : bool
+        Whether items will be deformed; only judging needs no prior.
+
+    Attributes
+    ----------
+    prior, judge, clip
+        None where there is none.
+
+    Raises
+    ------
+    ModelError, ParameterError, DependencyError
+        A model cannot be had.
+    """
+
+    def __init__(self, plan: Plan, *, deforms: bool = True) -> None:
+        torch.set_num_threads(1)
+        self._plan = plan
+        self.prior: Prior | None = None
+        if deforms:
+            self.prior = load_prior(plan.params.model, device=plan.device, revision=plan.revision)
+        self.judge: ShapeJudge | None = load_judge(plan.judge)
+        self.clip = ClipJudge(Path(plan.clip), device=plan.device) if plan.clip else None
+
+    def evaluate(self, item: Item) -> dict[str, Any]:
+        """Deform and assess one item, and keep its files; an item that fails gets a record that says so."""
+        try:
+            return self._keep(item, *self._deform(item))
+        except Exception as error:  # one broken item must not cost the others
+            return failed_record(self._plan.folder, item, type(error).__name__, traceback.format_exc())
+
+    def rejudge(self, item: Item) -> dict[str, Any] | None:
+        """Assess an item's kept shapes anew; None where it has none."""
+        old = read_record(self._plan.folder, item)
+        if old is None or old["failed"]:
+            return old
+        place = item_folder(self._plan.folder, item)
+        shapes = {s["steps"]: read_ply((place / _file(s["steps"], "ply")).read_bytes()) for s in old["states"]}
+        return self._keep(item, self._source(item), shapes, old["step_s_median"])
+
+    def _source(self, item: Item) -> TriangleMesh:
+        return read_ply(source_path(self._plan.folder, item.source).read_bytes())
+
+    def _deform(self, item: Item) -> tuple[TriangleMesh, dict[int, TriangleMesh], float]:
+        """The source, its shape after each of the plan's steps, and the median seconds of a step."""
+        assert self.prior is not None
+        params = self._plan.params.model_copy(update={"seed": item.seed})
+        rest = self._source(item)
+        frame = Frame.around(rest.verts)
+        guidance = score_distillation(self.prior, item.prompt, params)
+        deformation = Deformation(frame.place(rest), guidance, params, device=self._plan.device)
+        shapes, seconds = {}, []
+        before = time.perf_counter()
+        for step in deformation:
+            seconds.append(time.perf_counter() - before)
+            if step.step in self._plan.steps:
+                shapes[step.step] = TriangleMesh(frame.leave(deformation.verts()), rest.faces)
+            before = time.perf_counter()
+        return rest, shapes, statistics.median(seconds)
+
+    def _keep(
+        self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], step_s_median: float
+    ) -> dict[str, Any]:
+        place = item_folder(self._plan.folder, item)
+        place.mkdir(parents=True, exist_ok=True)
+        states = [{"steps": steps, **self._assess(item, rest, shape)} for steps, shape in sorted(shapes.items())]
+        record = {**_head(item), "failed": None, "states": states, "step_s_median": step_s_median}
+        files = {place / _file(steps, "ply"): write_ply(shape) for steps, shape in shapes.items()}
+        files |= {place / _file(steps, "png"): picture_png(shape) for steps, shape in shapes.items()}
+        # Written in this order: where the record is, the rest is as well.
+        write_files({**files, place / _RECORD: _json(record)})
+        return record
+
+    def _assess(self, item: Item, rest: TriangleMesh, shape: TriangleMesh) -> dict[str, Any]:
+        prompts = self._plan.suite.prompts
+        return {
+            "quality": measures(rest, shape),
+            "judge": judgement(self.judge, shape, prompts, item.prompt) if self.judge else None,
+            "clip": self.clip.judgement(shape, prompts, item.prompt) if self.clip else None,
+        }
+
+
+def _head(item: Item) -> dict[str, Any]:
+    return {"source": item.source, "prompt": item.prompt, "seed": item.seed}
+
+
+def _file(steps: int, kind: str) -> str:
+    return f"steps-{steps:06d}.{kind}"
+
+
+def _json(record: dict[str, Any]) -> bytes:
+    return (json.dumps(record, indent=1) + "\n").encode()

@@ -1,0 +1,179 @@
+"""What one run of the benchmark is: everything that decides its results, and the manifest that its folder keeps.
+
+A folder belongs to one plan. What is found there is compared member by member, so that a table never mixes results of
+different parameters, models or code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import meshdeform
+from meshdeform.atomic_files import write_files
+from meshdeform.config import ResolvedParams
+from meshdeform.errors import ParameterError
+from meshdeform.evaluation.sources import mesh_sha256, source_mesh
+from meshdeform.evaluation.suite import Suite
+
+__all__ = ["FORMAT", "Plan", "check_manifest", "code_sha256", "manifest", "plan_of", "read_manifest", "write_manifest"]
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+
+_OTHER_FOLDERS = ("commands", "evaluation", "gltf", "jobs", "storage", "webhooks", "priors/builtin/families")
+_OTHER_FILES = ("priors/builtin/dataset.py", "priors/builtin/train.py", "priors/builtin/sample.py")
+"""What of the package has no part in how a mesh is deformed (a prior's weights have a hash of their own)."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run of the benchmark; travels to the worker processes.
+
+    Attributes
+    ----------
+    suite : Suite
+    params : ResolvedParams
+        Of every deformation, but for the seed.
+    steps : tuple of int
+        After which steps a shape is kept and judged, ascending; the last is `params.steps`.
+    folder : Path
+        Where everything goes.
+    revision : str
+        Of the model, for hub ids.
+    device : str
+    judge : str
+        As in `retrieval.load_judge`.
+    clip : str
+        Folder of a CLIP model, or empty.
+    """
+
+    suite: Suite
+    params: ResolvedParams
+    steps: tuple[int, ...]
+    folder: Path
+    revision: str = ""
+    device: str = "cpu"
+    judge: str = "builtin"
+    clip: str = ""
+
+
+def code_sha256() -> str:
+    """A hash of the package's modules that decide how a mesh is deformed."""
+    root = Path(meshdeform.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        name = path.relative_to(root).as_posix()
+        if name not in _OTHER_FILES and not name.startswith(tuple(f"{folder}/" for folder in _OTHER_FOLDERS)):
+            digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dict[str, Any]) -> dict[str, Any]:
+    """Everything that decides the results: of the deformation, and of who judges it."""
+    suite = plan.suite
+    params = plan.params.model_dump(mode="json", exclude={"seed", "checkpoint_every_steps"})
+    sources = {
+        name: {
+            "faces": len(source_mesh(name).faces),
+            "vertices": len(source_mesh(name).verts),
+            "sha256": mesh_sha256(source_mesh(name)),
+        }
+        for name in suite.sources
+    }
+    return {
+        "format": FORMAT,
+        "suite": suite.name,
+        "prompts": list(suite.prompts),
+        "seeds": list(suite.seeds),
+        "sources": sources,
+        "steps": list(plan.steps),
+        "params": params,
+        "prior": prior,
+        "device": plan.device,
+        "code": {"version": meshdeform.__version__, "sha256": code_sha256()},
+        "judge": judge,
+        "clip": clip,
+    }
+
+
+def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, device: str) -> Plan:
+    """The plan behind a manifest, with other judges: what judging anew needs."""
+    suite = Suite(
+        found["suite"],
+        tuple(found["sources"]),
+        tuple(found["prompts"]),
+        tuple(found["seeds"]),
+        found["params"]["preset"],
+    )
+    # Not validated: the parameters may be of an earlier version, and nothing is deformed by them.
+    params = ResolvedParams.model_construct(**found["params"])
+    return Plan(suite, params, tuple(found["steps"]), folder, device=device, judge=judge, clip=clip)
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """The manifest of a folder; None where there is none.
+
+    Raises
+    ------
+    ParameterError
+        It is not one that this version reads.
+    """
+    path = folder / MANIFEST
+    if not path.exists():
+        return None
+    try:
+        found: dict[str, Any] = json.loads(path.read_text())
+    except ValueError as error:
+        raise ParameterError(f"{path} is damaged: {error}.", advice="Choose another folder with --out.") from error
+    if found.get("format") != FORMAT:
+        raise ParameterError(
+            f"{path} is of format {found.get('format')}; this version writes {FORMAT}.",
+            advice="Choose another folder with --out.",
+        )
+    return found
+
+
+def write_manifest(folder: Path, members: dict[str, Any]) -> None:
+    """Write it, whole."""
+    write_files({folder / MANIFEST: (json.dumps(members, indent=2) + "\n").encode()})
+
+
+def check_manifest(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Refuse to go on in the folder of another run.
+
+    Raises
+    ------
+    ParameterError
+        With every member that differs.
+    """
+    old, new = _flat(found), _flat(wanted)
+    names = [name for name in {**new, **old} if old.get(name) != new.get(name)]
+    if not names:
+        return
+    judging = all(name.startswith(("judge.", "clip.")) for name in names)
+    shown = "; ".join(f"{name} ({_short(old.get(name))} there, {_short(new.get(name))} now)" for name in names[:6])
+    raise ParameterError(
+        f"{folder} holds another run, which differs in {shown}{f'; and {len(names) - 6} more' if names[6:] else ''}.",
+        advice="Judge its meshes anew with --rejudge, or choose another folder with --out."
+        if judging
+        else "Choose another folder with --out, or give the options of that run (its manifest.json has them).",
+    )
+
+
+def _flat(members: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in members.items():
+        if isinstance(value, dict):
+            flat.update(_flat(value, f"{prefix}{name}."))
+        else:
+            flat[prefix + name] = value
+    return flat
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

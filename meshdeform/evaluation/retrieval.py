@@ -1,0 +1,115 @@
+"""Does a result show its prompt: retrieval among all prompts of the suite by a judge that had no part in the guidance.
+
+A result is a hit where no other prompt of the suite fits it better (rank 1); chance hits one in as many as there are
+prompts. The share of hits is retrieval precision at 1, R-precision with one relevant prompt a result.
+
+Sources: Park et al. 2021, Benchmark for Compositional Text-to-Image Synthesis (R-precision by CLIP); Jain et al. 2022,
+Dream Fields, section 4 (for shapes made from text); Wilson 1927, Probable inference, the law of succession, and
+statistical inference (the interval of a share).
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+from torch import Tensor
+
+from meshdeform.errors import ParameterError
+from meshdeform.mesh import TriangleMesh
+from meshdeform.priors.builtin.grammar import parse
+
+__all__ = ["BUILTIN_JUDGE", "NO_JUDGE", "ShapeJudge", "judgement", "load_judge", "ranked", "wilson"]
+
+BUILTIN_JUDGE, NO_JUDGE = "builtin", "none"
+_Z = 1.959963984540054
+"""The 97.5th percentile of the normal distribution."""
+
+
+class ShapeJudge(Protocol):
+    """What says which prompt a mesh shows."""
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """Who judges: `id`, `revision` and `sha256`."""
+
+    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
+        """How well each prompt fits the mesh: (P,), log p(mesh | prompt) up to a constant of the mesh."""
+
+    def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
+        """Probability of each noun that the judge knows; they sum to 1."""
+
+
+def load_judge(name: str) -> ShapeJudge | None:
+    """The judge of a name: `builtin`, `none`, or `package.module:name` of a callable that gives one.
+
+    Raises
+    ------
+    ParameterError
+        There is none of this name.
+    ModelError
+        Its weights cannot be had.
+    """
+    if name == NO_JUDGE:
+        return None
+    if name == BUILTIN_JUDGE:
+        name = "meshdeform.evaluation.judge:Judge"
+    module, _, attribute = name.partition(":")
+    try:
+        make: Callable[[], ShapeJudge] = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ParameterError(
+            f"There is no judge {name!r}: {error}.", advice="Use --judge builtin, none, or package.module:name."
+        ) from error
+    return make()
+
+
+def ranked(scores: Mapping[str, float], wanted: str) -> dict[str, Any]:
+    """Rank (1 is best; a tie counts against it), hit, and probability of one of several by their log likelihoods."""
+    best = max(scores.values())
+    weights = {name: math.exp(score - best) for name, score in scores.items()}
+    rank = sum(score >= scores[wanted] for score in scores.values())
+    return {
+        "rank": rank,
+        "hit": rank == 1,
+        "probability": weights[wanted] / sum(weights.values()),
+        "retrieved": max(scores, key=lambda name: scores[name]),
+    }
+
+
+def judgement(judge: ShapeJudge, mesh: TriangleMesh, prompts: Sequence[str], prompt: str) -> dict[str, Any]:
+    """What a judge says of one result.
+
+    Returns
+    -------
+    dict
+        `rank`, `hit`, `probability` and `retrieved` of the prompt among all `prompts`; `noun_rank`, `noun_hit` and
+        `noun_probability` of its noun among all nouns that the judge knows; `log_likelihoods` by prompt.
+
+    Raises
+    ------
+    PromptError, VocabularyError
+        The judge does not understand a prompt.
+    """
+    scores = dict(zip(prompts, judge.log_likelihoods(mesh, prompts).double().tolist(), strict=True))
+    nouns, noun = judge.noun_probabilities(mesh), parse(prompt).noun
+    rank = sum(share >= nouns[noun] for share in nouns.values())
+    return {
+        **ranked(scores, prompt),
+        "noun_rank": rank,
+        "noun_hit": rank == 1,
+        "noun_probability": nouns[noun],
+        "log_likelihoods": scores,
+    }
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share of which `hits` of `count` were seen; (0, 1) where nothing was."""
+    if not count:
+        return 0.0, 1.0
+    share, z2 = hits / count, _Z * _Z
+    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
+    half = _Z / (1 + z2 / count) * math.sqrt(share * (1 - share) / count + z2 / (4 * count * count))
+    return max(0.0, middle - half), min(1.0, middle + half)

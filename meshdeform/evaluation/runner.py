@@ -1,0 +1,160 @@
+"""A whole run: check that the folder is this run's, do what is not done yet, and write what was found.
+
+::
+
+    manifest.json   everything that decides the results
+    sources/        the source meshes
+    items/          one folder for each deformation (`evaluator`)
+    results.json    every record, the sums over them, and the manifest
+    table.md        the sums for people
+    sheet.png       the contact sheet
+
+The folder can be left at any time, by Ctrl-C or a power cut, and the same command goes on.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from meshdeform.atomic_files import write_files
+from meshdeform.config import BUILTIN_MODEL
+from meshdeform.errors import MeshdeformError, ParameterError, PromptError, WorkerLostError
+from meshdeform.evaluation.clip_judge import refuse_the_guides_own
+from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path
+from meshdeform.evaluation.mesh_file import write_ply
+from meshdeform.evaluation.plan import Plan, check_manifest, manifest, read_manifest, write_manifest
+from meshdeform.evaluation.pool import each
+from meshdeform.evaluation.report import write_report
+from meshdeform.evaluation.retrieval import NO_JUDGE
+from meshdeform.evaluation.sources import source_mesh
+from meshdeform.evaluation.suite import Item
+
+__all__ = ["default_jobs", "rejudge", "run"]
+
+Work = Callable[[Item], dict[str, Any]]
+Say = Callable[[str], None]
+
+
+def default_jobs(plan: Plan) -> int:
+    """As many processes as cores for the builtin prior on the CPU; one for a model that fills a machine by itself."""
+    if plan.params.model != BUILTIN_MODEL or plan.device != "cpu":
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) -> dict[str, Any]:
+    """Do what is left of a run, and write its report.
+
+    Parameters
+    ----------
+    plan : Plan
+    jobs : int
+        Processes.
+    limit : int, optional
+        Only the first so many items.
+    say : callable
+        Gets a line for each item that is done.
+
+    Returns
+    -------
+    The document that `results.json` holds.
+
+    Raises
+    ------
+    MeshdeformError
+        The folder belongs to another run, or a model cannot be had or does not know the prompts.
+    """
+    evaluator = Evaluator(plan)
+    assert evaluator.prior is not None
+    if plan.clip and plan.params.model != BUILTIN_MODEL:
+        refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
+    for prompt in plan.suite.prompts:
+        evaluator.prior.encode_prompt(prompt, plan.params.negative_prompt)
+    wanted = manifest(plan, dict(evaluator.prior.identity), *_who_judges(plan, evaluator))
+    found = read_manifest(plan.folder)
+    if found is not None:
+        check_manifest(plan.folder, found, wanted)
+    _prepare(plan, wanted)
+    items = plan.suite.items(limit)
+    left = [item for item in items if (record := read_record(plan.folder, item)) is None or record["failed"]]
+    if len(items) > len(left):
+        say(f"{len(items) - len(left)} of {len(items)} were done before.")
+    if jobs <= 1 or len(left) <= 1:
+        start: Callable[[], Work] = lambda: evaluator.evaluate  # noqa: E731 - the models are loaded already
+        _do(plan, left, start, 1, say)
+    else:
+        del evaluator
+        _do(plan, left, functools.partial(_start, plan), jobs, say)
+    return write_report(plan.folder)
+
+
+def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
+    """Assess all kept shapes of a folder anew, with the judges of `plan`, and write the report again.
+
+    The plan is that of the folder's manifest (`meshdeform.evaluation.plan.plan_of`).
+
+    Raises
+    ------
+    MeshdeformError
+        There is no run in the folder, or a model cannot be had.
+    """
+    found = read_manifest(plan.folder)
+    if found is None:
+        raise ParameterError(f"There is no run in {plan.folder}.", advice="Name the folder of one with --out.")
+    evaluator = Evaluator(plan, deforms=False)
+    if plan.clip and plan.params.model != BUILTIN_MODEL:
+        refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
+    judge, clip = _who_judges(plan, evaluator)
+    for number, item in enumerate(items := plan.suite.items(), 1):
+        if evaluator.rejudge(item) is not None:
+            say(f"{number}/{len(items)}  {item.name}  judged anew")
+    write_manifest(plan.folder, {**found, "judge": judge, "clip": clip})
+    return write_report(plan.folder)
+
+
+def _start(plan: Plan) -> Work:
+    return Evaluator(plan).evaluate
+
+
+def _who_judges(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The judges' identities, or why there is none. A judge that does not know the prompts is let go."""
+    judge: dict[str, Any] = {"missing": "--judge none"}
+    if plan.judge != NO_JUDGE and evaluator.judge is not None:
+        try:
+            evaluator.judge.log_likelihoods(source_mesh(plan.suite.sources[0]), plan.suite.prompts)
+        except PromptError as error:
+            raise ParameterError(
+                f"The judge does not know the prompts of the suite `{plan.suite.name}`: {error.detail}",
+                advice="Use --judge none, and --clip FOLDER for a judge that reads any text.",
+            ) from error
+        judge = dict(evaluator.judge.identity)
+    clip = dict(evaluator.clip.identity) if evaluator.clip else {"missing": "no folder was given with --clip"}
+    return judge, clip
+
+
+def _prepare(plan: Plan, wanted: dict[str, Any]) -> None:
+    (plan.folder / "sources").mkdir(parents=True, exist_ok=True)
+    missing = [name for name in plan.suite.sources if not source_path(plan.folder, name).exists()]
+    write_files({source_path(plan.folder, name): write_ply(source_mesh(name)) for name in missing})
+    write_manifest(plan.folder, wanted)
+
+
+def _do(plan: Plan, items: list[Item], start: Callable[[], Work], jobs: int, say: Say) -> None:
+    for number, (item, result) in enumerate(each(items, start, jobs), 1):
+        if isinstance(result, MeshdeformError):
+            result = failed_record(plan.folder, item, WorkerLostError.__name__, result.detail)
+        say(f"{number}/{len(items)}  {item.name}  {_outcome(result)}")
+
+
+def _outcome(record: dict[str, Any]) -> str:
+    if record["failed"]:
+        return f"failed: {record['failed']['detail'].strip().splitlines()[-1]}"
+    last = record["states"][-1]
+    judged = last["judge"] or last["clip"]
+    rank = f"rank {judged['rank']} ({judged['retrieved']})" if judged else "not judged"
+    quality = last["quality"]
+    return f"{rank}, {quality['flipped_faces']} flipped, {quality['self_intersections_added']} cut"

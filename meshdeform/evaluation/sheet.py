@@ -1,0 +1,68 @@
+"""The contact sheet: a row a prompt, a column a source, the first seed's result after the last step.
+
+A green frame is a hit, a red one a miss, a grey one was not judged; a crossed tile failed, an empty one is not done.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+from PIL import Image, ImageDraw
+
+from meshdeform.evaluation.evaluator import item_folder, source_path
+from meshdeform.evaluation.mesh_file import read_ply
+from meshdeform.evaluation.picture import SIZE, picture_png
+from meshdeform.evaluation.suite import Item
+
+__all__ = ["contact_sheet"]
+
+_TILE = 144
+_FRAME = 4
+_LEFT = 180
+_TOP = 20
+_HIT, _MISS, _UNJUDGED = (46, 125, 50), (198, 40, 40), (150, 150, 150)
+
+
+def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str, Any]]) -> bytes:
+    """The sheet as a PNG; its first row shows the sources."""
+    sources, prompts, seed = list(manifest["sources"]), manifest["prompts"], manifest["seeds"][0]
+    found = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
+    sheet = Image.new("RGB", (_LEFT + _TILE * len(sources), _TOP + _TILE * (len(prompts) + 1)), "white")
+    draw = ImageDraw.Draw(sheet)
+    for column, source in enumerate(sources):
+        x = _LEFT + column * _TILE
+        draw.text((x + 6, 4), source, fill="black")
+        path = source_path(folder, source)
+        if path.exists():
+            _tile(sheet, (x, _TOP), picture_png(read_ply(path.read_bytes())), "white")
+        for row, prompt in enumerate(prompts, 1):
+            y = _TOP + row * _TILE
+            record = found.get((source, prompt))
+            if record is None:
+                continue
+            if record["failed"]:
+                draw.line((x, y, x + _TILE, y + _TILE), fill=_MISS, width=2)
+                draw.line((x, y + _TILE, x + _TILE, y), fill=_MISS, width=2)
+                continue
+            state = record["states"][-1]
+            picture = item_folder(folder, Item(source, prompt, seed)) / f"steps-{state['steps']:06d}.png"
+            judged = state["judge"] or state["clip"]
+            colour = _UNJUDGED if not judged else _HIT if judged["hit"] else _MISS
+            _tile(sheet, (x, y), picture.read_bytes(), colour)
+            if judged and not judged["hit"]:
+                draw.text((x + 8, y + _TILE - 18), judged["retrieved"], fill=_MISS)
+    for row, prompt in enumerate(["source", *prompts]):
+        draw.text((6, _TOP + row * _TILE + _TILE // 2 - 6), prompt, fill="black")
+    out = io.BytesIO()
+    sheet.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def _tile(sheet: Image.Image, at: tuple[int, int], png: bytes, colour: Any) -> None:
+    side = _TILE - 2 * _FRAME
+    picture = Image.open(io.BytesIO(png))
+    assert picture.size == (SIZE, SIZE)
+    sheet.paste(Image.new("RGB", (_TILE - 2, _TILE - 2), colour), (at[0] + 1, at[1] + 1))
+    sheet.paste(picture.resize((side, side), Image.Resampling.LANCZOS), (at[0] + _FRAME, at[1] + _FRAME))
