@@ -20,9 +20,10 @@ from torch.nn import functional
 
 from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, VOCABULARY
 
-__all__ = ["IMAGE_SIZE", "ModelConfig", "PriorNetwork", "null_tokens"]
+__all__ = ["IMAGE_SIZE", "ModelConfig", "PriorNetwork", "camera_map", "null_tokens"]
 
 IMAGE_SIZE = 128
+_CAMERA_CHANNELS = 8
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,39 @@ class ModelConfig:
 def null_tokens(batch: int) -> Tensor:
     """(batch, SEQUENCE_LENGTH) int64 of padding: the prompt that says nothing."""
     return torch.zeros(batch, SEQUENCE_LENGTH, dtype=torch.int64)
+
+
+def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
+    """Where each pixel lies in its own view, and from which azimuth that view looks.
+
+    Parameters
+    ----------
+    azimuth_deg : (B,) float32
+        Azimuth of the first view, or of the only one, degrees.
+    single : (B,) bool, optional
+        Which pictures are one view; none of them unless given.
+    side : int
+        Pixels of the map.
+
+    Returns
+    -------
+    (B, 8, side, side) float32: sin a, cos a, x, y, x sin a, x cos a, y sin a, y cos a; x to the right and y downward,
+    both from -1 to 1 across the view.
+    """
+    device = azimuth_deg.device
+    whole = (torch.arange(side, device=device) + 0.5) / side * 2 - 1
+    half = (2 * whole + 1).where(whole < 0, 2 * whole - 1)
+    second = (whole > 0).float()
+    view = second[None, :] + 2 * second[:, None]
+    if single is None:
+        single = torch.zeros(len(azimuth_deg), dtype=torch.bool, device=device)
+    alone = single[:, None, None]
+    angle = torch.deg2rad(azimuth_deg.float())[:, None, None] + (math.pi / 2) * view.where(~alone, 0.0)
+    across = whole.where(alone, half).expand_as(angle)
+    down = whole[:, None].where(alone, half[:, None]).expand_as(angle)
+    sine, cosine = angle.sin(), angle.cos()
+    channels = [sine, cosine, across, down, across * sine, across * cosine, down * sine, down * cosine]
+    return torch.stack(channels, 1)
 
 
 class TextEncoder(nn.Module):
@@ -161,6 +195,13 @@ class PriorNetwork(nn.Module):
         # What a single view adds to the conditions of a grid; zero, so that weights without them mean what they meant.
         self.single = nn.Parameter(torch.zeros(e))
         self.single_place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
+        # Which side of a view the front is on depends on place and azimuth together; conditions that are the same for
+        # every pixel leave the network to find that product, and it did not: the first edition knew no left from right.
+        self.camera_fine = nn.Conv2d(_CAMERA_CHANNELS, c0, 1)
+        self.camera_coarse = nn.Conv2d(_CAMERA_CHANNELS, c2, 1)
+        for layer in (self.camera_fine, self.camera_coarse):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)  # type: ignore[arg-type]  # a convolution with a bias has one
         self.up1 = nn.ModuleList([ResidualBlock(c2 + c1, c1, e), ResidualBlock(c1, c1, e)])
         self.up0 = nn.ModuleList([ResidualBlock(c1 + c0, c0, e), ResidualBlock(c0, c0, e)])
         self.norm = nn.GroupNorm(8, c0)
@@ -189,11 +230,12 @@ class PriorNetwork(nn.Module):
         if single is not None:
             conditions = conditions + single[:, None] * self.single
         condition = functional.silu(conditions)
-        h0 = self.down0(self.stem(x), condition)
+        cameras = camera_map(azimuth_deg, single, IMAGE_SIZE // 4)
+        h0 = self.down0(self.stem(x) + self.camera_fine(cameras), condition)
         h1 = self.pool0(h0)
         for block in self.down1:
             h1 = block(h1, condition)
-        h = self.pool1(h1) + self.place
+        h = self.pool1(h1) + self.place + self.camera_coarse(functional.avg_pool2d(cameras, 4))
         if single is not None:
             h = h + single[:, None, None, None] * self.single_place
         h = self.attention[0](self.middle[0](h, condition))

@@ -1,3 +1,5 @@
+import math
+
 import pytest
 import torch
 
@@ -9,7 +11,7 @@ from meshdeform.priors.builtin.diffusion import (
     noise_from_clean,
 )
 from meshdeform.priors.builtin.grammar import parse, tokenise
-from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork, null_tokens
+from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork, camera_map, null_tokens
 
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 
@@ -108,3 +110,19 @@ def test_a_batch_predicts_what_its_members_predict_alone(network: PriorNetwork) 
         both = network(x, at, text, azimuth)
         alone = torch.cat([network(x[i : i + 1], at[i : i + 1], text[i : i + 1], azimuth[i : i + 1]) for i in (0, 1)])
     torch.testing.assert_close(both, alone, atol=1e-4, rtol=1e-4)
+
+
+def test_the_camera_map_knows_each_pixels_place_and_azimuth() -> None:
+    azimuth = torch.tensor([30.0, 30.0])
+    grid, alone = camera_map(azimuth, torch.tensor([False, True]), 8)
+    corners = [(0, 0, 30.0), (0, 7, 120.0), (7, 0, 210.0), (7, 7, 300.0)]
+    for row, column, degrees in corners:
+        angle = math.radians(degrees)
+        torch.testing.assert_close(grid[:2, row, column], torch.tensor([math.sin(angle), math.cos(angle)]))
+        torch.testing.assert_close(alone[:2, row, column], torch.tensor([0.5, math.sqrt(0.75)]))
+    assert grid[2, 0].tolist() == [-0.75, -0.25, 0.25, 0.75] * 2
+    assert alone[2, 0].tolist() == [(k + 0.5) / 4 - 1 for k in range(8)]
+    assert torch.equal(grid[3], grid[2].T)
+    assert torch.equal(alone[3], alone[2].T)
+    products = [grid[place] * grid[turn] for place in (2, 3) for turn in (0, 1)]
+    torch.testing.assert_close(grid[4:], torch.stack(products))

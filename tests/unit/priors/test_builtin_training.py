@@ -176,14 +176,21 @@ def test_samples_are_pictures_and_the_same_for_the_same_seed() -> None:
     assert sheet.size == (2 * 128 + 6, 2 * (128 + 18))
 
 
+NEW = (
+    *("single", "single_place"),
+    *("camera_fine.weight", "camera_fine.bias", "camera_coarse.weight", "camera_coarse.bias"),
+)
+
+
 @pytest.fixture
 def older(tmp_path: Path) -> Path:
-    """Weights of a network with fewer words, in another order, and without single views."""
+    """Weights of a network with fewer words, in another order, without single views and without the map of cameras."""
     torch.manual_seed(3)
     state = PriorNetwork(SMALL).state_dict()
     state = {name: torch.randn_like(tensor) * 0.2 if not tensor.any() else tensor for name, tensor in state.items()}
     words = [word for word in reversed(VOCABULARY) if word not in ("pig", "pinched")]
-    del state["single"], state["single_place"]
+    for name in NEW:
+        del state[name]
     state["text.word.weight"] = torch.randn(len(words), SMALL.text_width).half().float()
     path = tmp_path / "older.safetensors"
     save_file({name: tensor.half() for name, tensor in state.items()}, path, {"words": " ".join(words)})
@@ -192,7 +199,7 @@ def older(tmp_path: Path) -> Path:
 
 def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None:
     network = PriorNetwork(SMALL)
-    assert warm_start.warm_start(network, older, torch.Generator()) == ("single", "single_place")
+    assert warm_start.warm_start(network, older, torch.Generator()) == NEW
     held, metadata = weights_file.read_tensors(older)
     words = metadata["words"].split()
     rows = network.text.word.weight.detach()
@@ -244,3 +251,12 @@ def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused
         warm_start.warm_start(PriorNetwork(SMALL), path, torch.Generator())
     with pytest.raises(ModelError, match="other sizes"):
         warm_start.warm_start(PriorNetwork(), older, torch.Generator())
+
+
+@pytest.mark.usefixtures("small_network")
+def test_most_timesteps_are_those_that_score_distillation_asks(tiny: PictureSet) -> None:
+    trainer = Trainer(tiny, TrainConfig(batch=20), device="cpu", precision="fp32")
+    timesteps = torch.cat([trainer.batch()[1] for _ in range(50)])
+    assert int(timesteps.min()) < 20
+    assert int(timesteps.max()) > 980
+    assert float((timesteps >= 700).double().mean()) == pytest.approx(0.6, abs=0.01)
