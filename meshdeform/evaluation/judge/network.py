@@ -1,0 +1,120 @@
+"""The judge's network: a small residual network for one view, and a tower for the prompt.
+
+::
+
+    score(view, prompt) = noun_logit(view)[noun] + <a(view), g(noun, attributes)> / sqrt(width)
+
+estimates log p(view | prompt) up to a constant of the view. The scores of several views are averaged.
+
+Sources: He et al. 2016 (residual networks), van den Oord et al. 2018 (InfoNCE: a score is a log ratio of densities,
+eq. 5).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
+
+__all__ = ["JudgeConfig", "JudgeNetwork", "Prompts", "encoded"]
+
+_NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
+_ATTRIBUTE_NUMBER = {attribute: number for number, attribute in enumerate(ATTRIBUTES)}
+
+
+@dataclass(frozen=True)
+class JudgeConfig:
+    """Sizes of the network; the defaults are those of the weights that ship."""
+
+    stem: int = 24
+    channels: tuple[int, int, int] = (48, 96, 128)
+    width: int = 128
+
+
+class Prompts(NamedTuple):
+    """P prompts: `noun` (P,) int64 and `attributes` (P, A) float32, 1 where the prompt has the attribute."""
+
+    noun: Tensor
+    attributes: Tensor
+
+
+def encoded(prompts: list[ParsedPrompt]) -> Prompts:
+    """Parsed prompts as tensors."""
+    noun = torch.tensor([_NOUN_NUMBER[prompt.noun] for prompt in prompts], dtype=torch.int64)
+    attributes = torch.zeros(len(prompts), len(ATTRIBUTES))
+    for row, prompt in enumerate(prompts):
+        for attribute in prompt.attributes:
+            attributes[row, _ATTRIBUTE_NUMBER[attribute]] = 1.0
+    return Prompts(noun, attributes)
+
+
+class _Block(nn.Module):
+    """Two 3 x 3 convolutions that halve the picture, beside a 1 x 1 one."""
+
+    def __init__(self, inner: int, outer: int) -> None:
+        super().__init__()
+        self.conv_in = nn.Conv2d(inner, outer, 3, stride=2, padding=1, bias=False)
+        self.norm_in = nn.BatchNorm2d(outer)
+        self.conv_out = nn.Conv2d(outer, outer, 3, padding=1, bias=False)
+        self.norm_out = nn.BatchNorm2d(outer)
+        self.skip = nn.Conv2d(inner, outer, 1, stride=2, bias=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, inner, H, W) to (B, outer, H / 2, W / 2)."""
+        h = torch.relu(self.norm_in(self.conv_in(x)))
+        return torch.relu(self.skip(x) + self.norm_out(self.conv_out(h)))
+
+
+class JudgeNetwork(nn.Module):
+    """Scores of prompts for single views."""
+
+    prompt_sharpness: Tensor
+    noun_sharpness: Tensor
+
+    def __init__(self, config: JudgeConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or JudgeConfig()
+        c0, c1, c2, width = self.config.stem, *self.config.channels[:2], self.config.width
+        c3 = self.config.channels[2]
+        self.stem = nn.Sequential(nn.Conv2d(1, c0, 5, stride=2, padding=2, bias=False), nn.BatchNorm2d(c0), nn.ReLU())
+        self.blocks = nn.Sequential(_Block(c0, c1), _Block(c1, c2), _Block(c2, c3))
+        self.noun_head = nn.Linear(c3, len(NOUNS))
+        self.attribute_head = nn.Linear(c3, width)
+        self.noun = nn.Embedding(len(NOUNS), width)
+        self.attribute = nn.Linear(len(ATTRIBUTES), width, bias=False)
+        self.mix = nn.Sequential(nn.Linear(width, 2 * width), nn.SiLU(), nn.Linear(2 * width, width))
+        # What the mean over the views is multiplied by: views of one mesh agree, so they say less than their sum.
+        self.register_buffer("prompt_sharpness", torch.ones(()))
+        self.register_buffer("noun_sharpness", torch.ones(()))
+
+    def look(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """What a view shows.
+
+        Parameters
+        ----------
+        images : (B, 1, 64, 64) float32
+            From `draw_views`.
+
+        Returns
+        -------
+        noun_logits : (B, N) float32
+        features : (B, width) float32
+        """
+        features = self.blocks(self.stem(images * 2.0 - 1.0)).mean((2, 3))
+        return self.noun_head(features).float(), self.attribute_head(features).float()
+
+    def read(self, prompts: Prompts) -> Tensor:
+        """Text vectors (P, width)."""
+        x = self.noun(prompts.noun) + self.attribute(prompts.attributes)
+        text: Tensor = x + self.mix(x)
+        return text
+
+    def scores(self, noun_logits: Tensor, features: Tensor, prompts: Prompts) -> Tensor:
+        """Scores (B, P) of every prompt for every view."""
+        match = features @ self.read(prompts).float().mT / math.sqrt(self.config.width)
+        return noun_logits[:, prompts.noun] + match

@@ -1,0 +1,192 @@
+"""The judge: it knows members it never saw, and its answers do not depend on what they should not depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
+from meshdeform.evaluation.judge import WEIGHTS, Judge
+from meshdeform.evaluation.judge.members import HELD_OUT, draw_member, seeded
+from meshdeform.evaluation.judge.views import draw_views, framed, judging_cameras, training_cameras
+from meshdeform.mesh import TriangleMesh
+from meshdeform.priors.builtin.families import Part, member
+from meshdeform.priors.builtin.grammar import NOUNS, parse
+from meshdeform.priors.builtin.style import CAMERAS
+from meshdeform.shapes import box, icosphere
+
+KINDS = list(NOUNS)
+SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]
+
+
+def as_mesh(shape: Part) -> TriangleMesh:
+    return TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces))
+
+
+def shown(prompt: str, number: int) -> TriangleMesh:
+    """A member that is true of the prompt, from the range of seeds that nothing was trained or calibrated with."""
+    parsed = parse(prompt)
+    return as_mesh(member(parsed.noun, parsed.attributes, seeded(HELD_OUT, KINDS.index(parsed.noun), 1000 + number)))
+
+
+def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turn = torch.tensor([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]], dtype=torch.float64)
+    return TriangleMesh(mesh.verts @ turn.T, mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def judge() -> Judge:
+    torch.set_num_threads(1)
+    return Judge()
+
+
+def test_nine_of_ten_held_out_members_are_recognised_among_all_nouns(judge: Judge) -> None:
+    right = 0
+    for noun in (nouns := KINDS[::2]):
+        for number in range(2):
+            _, shape = draw_member(noun, seeded(HELD_OUT, KINDS.index(noun), 2000 + number))
+            probabilities = judge.noun_probabilities(as_mesh(shape))
+            assert math.isclose(sum(probabilities.values()), 1.0, abs_tol=1e-5)
+            right += max(probabilities, key=probabilities.__getitem__) == noun
+    assert right >= 0.9 * 2 * len(nouns)
+
+
+def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
+    right = [
+        int(judge.log_likelihoods(shown(prompt, number), SUITE).argmax()) == row
+        for row, prompt in enumerate(SUITE)
+        for number in range(2)
+    ]
+    assert sum(right) >= 18
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("a tall vase", "a short vase"),
+        ("a thin bottle", "a fat bottle"),
+        ("a giraffe with a long neck", "a giraffe with a short neck"),
+        ("a rabbit with big ears", "a rabbit with small ears"),
+        ("a leaning tree", "a flat tree"),
+    ],
+)
+def test_attributes_are_told_apart(judge: Judge, one: str, other: str) -> None:
+    right = 0
+    for number in range(4):
+        first, second = (judge.log_likelihoods(shown(prompt, number), [one, other]) for prompt in (one, other))
+        right += int(first[0] > first[1]) + int(second[1] > second[0])
+    assert right >= 7
+
+
+def test_permuted_prompts_have_permuted_likelihoods(judge: Judge) -> None:
+    mesh = shown("a mushroom", 0)
+    order = torch.tensor([3, 9, 0, 7, 1, 8, 2, 6, 5, 4])
+    straight = judge.log_likelihoods(mesh, SUITE)
+    permuted = judge.log_likelihoods(mesh, [SUITE[k] for k in order.tolist()])
+    assert straight.shape == (len(SUITE),)
+    assert straight.dtype == torch.float32
+    assert torch.allclose(permuted, straight[order], atol=1e-5)
+
+
+def test_prompts_that_mean_the_same_are_as_likely(judge: Judge) -> None:
+    a, b = judge.log_likelihoods(shown("a rabbit", 0), ["a bunny with large ears", "The HARE that has a big ear"]).tolist()
+    assert a == pytest.approx(b, abs=1e-6)
+
+
+def test_size_place_and_stray_vertices_do_not_matter(judge: Judge) -> None:
+    mesh = shown("a chair", 0)
+    stray = torch.tensor([[500.0, 0.0, 0.0]], dtype=torch.float64)
+    moved = TriangleMesh(
+        torch.cat([mesh.verts * 0.037 + torch.tensor([3.0, -7.0, 11.0], dtype=torch.float64), stray]), mesh.faces
+    )
+    assert torch.allclose(framed(moved)[:-1], framed(mesh), atol=1e-12)
+    assert torch.allclose(judge.log_likelihoods(moved, SUITE), judge.log_likelihoods(mesh, SUITE), atol=1e-2)
+
+
+@pytest.mark.parametrize("prompt", ["a giraffe", "a chair", "a whale"])
+def test_a_quarter_turn_only_permutes_the_views(judge: Judge, prompt: str) -> None:
+    mesh = shown(prompt, 1)
+    straight, quarter = judge.log_likelihoods(mesh, SUITE), judge.log_likelihoods(turned(mesh, 90.0), SUITE)
+    assert torch.equal(straight.argsort(), quarter.argsort())
+    assert torch.allclose(straight, quarter, atol=0.2)
+
+
+@pytest.mark.parametrize("degrees", [20.0, 137.0, 222.0])
+def test_clear_cases_are_clear_from_everywhere(judge: Judge, degrees: float) -> None:
+    for prompt in ("a giraffe", "a chair", "a car", "a lamp"):
+        mesh = turned(shown(prompt, 2), degrees)
+        assert SUITE[int(judge.log_likelihoods(mesh, SUITE).argmax())] == prompt
+
+
+@pytest.mark.parametrize("mesh", [icosphere(3), box(8)], ids=["sphere", "cube"])
+def test_shapes_that_are_nothing_get_no_confident_answer(judge: Judge, mesh: TriangleMesh) -> None:
+    assert max(judge.noun_probabilities(mesh).values()) < 0.5
+
+
+def test_the_views_are_not_the_priors() -> None:
+    below, above = judging_cameras()
+    assert below.elevation_deg[0] < CAMERAS.elevation_min_deg
+    assert above.elevation_deg[0] > CAMERAS.elevation_max_deg
+    drawn = training_cameras(seeded(0, 0, 0))
+    for cameras in (below, above, drawn):
+        assert cameras.fov_deg < CAMERAS.fov_min_deg
+        assert not any(CAMERAS.elevation_min_deg <= e <= CAMERAS.elevation_max_deg for e in cameras.elevation_deg)
+
+
+def test_the_surface_is_darker_than_the_background() -> None:
+    images = draw_views(icosphere(3), *judging_cameras())
+    assert images.shape == (8, 1, 64, 64)
+    assert torch.equal(images[:, :, 0, 0], torch.ones(8, 1))
+    # The light comes from the upper left: lit clay is 0, clay in shade 0.75.
+    assert images[:, 0, 26:30, 26:30].amax() < 0.3
+    assert float(images[0, 0, 45, 45]) > float(images[0, 0, 18, 22]) + 0.2
+
+
+def test_identity_names_the_file(judge: Judge) -> None:
+    assert set(judge.identity) == {"id", "revision", "sha256"}
+    assert judge.identity["sha256"] == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
+    assert WEIGHTS.stat().st_size <= 2_000_000
+
+
+def test_bad_input_is_refused(judge: Judge) -> None:
+    with pytest.raises(VocabularyError):
+        judge.log_likelihoods(icosphere(1), ["a zeppelin"])
+    with pytest.raises(PromptError):
+        judge.log_likelihoods(icosphere(1), [""])
+    point = TriangleMesh(torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
+    nothing = TriangleMesh(torch.ones(3, 3, dtype=torch.float64), torch.zeros(0, 3, dtype=torch.int64))
+    infinite = TriangleMesh(torch.full((3, 3), math.inf, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
+    for mesh in (point, nothing, infinite):
+        with pytest.raises(ShapeError):
+            judge.noun_probabilities(mesh)
+
+
+def rewritten(path: Path, *, metadata: dict[str, str] | None = None, without: str = "") -> Path:
+    """The shipped weights with other metadata, or without a tensor."""
+    with safe_open(WEIGHTS, framework="pt") as file:
+        held = {**file.metadata(), **(metadata or {})}
+        state = {name: file.get_tensor(name) for name in file.keys() if name != without}  # noqa: SIM118
+    save_file(state, path, held)
+    return path
+
+
+def test_foreign_weights_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="missing"):
+        Judge(tmp_path / "none.safetensors")
+    (tmp_path / "torn").write_bytes(WEIGHTS.read_bytes()[:5000])
+    with pytest.raises(ModelError, match="cannot be read"):
+        Judge(tmp_path / "torn")
+    with pytest.raises(ModelError, match="another vocabulary"):
+        Judge(rewritten(tmp_path / "foreign", metadata={"vocabulary": "0" * 16}))
+    with pytest.raises(ModelError, match="another network"):
+        Judge(rewritten(tmp_path / "lacking", without="noun.weight"))
+    with pytest.raises(ModelError, match="another network"):
+        Judge(rewritten(tmp_path / "wider", metadata={"config": '{"stem": 32, "channels": [48, 96, 128]}'}))
+    assert Judge(rewritten(tmp_path / "same")).log_likelihoods(icosphere(2), SUITE).isfinite().all()
