@@ -17,8 +17,7 @@ from tests.acceptance.chaos import Chaos
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.servers import NotInstalledError, PostgresServer
 
-# A driver that is cut off while it connects leaves its socket to the garbage collector.
-pytestmark = [pytest.mark.acceptance, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
+pytestmark = pytest.mark.acceptance
 
 SEED = 20260131
 JOBS = 200

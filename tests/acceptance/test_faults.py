@@ -20,8 +20,7 @@ from meshdeform.jobs.models import JobState
 from tests.acceptance.cluster import LEASE_S, Cluster, lives, running_redis, until
 from tests.servers import NotInstalledError, PostgresServer
 
-# A driver that is cut off while it connects leaves its socket to the garbage collector.
-pytestmark = [pytest.mark.acceptance, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
+pytestmark = pytest.mark.acceptance
 
 WORKER_POINTS = [name for name in FAILPOINTS if name.startswith("worker.")]
 API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]

@@ -13,8 +13,7 @@ from tests.acceptance.hosts import Network, network
 from tests.s3_server import S3Server, s3_server
 from tests.servers import NotInstalledError, PostgresServer, RedisServer
 
-# A driver that is cut off while it connects leaves its socket to the garbage collector.
-pytestmark = [pytest.mark.acceptance, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
+pytestmark = pytest.mark.acceptance
 
 STEPS = 400
 
