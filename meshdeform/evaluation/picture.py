@@ -18,7 +18,7 @@ __all__ = ["SIZE", "draw", "picture_png"]
 SIZE = 192
 """Side of a picture in pixels."""
 
-_AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 20.0
+_AZIMUTH_DEG, _ELEVATION_DEG = 50.0, 20.0
 _GROUND = (0.95, 0.95, 0.95)
 
 

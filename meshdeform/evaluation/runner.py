@@ -22,7 +22,7 @@ from typing import Any
 
 from meshdeform.atomic_files import write_files
 from meshdeform.config import BUILTIN_MODEL
-from meshdeform.errors import MeshdeformError, ParameterError, PromptError, WorkerLostError
+from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError, WorkerLostError
 from meshdeform.evaluation.clip_judge import refuse_the_guides_own
 from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path
 from meshdeform.evaluation.mesh_file import write_ply
@@ -126,7 +126,7 @@ def _who_judges(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any], dict[
     if plan.judge != NO_JUDGE and evaluator.judge is not None:
         try:
             evaluator.judge.log_likelihoods(source_mesh(plan.suite.sources[0]), plan.suite.prompts)
-        except PromptError as error:
+        except (PromptError, VocabularyError) as error:
             raise ParameterError(
                 f"The judge does not know the prompts of the suite `{plan.suite.name}`: {error.detail}",
                 advice="Use --judge none, and --clip FOLDER for a judge that reads any text.",

@@ -1,6 +1,7 @@
 """The contact sheet: a row a prompt, a column a source, the first seed's result after the last step.
 
-A green frame is a hit, a red one a miss, a grey one was not judged; a crossed tile failed, an empty one is not done.
+A green frame is a hit, a red one a miss (with what was retrieved instead), a grey one was not judged; a crossed tile
+failed, an empty one is not done. Prompts of which nothing is done have no row.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
     """The sheet as a PNG; its first row shows the sources."""
     sources, prompts, seed = list(manifest["sources"]), manifest["prompts"], manifest["seeds"][0]
     found = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
+    prompts = [prompt for prompt in prompts if any(done == prompt for _, done in found)]
     sheet = Image.new("RGB", (_LEFT + _TILE * len(sources), _TOP + _TILE * (len(prompts) + 1)), "white")
     draw = ImageDraw.Draw(sheet)
     for column, source in enumerate(sources):
@@ -38,26 +40,28 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
         if path.exists():
             _tile(sheet, (x, _TOP), picture_png(read_ply(path.read_bytes())), "white")
         for row, prompt in enumerate(prompts, 1):
-            y = _TOP + row * _TILE
-            record = found.get((source, prompt))
-            if record is None:
-                continue
-            if record["failed"]:
-                draw.line((x, y, x + _TILE, y + _TILE), fill=_MISS, width=2)
-                draw.line((x, y + _TILE, x + _TILE, y), fill=_MISS, width=2)
-                continue
-            state = record["states"][-1]
-            picture = item_folder(folder, Item(source, prompt, seed)) / f"steps-{state['steps']:06d}.png"
-            judged = state["judge"] or state["clip"]
-            colour = _UNJUDGED if not judged else _HIT if judged["hit"] else _MISS
-            _tile(sheet, (x, y), picture.read_bytes(), colour)
-            if judged and not judged["hit"]:
-                draw.text((x + 8, y + _TILE - 18), judged["retrieved"], fill=_MISS)
+            if record := found.get((source, prompt)):
+                _result(sheet, (x, _TOP + row * _TILE), folder, record)
     for row, prompt in enumerate(["source", *prompts]):
         draw.text((6, _TOP + row * _TILE + _TILE // 2 - 6), prompt, fill="black")
     out = io.BytesIO()
     sheet.save(out, "PNG", optimize=True)
     return out.getvalue()
+
+
+def _result(sheet: Image.Image, at: tuple[int, int], folder: Path, record: dict[str, Any]) -> None:
+    draw, (x, y) = ImageDraw.Draw(sheet), at
+    if record["failed"]:
+        draw.line((x, y, x + _TILE, y + _TILE), fill=_MISS, width=2)
+        draw.line((x, y + _TILE, x + _TILE, y), fill=_MISS, width=2)
+        return
+    state = record["states"][-1]
+    place = item_folder(folder, Item(record["source"], record["prompt"], record["seed"]))
+    judged = state["judge"] or state["clip"]
+    colour = _UNJUDGED if not judged else _HIT if judged["hit"] else _MISS
+    _tile(sheet, at, (place / f"steps-{state['steps']:06d}.png").read_bytes(), colour)
+    if judged and not judged["hit"]:
+        draw.text((x + 8, y + _TILE - 18), judged["retrieved"], fill=_MISS)
 
 
 def _tile(sheet: Image.Image, at: tuple[int, int], png: bytes, colour: Any) -> None:

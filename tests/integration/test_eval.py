@@ -1,0 +1,239 @@
+"""`meshdeform eval` as a person runs it: with the real prior, a judge that stands in, and few steps."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from meshdeform.cli import app
+from meshdeform.evaluation.mesh_file import read_ply
+from meshdeform.evaluation.suite import SUITES
+
+JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
+FIRST = "sphere--a-mushroom--seed0"
+QUICK = ["--steps", "2", "--checkpoint-at", "1", "--jobs", "1"]
+
+
+def evaluated(out: Path, *options: str, judge: str = JUDGE) -> Result:
+    return CliRunner().invoke(app, ["eval", "--out", str(out), "--judge", judge, *options])
+
+
+def results(out: Path) -> dict[str, Any]:
+    return dict(json.loads((out / "results.json").read_text()))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of three items."""
+    out = tmp_path_factory.mktemp("eval") / "run"
+    done = evaluated(out, *QUICK, "--limit", "3")
+    assert done.exit_code == 0, done.output
+    assert "3 of 48 done, 0 failed" in done.stdout
+    return out
+
+
+@pytest.fixture
+def run(finished: Path, tmp_path: Path) -> Path:
+    """A copy of it that may be changed."""
+    return shutil.copytree(finished, tmp_path / "run")
+
+
+@pytest.fixture(autouse=True)
+def _threads() -> Iterator[None]:
+    """The command sets torch's threads for its process, which here is the tests'."""
+    before = torch.get_num_threads()
+    yield
+    torch.set_num_threads(before)
+
+
+def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path) -> None:
+    document = results(finished)
+    assert [row["steps"] for row in document["summary"]] == [1, 2]
+    assert document["summary"][1]["overall"]["retrieval"]["count"] == 3
+    assert document["manifest"]["params"]["steps"] == 2
+    assert document["manifest"]["judge"]["id"] == "height"
+    assert document["manifest"]["clip"] == {"missing": "no folder was given with --clip"}
+    assert all(state["clip"] is None for record in document["records"] for state in record["states"])
+    assert len(document["records"]) == 3
+    place = finished / "items" / FIRST
+    rest = read_ply((finished / "sources/sphere.ply").read_bytes())
+    one, two = (read_ply((place / f"steps-00000{n}.ply").read_bytes()) for n in (1, 2))
+    assert not torch.equal(one.verts, two.verts)
+    assert (two.verts - rest.verts).norm(dim=1).max() < 0.2
+    with Image.open(place / "steps-000002.png") as picture, Image.open(finished / "sheet.png") as sheet:
+        assert picture.size == (192, 192)
+        assert sheet.size == (180 + 4 * 144, 20 + 4 * 144)
+    assert "By source, after 2 steps" in (finished / "table.md").read_text()
+
+
+def test_what_is_done_is_not_done_again_and_what_is_new_is(run: Path) -> None:
+    record = run / "items" / FIRST / "record.json"
+    before = record.stat().st_mtime_ns
+    done = evaluated(run, *QUICK, "--limit", "4")
+    assert "3 of 4 were done before" in done.stderr
+    assert "4 of 48 done" in done.stdout
+    assert record.stat().st_mtime_ns == before
+
+
+def test_an_item_done_again_is_the_same_to_the_bit(run: Path) -> None:
+    mesh = run / "items" / FIRST / "steps-000002.ply"
+    before = mesh.read_bytes()
+    shutil.rmtree(mesh.parent)
+    assert evaluated(run, *QUICK, "--limit", "1").exit_code == 0
+    assert mesh.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--steps", "3", "--checkpoint-at", "1"], "params.steps"),
+        ([*QUICK, "--set", "learning_rate=0.02"], "params.learning_rate"),
+        ([*QUICK, "--preset", "paper"], "params.preset"),
+        ([*QUICK, "--seeds", "1"], "seeds"),
+        (["--steps", "2"], "steps"),
+    ],
+)
+def test_a_folder_of_other_parameters_is_refused_and_stays_as_it_was(run: Path, options: list[str], named: str) -> None:
+    before = (run / "manifest.json").read_bytes()
+    refused = evaluated(run, *options, "--limit", "1")
+    assert refused.exit_code == 3
+    assert named in refused.stderr
+    assert "another folder with --out" in refused.stderr
+    assert (run / "manifest.json").read_bytes() == before
+
+
+def test_another_judge_is_refused_until_it_judges_everything_anew(run: Path) -> None:
+    other = "tests.unit.evaluation.stand_ins:OtherJudge"
+    refused = evaluated(run, *QUICK, "--limit", "3", judge=other)
+    assert refused.exit_code == 3
+    assert "--rejudge" in refused.stderr
+    before = results(run)
+    assert evaluated(run, "--rejudge", judge=other).exit_code == 0
+    after = results(run)
+    assert after["manifest"]["judge"]["id"] == "other"
+    assert after["records"] == before["records"]
+    assert evaluated(run, *QUICK, "--limit", "3", judge=other).exit_code == 0
+
+
+def test_judging_can_wait(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    assert evaluated(out, *QUICK, "--limit", "1", judge="none").exit_code == 0
+    assert results(out)["summary"][1]["overall"]["retrieval"] is None
+    assert results(out)["manifest"]["judge"] == {"missing": "--judge none"}
+    assert evaluated(out, "--rejudge").exit_code == 0
+    assert results(out)["summary"][1]["overall"]["retrieval"]["count"] == 1
+
+
+def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from meshdeform.evaluation import evaluator
+
+    real, out = evaluator.measures, tmp_path / "run"
+
+    def broken(rest: Any, deformed: Any) -> Any:
+        if len(rest.faces) == 2028:
+            raise RuntimeError("the cube broke")
+        return real(rest, deformed)
+
+    monkeypatch.setattr(evaluator, "measures", broken)
+    done = evaluated(out, *QUICK, "--limit", "3")
+    assert done.exit_code == 0
+    assert "2 of 48 done, 1 failed" in done.stdout
+    assert "cube, a tall vase, seed 0: RuntimeError: the cube broke" in (out / "table.md").read_text()
+    failed = [record for record in results(out)["records"] if record["failed"]]
+    assert failed[0]["failed"]["error"] == "RuntimeError"
+    monkeypatch.undo()
+    assert "3 of 48 done, 0 failed" in evaluated(out, *QUICK, "--limit", "3").stdout
+
+
+def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) -> None:
+    other = shutil.copytree(finished, tmp_path / "other")
+    table = CliRunner().invoke(app, ["eval", "--compare", str(finished), str(other)])
+    assert table.exit_code == 0
+    rows = table.stdout.splitlines()
+    assert len(rows) == 2 + 4
+    assert rows[2].startswith("| run ")
+    assert rows[5].startswith("| other ")
+    missing = CliRunner().invoke(app, ["eval", "--compare", str(tmp_path / "nothing")])
+    assert missing.exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (["--suite", "large"], 3, "no suite"),
+        (["--suite", "paper"], 3, "dragon"),
+        (["--set", "no_such=1"], 3, "no_such"),
+        (["--set", "learning_rate=-1"], 3, "learning_rate"),
+        (["--set", "learning_rate"], 2, "NAME=VALUE"),
+        (["--set", "seed=1"], 2, "--seeds"),
+        (["--seeds", "one"], 2, "list of numbers"),
+        (["--prior", "dream"], 2, "builtin or sd"),
+        (["--steps", "5", "--checkpoint-at", "6"], 3, "after the last step"),
+        (["--prior", "sd", "--model", "/nowhere"], 4, "/nowhere"),
+        (["--rejudge"], 3, "There is no run"),
+        (["folder"], 2, "--compare"),
+        (["--compare"], 2, "--compare"),
+    ],
+)
+def test_what_cannot_be_run_is_said_before_anything_is_written(
+    tmp_path: Path, options: list[str], code: int, said: str
+) -> None:
+    refused = evaluated(tmp_path / "run", *options)
+    assert refused.exit_code == code, refused.output
+    assert said in " ".join(refused.stderr.replace("│", " ").split())
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_builtin_judge_is_told_when_it_does_not_know_the_prompts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from meshdeform.testing import FakePrior
+
+    monkeypatch.setattr("meshdeform.evaluation.evaluator.load_prior", lambda *_, **__: FakePrior())
+    refused = evaluated(tmp_path / "run", "--suite", "paper")
+    assert refused.exit_code == 3
+    assert "--judge none" in refused.stderr
+    done = evaluated(tmp_path / "run", "--suite", "paper", "--steps", "1", "--limit", "1", "--jobs", "1", judge="none")
+    assert "1 of 48 done" in done.stdout
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path, repository: Path) -> None:
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "meshdeform", "eval", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
+    command += ["--steps", "8", "--limit", "30"]
+    process = subprocess.Popen(
+        command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy()
+    )
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    assert line.startswith("1/30"), line
+    os.killpg(process.pid, signal.SIGINT)
+    rest = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(60) == 130, rest
+    assert "the same command goes on" in rest
+    assert not list(out.rglob("*.part"))
+    kept = {path.parent.name for path in out.glob("items/*/record.json")}
+    assert 1 <= len(kept) < 30
+    count = str(len(kept) + 1)
+    again = evaluated(out, "--jobs", "1", "--steps", "8", "--limit", count)
+    assert again.exit_code == 0, again.output
+    assert results(out)["failed"] == 0
+    assert {item.name for item in SUITES["small"].items(int(count))} <= kept | {
+        path.parent.name for path in out.glob("items/*/record.json")
+    }

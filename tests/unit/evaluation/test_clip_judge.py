@@ -1,0 +1,103 @@
+"""CLIP R-precision with a CLIP model of the real class, tiny and with random weights."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+from transformers import CLIPConfig, CLIPImageProcessor, CLIPModel, CLIPTokenizer
+
+from meshdeform.errors import ModelError, ParameterError
+from meshdeform.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
+from meshdeform.evaluation.relaxed import geodesic_sphere
+from meshdeform.shapes import box
+from meshdeform.testing import build_tiny_stable_diffusion
+
+PROMPTS = ("a giraffe", "a dragon", "an octopus")
+
+
+def tokenizer(folder: Path) -> CLIPTokenizer:
+    letters = [chr(c) for c in range(ord("a"), ord("z") + 1)]
+    words = [*letters, *(f"{letter}</w>" for letter in letters), "<|startoftext|>", "<|endoftext|>"]
+    (folder / "vocab.json").write_text(json.dumps({word: number for number, word in enumerate(words)}))
+    (folder / "merges.txt").write_text("#version: 0.2\n")
+    return CLIPTokenizer(str(folder / "vocab.json"), str(folder / "merges.txt"), model_max_length=16)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A CLIP model on disk as transformers saves it."""
+    place = tmp_path_factory.mktemp("clip")
+    torch.manual_seed(0)
+    layers = {"num_hidden_layers": 2, "num_attention_heads": 2, "hidden_size": 16, "intermediate_size": 32}
+    words = tokenizer(place)
+    text = {
+        **layers,
+        "vocab_size": len(words),
+        "max_position_embeddings": 16,
+        "bos_token_id": words.bos_token_id,
+        "eos_token_id": words.eos_token_id,
+    }
+    config = CLIPConfig(text_config=text, vision_config={**layers, "image_size": 32, "patch_size": 8}, projection_dim=8)
+    CLIPModel(config).save_pretrained(place, safe_serialization=True)
+    words.save_pretrained(place)
+    CLIPImageProcessor(size={"shortest_edge": 32}, crop_size={"height": 32, "width": 32}).save_pretrained(place)
+    return place
+
+
+def test_similarities_are_cosines_of_every_view_with_every_prompt(folder: Path) -> None:
+    cosines = ClipJudge(folder).similarities(geodesic_sphere(3), PROMPTS)
+    assert cosines.shape == (8, 3)
+    assert cosines.abs().max() <= 1
+    # Seen from anywhere at one elevation, a ball is nearly the same picture; a long box is not.
+    long = ClipJudge(folder).similarities(box(2, (0.2, 0.2, 1.0)), PROMPTS)
+    assert cosines.std(0).max() < long.std(0).min()
+
+
+def test_the_best_prompt_is_a_hit_and_no_other(folder: Path) -> None:
+    judge, mesh = ClipJudge(folder), box(2)
+    cosines = judge.similarities(mesh, PROMPTS)
+    best = PROMPTS[int(cosines.mean(0).argmax())]
+    found = {prompt: judge.judgement(mesh, PROMPTS, prompt) for prompt in PROMPTS}
+    assert {prompt: judged["hit"] for prompt, judged in found.items()} == {p: p == best for p in PROMPTS}
+    assert sum(judged["probability"] for judged in found.values()) == pytest.approx(1)
+    assert sum(judged["views_hit"] for judged in found.values()) == pytest.approx(1)
+    assert found[best]["cosine"] == pytest.approx(float(cosines.mean(0).max()))
+
+
+def test_the_picture_is_what_transformers_own_processor_makes_of_it(folder: Path) -> None:
+    from meshdeform.cameras import fixed_cameras
+    from meshdeform.evaluation.picture import draw
+
+    judge, mesh = ClipJudge(folder), box(2)
+    view = draw(mesh, fixed_cameras((0.0,), 20.0), 32)[0]
+    processor = CLIPImageProcessor.from_pretrained(folder)
+    pixels = processor(view.permute(2, 0, 1), do_rescale=False, return_tensors="pt").pixel_values
+    model = CLIPModel.from_pretrained(folder).eval()
+    tokens = CLIPTokenizer.from_pretrained(folder)(list(PROMPTS), padding=True, return_tensors="pt")
+    with torch.no_grad():
+        logits = model(pixel_values=pixels, **tokens).logits_per_image[0] / model.logit_scale.exp()
+    assert judge.similarities(mesh, PROMPTS)[0].tolist() == pytest.approx(logits.tolist(), abs=1e-3)
+
+
+def test_a_folder_without_safetensors_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no CLIP model"):
+        ClipJudge(tmp_path)
+
+
+def test_a_damaged_model_is_refused(folder: Path, tmp_path: Path) -> None:
+    broken = shutil.copytree(folder, tmp_path / "broken")
+    (broken / "model.safetensors").write_bytes(b"nothing")
+    with pytest.raises(ModelError, match="cannot be read"):
+        ClipJudge(broken)
+
+
+def test_the_guides_own_text_encoder_may_not_judge(folder: Path, tmp_path: Path) -> None:
+    guide = tmp_path / "guide"
+    build_tiny_stable_diffusion(guide)
+    refuse_the_guides_own(folder, str(guide))
+    with pytest.raises(ParameterError, match="judge its own work"):
+        refuse_the_guides_own(guide / "text_encoder", str(guide))

@@ -1,0 +1,82 @@
+"""Sums and tables of records that are made up, so that every number is known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from meshdeform.evaluation.summary import states_of, summarise
+from meshdeform.evaluation.tables import comparison, table
+
+QUALITY = {
+    "flipped_faces": 0,
+    "collapsed_faces": 0,
+    "self_intersections_added": 0,
+    "min_angle_p1_deg_after": 20.0,
+    "symmetric_dirichlet_mean": 2.0,
+    "symmetric_dirichlet_p99": 4.0,
+    "area_ratio_spread": 0.5,
+    "volume_ratio": 1.0,
+    "displacement": 0.1,
+    "chamfer": 0.05,
+}
+
+
+def record(prompt: str, *, hit: bool | None, steps: tuple[int, ...] = (10,), **quality: float) -> dict[str, Any]:
+    judged = None if hit is None else {"hit": hit, "noun_hit": True, "probability": 0.75, "rank": 1 if hit else 3}
+    state = {"quality": QUALITY | quality, "judge": judged, "clip": None}
+    return {
+        "source": "sphere",
+        "prompt": prompt,
+        "seed": 0,
+        "failed": None,
+        "states": [{"steps": n, **state} for n in steps],
+    }
+
+
+def test_shares_and_means_are_those_of_the_records() -> None:
+    records = [
+        record("a fish", hit=True, flipped_faces=4, volume_ratio=3.0),
+        record("a table", hit=False),
+        record("a tree", hit=False, self_intersections_added=2),
+        record("a chair", hit=False, symmetric_dirichlet_p99=1e6),
+    ]
+    row = summarise(states_of(records, 10))
+    assert row["count"] == 4
+    assert row["retrieval"] == {"hits": 1, "count": 4, "share": 0.25, "low": pytest.approx(0.0456, abs=1e-4),
+                                "high": pytest.approx(0.6994, abs=1e-4)}  # fmt: skip
+    assert row["noun_retrieval"]["share"] == 1.0
+    assert row["clip_retrieval"] is None
+    assert (row["flipped_faces_mean"], row["flipped_share"]) == (1.0, 0.25)
+    assert (row["self_intersections_added_mean"], row["self_intersections_share"]) == (0.5, 0.25)
+    assert row["volume_ratio_mean"] == 1.5
+    assert row["rank_mean"] == 2.5
+    assert row["symmetric_dirichlet_p99_median"] == 4.0
+
+
+def test_states_are_those_of_the_step_asked_for() -> None:
+    records = [record("a fish", hit=True, steps=(5, 10)), record("a tree", hit=True, steps=(10,))]
+    assert [state["prompt"] for state in states_of(records, 5)] == ["a fish"]
+    assert len(states_of(records, 10)) == 2
+
+
+def test_nothing_done_and_nothing_judged_have_rows_as_well() -> None:
+    assert summarise([]) == {"count": 0}
+    row = summarise(states_of([record("a fish", hit=None)], 10))
+    assert row["retrieval"] is row["probability_mean"] is None
+    text = table("prompt", [("a fish", row), ("a tree", summarise([]))], "By prompt")
+    assert text.startswith("## By prompt\n\n| prompt")
+    assert [line.count("|") for line in text.splitlines()[2:]] == [19] * 4
+
+
+def test_a_comparison_has_a_row_for_each_run_and_step() -> None:
+    def document(*hits: bool) -> dict[str, Any]:
+        records = [record("a fish", hit=hit) for hit in hits]
+        rows = [{"steps": 10, "overall": summarise(states_of(records, 10))}]
+        return {"manifest": {"suite": "small"}, "failed": 0, "summary": rows}
+
+    lines = comparison([("one", document(True, True)), ("other", document(True, False))]).splitlines()
+    assert len(lines) == 4
+    assert "100 % (34-100)" in lines[2]
+    assert "50 % (9-91)" in lines[3]
