@@ -68,28 +68,30 @@ class _Measured:
         return torch.softmax(mean * self.network.noun_sharpness, 1)
 
     @torch.no_grad()
-    def finds(self, row: int, candidates: list[ParsedPrompt]) -> bool:
-        """Whether the mesh's own prompt, which is added where it is not there, has the highest score."""
+    def finds(self, row: int, candidates: list[ParsedPrompt]) -> tuple[bool, float]:
+        """Whether the mesh's own prompt, which is added where it is not there, scores highest; the best probability."""
         candidates = list(dict.fromkeys([*candidates, self.prompts[row]]))
         at = slice(row * self.views, (row + 1) * self.views)
         scores = self.network.scores(self.noun_logits[at], self.features[at], encoded(candidates)).mean(0)
-        return candidates[int(scores.argmax())] == self.prompts[row]
+        likely = torch.softmax(scores * self.network.prompt_sharpness, 0)
+        return candidates[int(scores.argmax())] == self.prompts[row], float(likely.max())
 
     def retrieval(self) -> dict[str, list[float]]:
-        """Top-1 of the whole prompt by set of candidates: for no, one and two attributes, and overall."""
+        """By set of candidates: top-1 of the whole prompt for no, one and two attributes, and overall; confidence."""
         rng = np.random.default_rng(0)
         plain = [ParsedPrompt(noun) for noun in NOUNS]
         others = list(dict.fromkeys(self.prompts))
-        found: dict[str, list[bool]] = {"among 12": [], "nouns and variants": [], "variants": []}
+        found: dict[str, list[tuple[bool, float]]] = {"among 12": [], "nouns and variants": [], "variants": []}
         for row, prompt in enumerate(self.prompts):
             twelve = [others[k] for k in rng.permutation(len(others))[:12] if others[k] != prompt][:11]
             found["among 12"].append(self.finds(row, twelve))
             found["nouns and variants"].append(self.finds(row, plain + variants(prompt.noun)))
             found["variants"].append(self.finds(row, variants(prompt.noun)))
         count = np.array([len(prompt.attributes) for prompt in self.prompts])
+        table = {name: np.array(pairs, float) for name, pairs in found.items()}
         return {
-            name: [*(float(np.mean(np.array(hits)[count == k])) for k in range(3)), float(np.mean(hits))]
-            for name, hits in found.items()
+            name: [*(float(held[count == k, 0].mean()) for k in range(3)), *held.mean(0).tolist()]
+            for name, held in table.items()
         }
 
 
@@ -119,7 +121,7 @@ def _report(name: str, network: JudgeNetwork, data: ViewSet) -> None:
         f"  mean confidence {_share(probabilities.max(1).values):.3f}, "
         f"expected calibration error {_calibration_error(probabilities, data.noun):.3f}"
     )
-    print("  whole prompt, top-1:          none    one    two    all")
+    print("  whole prompt, top-1:          none    one    two    all  confidence")
     for candidates, shares in measured.retrieval().items():
         print(f"    {candidates:<25}" + "".join(f"{share:7.3f}" for share in shares))
     names = list(NOUNS)
@@ -149,10 +151,15 @@ def main() -> None:
     for name, rough in (("as built", False), ("roughened", True)):
         _report(name, network, ViewSet.drawn(HELD_OUT, arguments.members, rough=rough))
     judge = Judge(arguments.weights)
-    print("\nshapes that are nothing: the three likeliest nouns")
+    plain = [str(ParsedPrompt(noun)) for noun in NOUNS]
+    print("\nshapes that are nothing: the three likeliest nouns; the likeliest of the prompts without attributes")
     for name, mesh in SHAPES.items():
         best = sorted(judge.noun_probabilities(mesh).items(), key=lambda item: -item[1])[:3]
-        print(f"  {name:<9}" + ", ".join(f"{noun} {share:.2f}" for noun, share in best))
+        prompt = torch.softmax(judge.log_likelihoods(mesh, plain), 0).max(0)
+        print(
+            f"  {name:<9}" + ", ".join(f"{noun} {share:.2f}" for noun, share in best),
+            f"; {plain[int(prompt.indices)]} {float(prompt.values):.2f}",
+        )
 
 
 if __name__ == "__main__":

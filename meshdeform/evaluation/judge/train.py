@@ -142,20 +142,25 @@ class Trainer:
 def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
     """Set how sharp the mean over the eight views is, so that probabilities are as often right as they say.
 
-    Minimises the negative log likelihood over a fine grid, of the noun among the nouns and of the prompt among
-    all prompts of the set.
+    Minimises the cross entropy over a fine grid, of the noun among the nouns and of the prompt among all prompts of
+    the set. Shapes that are nothing are to leave all as likely, so that confidence in what is clear does not
+    become confidence in everything.
     """
     count, views = held.images.shape[:2]
+    shown = held.noun >= 0
     noun_logits, features = network.look(held.images.flatten(0, 1)[:, None].float() / 255.0)
-    labels, own = torch.unique(torch.cat([held.noun[:, None], held.attributes.long()], 1), dim=0, return_inverse=True)
+    labels = torch.cat([held.noun[:, None], held.attributes.long()], 1)
+    labels, own = torch.unique(labels[shown], dim=0, return_inverse=True)
     scores = network.scores(noun_logits, features, Prompts(labels[:, 0], labels[:, 1:].float()))
     sharpness = torch.logspace(-1.0, 1.0, 101)
 
-    def best(logits: Tensor, target: Tensor) -> Tensor:
+    def best(logits: Tensor, right: Tensor) -> Tensor:
         mean = logits.view(count, views, -1).mean(1)
+        target = torch.full_like(mean, 1.0 / mean.shape[1])
+        target[shown] = functional.one_hot(right, mean.shape[1]).float()
         return sharpness[torch.stack([functional.cross_entropy(s * mean, target) for s in sharpness]).argmin()]
 
-    network.noun_sharpness.copy_(best(noun_logits, held.noun))
+    network.noun_sharpness.copy_(best(noun_logits, held.noun[shown]))
     network.prompt_sharpness.copy_(best(scores, own))
 
 
@@ -191,7 +196,7 @@ def main() -> None:
             per_step = (time.monotonic() - begun) / trainer.done
             _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
     network = trainer.averaged()
-    calibrate(network, ViewSet.drawn(CALIBRATION, arguments.calibration))
+    calibrate(network, ViewSet.drawn(CALIBRATION, arguments.calibration, 2 * arguments.calibration))
     provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members, "meshes": len(data)}
     write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
     _log.info(

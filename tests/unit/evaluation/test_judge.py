@@ -17,7 +17,7 @@ from meshdeform.evaluation.judge.members import HELD_OUT, draw_member, seeded
 from meshdeform.evaluation.judge.views import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.mesh import TriangleMesh
 from meshdeform.priors.builtin.families import Part, member
-from meshdeform.priors.builtin.grammar import NOUNS, parse
+from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
 from meshdeform.shapes import box, icosphere
 
@@ -96,7 +96,9 @@ def test_permuted_prompts_have_permuted_likelihoods(judge: Judge) -> None:
 
 
 def test_prompts_that_mean_the_same_are_as_likely(judge: Judge) -> None:
-    a, b = judge.log_likelihoods(shown("a rabbit", 0), ["a bunny with large ears", "The HARE that has a big ear"]).tolist()
+    a, b = judge.log_likelihoods(
+        shown("a rabbit", 0), ["a bunny with large ears", "The HARE that has a big ear"]
+    ).tolist()
     assert a == pytest.approx(b, abs=1e-6)
 
 
@@ -128,6 +130,8 @@ def test_clear_cases_are_clear_from_everywhere(judge: Judge, degrees: float) -> 
 @pytest.mark.parametrize("mesh", [icosphere(3), box(8)], ids=["sphere", "cube"])
 def test_shapes_that_are_nothing_get_no_confident_answer(judge: Judge, mesh: TriangleMesh) -> None:
     assert max(judge.noun_probabilities(mesh).values()) < 0.5
+    likely = torch.softmax(judge.log_likelihoods(mesh, [str(ParsedPrompt(noun)) for noun in NOUNS]), 0)
+    assert float(likely.max()) < 0.6
 
 
 def test_the_views_are_not_the_priors() -> None:
