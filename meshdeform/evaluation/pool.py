@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import sys
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -102,15 +103,16 @@ class _Worker(Generic[T, R]):
 
 def _serve(pipe: Connection[Any, Any], start: Callable[[], Callable[[Any], Any]]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # As an exception, so that what is half written is cleaned up.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         work = start()
     except Exception:
         pipe.recv()
         pipe.send(("broken", traceback.format_exc()))
         return
-    while True:
-        try:
-            item = pipe.recv()
-        except EOFError:
-            return
-        pipe.send(("done", work(item)))
+    try:
+        while True:
+            pipe.send(("done", work(pipe.recv())))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return  # the parent is gone, or wants no more
