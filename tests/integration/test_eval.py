@@ -211,6 +211,24 @@ def test_the_builtin_judge_is_told_when_it_does_not_know_the_prompts(
     assert "1 of 48 done" in done.stdout
 
 
+def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_clip(tmp_path: Path) -> None:
+    from meshdeform.testing import build_tiny_stable_diffusion
+    from tests.unit.evaluation.tiny_clip import build_tiny_clip
+
+    model, clip, out = tmp_path / "model", tmp_path / "clip", tmp_path / "run"
+    build_tiny_stable_diffusion(model)
+    clip.mkdir()
+    build_tiny_clip(clip)
+    options = ["--suite", "paper", "--prior", "sd", "--model", str(model), "--clip", str(clip)]
+    done = evaluated(out, *options, "--steps", "2", "--limit", "2", judge="none")
+    assert done.exit_code == 0, done.output
+    document = results(out)
+    assert document["summary"][0]["overall"]["clip_retrieval"]["count"] == 2
+    assert document["manifest"]["clip"]["id"] == "clip"
+    assert document["manifest"]["prior"]["id"] == str(model)
+    assert all(1 <= record["states"][0]["clip"]["rank"] <= 12 for record in document["records"])
+
+
 @pytest.mark.slow
 def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path, repository: Path) -> None:
     out = tmp_path / "run"

@@ -2,50 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 import pytest
 import torch
-from transformers import CLIPConfig, CLIPImageProcessor, CLIPModel, CLIPTokenizer
+from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
 
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
 from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.shapes import box
 from meshdeform.testing import build_tiny_stable_diffusion
+from tests.unit.evaluation.tiny_clip import build_tiny_clip
 
 PROMPTS = ("a giraffe", "a dragon", "an octopus")
 
 
-def tokenizer(folder: Path) -> CLIPTokenizer:
-    letters = [chr(c) for c in range(ord("a"), ord("z") + 1)]
-    words = [*letters, *(f"{letter}</w>" for letter in letters), "<|startoftext|>", "<|endoftext|>"]
-    (folder / "vocab.json").write_text(json.dumps({word: number for number, word in enumerate(words)}))
-    (folder / "merges.txt").write_text("#version: 0.2\n")
-    return CLIPTokenizer(str(folder / "vocab.json"), str(folder / "merges.txt"), model_max_length=16)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A CLIP model on disk as transformers saves it."""
-    place = tmp_path_factory.mktemp("clip")
-    torch.manual_seed(0)
-    layers = {"num_hidden_layers": 2, "num_attention_heads": 2, "hidden_size": 16, "intermediate_size": 32}
-    words = tokenizer(place)
-    text = {
-        **layers,
-        "vocab_size": len(words),
-        "max_position_embeddings": 16,
-        "bos_token_id": words.bos_token_id,
-        "eos_token_id": words.eos_token_id,
-    }
-    config = CLIPConfig(text_config=text, vision_config={**layers, "image_size": 32, "patch_size": 8}, projection_dim=8)
-    CLIPModel(config).save_pretrained(place, safe_serialization=True)
-    words.save_pretrained(place)
-    CLIPImageProcessor(size={"shortest_edge": 32}, crop_size={"height": 32, "width": 32}).save_pretrained(place)
-    return place
+    return build_tiny_clip(tmp_path_factory.mktemp("clip"))
 
 
 def test_similarities_are_cosines_of_every_view_with_every_prompt(folder: Path) -> None:
