@@ -56,7 +56,7 @@ def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, fl
         prior.encode_image(image).sum().backward()
 
     def predict() -> None:
-        prior.predict_noise(z_t, timestep, embedding, scale, cameras)
+        prior.predict_noise(z_t, timestep, embedding, cameras)
 
     def step() -> None:
         loss, _ = guidance.loss(image, StepContext(0, 1, cameras, generator))

@@ -69,7 +69,7 @@ def main() -> None:
     embedding = prior.encode_prompt(arguments.prompt)
 
     def network() -> None:
-        prior.predict_noise(image, torch.tensor([500]), embedding, 7.5, cameras)
+        prior.predict_noise(image, torch.tensor([500]), embedding, cameras)
 
     deformation = iter(Deformation(mesh, guidance, params))
     parts = {"solve": solve, "render": render, "regularise": regularise, "network": network}

@@ -27,12 +27,15 @@ _BOUNDS = {
     "maxProperties": "entries at most",
 }
 # What a target mesh leaves without a meaning.
-_OF_SDS = ("guidance_scale", "timestep_min", "timestep_max", "timestep_max_end")
+_OF_SDS = (
+    *("guidance_scale", "guidance_rescale", "distillation", "noise_draws"),
+    *("timestep_min", "timestep_min_end", "timestep_max", "timestep_max_end"),
+)
 
 INTRODUCTION = """\
 # Parameters
 
-This page is generated from `meshdeform/config.py` by `python docs/generate.py`.
+This page is generated from `meshdeform/config.py` and `meshdeform/parameters.py` by `python docs/generate.py`.
 
 A job is asked for with one JSON document: the part `request` of `POST /v1/jobs`. Everything may be left out, except the
 prompt of a job that is guided by one. Unknown members are refused.
@@ -85,6 +88,11 @@ def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = (
     return "\n".join(parts)
 
 
+def shown(value: float | str) -> str:
+    """A parameter's value in a table: a number, or a name to choose."""
+    return f"`{value}`" if isinstance(value, str) else f"{value:g}"
+
+
 def presets() -> str:
     """Return the table of what each preset fills in for each kind of guidance."""
     columns = [(family, preset) for family in FAMILIES for preset in Preset]
@@ -96,7 +104,7 @@ def presets() -> str:
     ]
     for name in optional:
         cells = [
-            "" if name in _OF_SDS and family == "target" else f"{getattr(values, name):g}"
+            "" if name in _OF_SDS and family == "target" else shown(getattr(values, name))
             for (family, _), values in zip(columns, resolved, strict=True)
         ]
         lines.append(f"| `{name}` | " + " | ".join(cells) + " |")

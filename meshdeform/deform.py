@@ -28,20 +28,21 @@ import torch
 from torch import Tensor
 
 from meshdeform.attachments import Attachments
-from meshdeform.cameras import CameraRange, sample_orthogonal_cameras
+from meshdeform.cameras import CameraRange
 from meshdeform.checkpoint import Checkpoint
-from meshdeform.config import ResolvedParams
+from meshdeform.config import ResolvedParams, Safeguard
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.guidance.base import Guidance, StepContext
-from meshdeform.jacobians import identity_jacobians
 from meshdeform.mesh import TriangleMesh
+from meshdeform.optimizers import make_optimizer
 from meshdeform.poisson import PoissonSystem
 from meshdeform.regularizers import Regularizers
-from meshdeform.shading import Renderer, combine_views
+from meshdeform.safeguard import EVERY_STEPS, SurfaceGuard
+from meshdeform.shading import Renderer
+from meshdeform.variables import copy_into, make_variables
+from meshdeform.views import Views
 
 __all__ = ["Deformation", "Step"]
-
-_BETAS = (0.9, 0.999)
 
 
 @dataclass(frozen=True)
@@ -104,26 +105,26 @@ class Deformation:
         self._poisson = PoissonSystem(mesh)
         self._regularizers = Regularizers(mesh)
         self._attachments = Attachments(mesh, self._poisson.components)
-        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], guidance.style, device)
-        self._cameras = CameraRange(
-            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
-        )
+        bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
+        self._views = Views(params.views, bounds, guidance)
+        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
-        self._jacobians = identity_jacobians(mesh.faces.shape[0]).requires_grad_()
-        self._translations = torch.zeros(self._poisson.num_components, 3, dtype=torch.float64, requires_grad=True)
-        areas = torch.zeros(self._poisson.num_components, dtype=torch.float64)
-        areas.index_add_(0, self._poisson.components, self._poisson.vertex_areas)
-        self._component_shares = areas / areas.sum()
-        self._optimizer = torch.optim.Adam(
+        self._variables = make_variables(params.parametrization, mesh, self._poisson)
+        rates = self._variables.rates(params.translation_rate)
+        self._optimizer = make_optimizer(
+            params.optimizer,
             [
-                {"params": [self._jacobians], "lr": params.learning_rate},
-                {"params": [self._translations], "lr": params.learning_rate * params.translation_rate},
+                {"params": [tensor], "lr": params.learning_rate * rates[name]}
+                for name, tensor in self._variables.tensors.items()
             ],
-            betas=_BETAS,
         )
+        guarded = params.safeguard is not Safeguard.NONE
+        self._guard = SurfaceGuard(params.safeguard, mesh, self._variables) if guarded else None
         self._whole = True
         if initial is not None:
-            self._begin_with(initial)
+            copy_into(self._variables, initial)
+            if self._guard is not None:
+                self._guard.begin()
         if checkpoint is not None:
             self._restore(checkpoint)
 
@@ -145,7 +146,7 @@ class Deformation:
     def verts(self) -> Tensor:
         """Deformed positions (V, 3) float64 in the rest mesh's frame, with the rest mesh's centre of mass."""
         with torch.no_grad():
-            return self._place()
+            return self._variables.place()
 
     def checkpoint(self) -> Checkpoint:
         """Everything that the rest of the run depends on, copied.
@@ -157,13 +158,14 @@ class Deformation:
         """
         if not self._whole:
             raise CheckpointError("The last step broke off while it was written; an earlier checkpoint must do.")
-        tensors = {"jacobians": self._jacobians, "translations": self._translations}
+        tensors = self._variables.tensors
         moments = {
             f"{name}.{key}": value
             for name, parameter in tensors.items()
             for key, value in self._optimizer.state.get(parameter, {}).items()
         }
-        state = {**tensors, **moments, "generator": self._generator.get_state()}
+        whole = self._guard.state if self._guard is not None else {}
+        state = {**tensors, **moments, **whole, "generator": self._generator.get_state()}
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
     def _advance(self) -> dict[str, float]:
@@ -176,19 +178,22 @@ class Deformation:
             raise
         self._whole = False
         self._optimizer.step()
+        # The last step is always looked at: what a run ends with is whole.
+        if self._guard is not None and ((self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps):
+            logs["held_faces"] = float(self._guard.correct(self._optimizer))
         self._whole = True
         return {"total": total, **logs}
 
     def _loss(self) -> tuple[float, dict[str, float]]:
         p = self.params
-        cameras = sample_orthogonal_cameras(self._cameras, self._generator).to(self._device)
-        verts = self._place()
-        image = combine_views(self._renderer.render(verts.to(self._device), cameras))
+        cameras = self._views.sample(self._generator).to(self._device)
+        verts = self._variables.place()
+        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, logs = self._guidance.loss(image, context)
         terms = {
             "guidance": p.guidance_weight * guidance.double().cpu(),
-            "jacobian": p.jacobian_reg_weight * self._regularizers.jacobian(self._jacobians),
+            "jacobian": p.jacobian_reg_weight * self._regularizers.jacobian(self._variables.jacobians(), p.rigidity),
             "laplacian": p.laplacian_weight * self._regularizers.laplacian(verts),
             "normal": p.normal_weight * self._regularizers.normal(verts),
             "attachment": p.attachment_weight * self._attachments.penalty(verts),
@@ -196,31 +201,22 @@ class Deformation:
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad(set_to_none=True)
         total.backward()  # type: ignore[no-untyped-call]
-        gradient = self._jacobians.grad
-        if not math.isfinite(total.item()) or gradient is None or not bool(torch.isfinite(gradient).all()):
+        gradients = [tensor.grad for tensor in self._variables.tensors.values()]
+        finite = all(gradient is not None and bool(torch.isfinite(gradient).all()) for gradient in gradients)
+        if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
         return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}
 
-    def _place(self) -> Tensor:
-        free = self._translations - self._component_shares @ self._translations
-        return self._poisson.solve(self._jacobians) + free[self._poisson.components]
-
-    def _begin_with(self, state: Mapping[str, Tensor]) -> None:
-        with torch.no_grad():
-            for name, parameter in (("jacobians", self._jacobians), ("translations", self._translations)):
-                stored = state.get(name)
-                if stored is None or stored.shape != parameter.shape:
-                    raise CheckpointError(f"The checkpoint's {name} do not fit this mesh.")
-                parameter.copy_(stored)
-
     def _restore(self, checkpoint: Checkpoint) -> None:
         state = checkpoint.tensors
-        self._begin_with(state)
-        for name, parameter in (("jacobians", self._jacobians), ("translations", self._translations)):
+        copy_into(self._variables, state)
+        for name, parameter in self._variables.tensors.items():
             self._optimizer.state[parameter] = {
                 key.removeprefix(f"{name}."): value.clone()
                 for key, value in state.items()
                 if key.startswith(f"{name}.")
             }
+        if self._guard is not None:
+            self._guard.restore(state)
         self._generator.set_state(state["generator"])
         self.step = checkpoint.step

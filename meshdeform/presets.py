@@ -16,7 +16,14 @@ PAPER: dict[str, Any] = {
     "learning_rate": 0.0025,
     "translation_rate": 0.0,
     "guidance_scale": 100.0,
+    "guidance_rescale": 0.0,
+    "distillation": "sds",
+    "noise_draws": 1,
+    "optimizer": "adam",
+    "rigidity": "identity",
+    "safeguard": "none",
     "timestep_min": 0.02,
+    "timestep_min_end": 0.02,
     "timestep_max": 0.98,
     "timestep_max_end": 0.98,
     "guidance_weight": 1.0,
@@ -41,6 +48,7 @@ _BUILTIN: dict[str, Any] = {
     "attachment_weight": 2000.0,
     "guidance_scale": 7.5,
     "timestep_min": 0.75,
+    "timestep_min_end": 0.75,
     "normal_weight": 6000.0,
 }
 

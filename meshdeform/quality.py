@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from meshdeform.intersections import intersecting_faces
 from meshdeform.operators import COLLAPSED_SHAPE
 
-__all__ = ["MeshQuality", "measure"]
+__all__ = ["MeshQuality", "folded_faces", "measure"]
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -85,7 +85,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
-    folded_before, folded_after = _folded(rest_verts, f), _folded(verts, f)
+    folded_before, folded_after = folded_faces(rest_verts, f), folded_faces(verts, f)
     return MeshQuality(
         flipped_faces=int((folded_after & ~folded_before & ~collapsed).sum()),
         collapsed_faces=int(collapsed.sum()),
@@ -149,8 +149,8 @@ def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: fl
     return np.asarray((total + total / product) / 4)
 
 
-def _folded(verts: _Floats, faces: _Faces) -> NDArray[np.bool_]:
-    """Faces whose normal points against the sum of their edge neighbours' area vectors."""
+def folded_faces(verts: _Floats, faces: _Faces) -> NDArray[np.bool_]:
+    """Which faces (F,) are folded over: their normals point against the sum of their edge neighbours' area vectors."""
     cross = _cross(verts, faces)
     start, stop = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
     key = np.minimum(start, stop) * (int(faces.max(initial=0)) + 1) + np.maximum(start, stop)

@@ -12,7 +12,7 @@ discretised integral over the rest surface of area A:
   exactly the published one
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 7 to 9; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
-Shells.
+Shells; Sorkine and Alexa 2007, As-rigid-as-possible surface modeling (the rotation-invariant form).
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ import torch
 from scipy import sparse
 from torch import Tensor
 
+from meshdeform.config import Rigidity
 from meshdeform.mesh import TriangleMesh, edges_of, face_normals
 from meshdeform.operators import cotangent_laplacian, effective_face_areas, sparse_product, vertex_areas
+from meshdeform.rotations import closest_rotations
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
 
@@ -74,10 +76,14 @@ class Regularizers:
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
 
-    def jacobian(self, jacobians: Tensor) -> Tensor:
-        """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
-        identity = torch.eye(3, dtype=jacobians.dtype)
-        return (self._face_weights * (jacobians - identity).square().sum((1, 2))).sum()
+    def jacobian(self, jacobians: Tensor, kind: Rigidity = Rigidity.IDENTITY) -> Tensor:
+        """Area-weighted mean ||J - R||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians.
+
+        R is the identity, or the closest rotation: with that, a leg that turns costs nothing and one that stretches
+        does (as rigid as possible).
+        """
+        rigid = closest_rotations(jacobians) if kind is Rigidity.ROTATION else torch.eye(3, dtype=jacobians.dtype)
+        return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
 
     def laplacian(self, verts: Tensor) -> Tensor:
         """Integral of the squared Laplacian of the displacement of (V, 3) positions, over 4 pi; zero at rest."""

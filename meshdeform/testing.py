@@ -65,6 +65,7 @@ class FakePrior:
         else:
             content = optimum.verts.numpy().tobytes() + optimum.faces.numpy().tobytes()
         self.style = RenderStyle(view_size=view_size, supersample=1, shading="normals")
+        self.single_style = RenderStyle(view_size=2 * view_size, supersample=1, shading="normals")
         self.alphas_cumprod = torch.linspace(0.999, 0.001, self.num_timesteps)
         self.identity = {"id": "fake", "revision": "", "sha256": hashlib.sha256(content).hexdigest()}
         self.prompts: list[tuple[str, str]] = []
@@ -77,6 +78,14 @@ class FakePrior:
         renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.style)
         with torch.no_grad():
             return combine_views(renderer.render(self._optimum.verts, cameras))
+
+    def singles(self, cameras: Cameras) -> Tensor:
+        """The optimum as each camera sees it by itself: (B, 3, S, S) float32 in [0, 1]."""
+        if isinstance(self._optimum, Tensor):
+            return self._optimum.expand(len(cameras.azimuths_deg), -1, -1, -1)
+        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.single_style)
+        with torch.no_grad():
+            return renderer.render(self._optimum.verts, cameras).permute(0, 3, 1, 2)
 
     def encode_prompt(self, prompt: str, negative_prompt: str = "") -> None:
         """Note the call; the text changes nothing."""
@@ -92,13 +101,14 @@ class FakePrior:
         z_t: Tensor,
         timestep: Tensor,
         embedding: None,  # noqa: ARG002
-        guidance_scale: float,  # noqa: ARG002
         cameras: Cameras,
-    ) -> Tensor:
-        """The noise that leads back to the optimum."""
-        self.timesteps.append(int(timestep))
-        level = self.alphas_cumprod[timestep].view(1, 1, 1, 1)
-        return (z_t - level.sqrt() * self.encode_image(self.picture(cameras))) / (1 - level).sqrt()
+    ) -> tuple[Tensor, Tensor]:
+        """The noise that leads back to the optimum, with and without the prompt alike."""
+        self.timesteps += timestep.tolist()
+        level = self.alphas_cumprod[timestep].view(-1, 1, 1, 1)
+        picture = self.picture(cameras) if len(z_t) == 1 and len(cameras.azimuths_deg) > 1 else self.singles(cameras)
+        noise = (z_t - level.sqrt() * self.encode_image(picture)) / (1 - level).sqrt()
+        return noise, noise
 
 
 def build_tiny_stable_diffusion(

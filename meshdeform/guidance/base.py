@@ -51,6 +51,10 @@ class Guidance(Protocol):
         """How views must look."""
 
     @property
+    def single_style(self) -> RenderStyle:
+        """How a view must look that is a picture of its own."""
+
+    @property
     def identity(self) -> dict[str, str]:
         """`id`, `revision` and `sha256`, for the report."""
 
@@ -59,8 +63,8 @@ class Guidance(Protocol):
 
         Parameters
         ----------
-        image : (1, 3, 2 view_size, 2 view_size) float32 in [0, 1]
-            The four views in one picture (`shading.combine_views`).
+        image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
+            The four views in one picture (`shading.combine_views`), or a picture of its own for each camera.
         context : StepContext
 
         Returns

@@ -2,20 +2,28 @@
 
 ::
 
-    z_t       = sqrt(abar_t) z0 + sqrt(1 - abar_t) eps        t ~ U(timestep_min T, tau(step) T),  eps ~ N(0, I)
+    z_t       = sqrt(abar_t) z0 + sqrt(1 - abar_t) eps        t ~ U(low(step) T, high(step) T),  eps ~ N(0, I)
     eps_hat   = eps(z_t; nothing) + s (eps(z_t; prompt) - eps(z_t; nothing))
     d loss/dz0 = k (1 - abar_t) (eps_hat - eps)               k = 16384 / (number of elements of z0)
 
-The gradient goes straight onto z0; the network itself is never differentiated. tau moves linearly from
-`timestep_max` to `timestep_max_end` over the run.
+The gradient goes straight onto z0; the network itself is never differentiated. The bounds of t move linearly over the
+run, from `timestep_min` and `timestep_max` to `timestep_min_end` and `timestep_max_end`.
 
 A model with more latents gives a longer gradient for the same picture: the sum over the elements of z0 grows with
 their number, and with it the pull on the mesh against the regularisers. k takes that out. It is 1 for the 4 x 64 x 64
 latents of Stable Diffusion at 512 pixels, where the published weights hold, and 1/3 for a model on 3 x 128 x 128
-pixels, so `guidance_weight` means the same for every prior.
+pixels, so `guidance_weight` means the same for every prior. Views that are pictures of their own share the weight.
+
+Two things differ from the paper where they are asked for:
+
+* `guidance_rescale` phi: a large s makes the model's picture x0_hat harsher than any it knows. Its spread is brought
+  back to that of the prompted picture: ``x0_hat <- x0_hat (phi std(x0_text) / std(x0_hat) + 1 - phi)``.
+* `distillation` = `csd`: the direction of the prompt alone, ``s (eps(z_t; prompt) - eps(z_t; nothing))``, in place of
+  ``eps_hat - eps``: without the noise, which only averages out, and without the unconditional pull.
 
 Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer (weighting 1 - abar_t);
-Ho & Salimans 2022, eq. 6, in diffusers' convention of s.
+Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Common diffusion noise schedules, eq. 15 and
+16 (rescaling); Yu et al. 2024, Text-to-3D with classifier score distillation, eq. 7.
 """
 
 from __future__ import annotations
@@ -25,14 +33,16 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
+from meshdeform.config import Distillation
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
+from meshdeform.priors.base import guided
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.shading import RenderStyle
 
-__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation"]
+__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
 
 REFERENCE_ELEMENTS = 4 * 64 * 64
 """Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
@@ -48,15 +58,20 @@ class ScoreDistillation:
         Encoded here, once; a job makes one of these objects.
     guidance_scale : float
         s.
-    timestep_min : float
-        Lowest timestep drawn, as a fraction of T.
+    guidance_rescale : float in 0 .. 1
+        phi.
+    distillation : Distillation
+    timestep_min, timestep_min_end : float
+        Lowest timestep drawn at the first and at the last step, as fractions of T; the same unless the second is given.
     timestep_max, timestep_max_end : float
         Highest timestep drawn at the first and at the last step, as fractions of T.
+    noise_draws : int
+        How many pairs of timestep and noise a step asks the prior about, for the same pictures; their mean counts.
 
     Raises
     ------
     PromptError, ParameterError
-        The prior cannot use this text, or the timestep bounds are not 0 <= min <= max <= 1.
+        The prior cannot use this text, or the timestep bounds are not 0 <= min <= max <= 1 all along.
     """
 
     def __init__(
@@ -66,24 +81,35 @@ class ScoreDistillation:
         *,
         negative_prompt: str = "",
         guidance_scale: float,
+        guidance_rescale: float = 0.0,
+        distillation: Distillation = Distillation.SDS,
         timestep_min: float = 0.02,
+        timestep_min_end: float | None = None,
         timestep_max: float = 0.98,
         timestep_max_end: float = 0.98,
+        noise_draws: int = 1,
     ) -> None:
-        if not 0 <= timestep_min <= min(timestep_max, timestep_max_end) <= max(timestep_max, timestep_max_end) <= 1:
-            raise ParameterError(
-                f"Timesteps must have 0 <= timestep_min ({timestep_min}) <= timestep_max ({timestep_max}) and "
-                f"timestep_max_end ({timestep_max_end}) <= 1."
-            )
+        low_end = timestep_min if timestep_min_end is None else timestep_min_end
+        for name, low, high in (("", timestep_min, timestep_max), ("_end", low_end, timestep_max_end)):
+            if not 0 <= low <= high <= 1:
+                raise ParameterError(
+                    f"Timesteps must have 0 <= timestep_min{name} ({low}) <= timestep_max{name} ({high}) <= 1."
+                )
         self._prior = prior
         self._embedding = prior.encode_prompt(prompt, negative_prompt)
-        self._scale = guidance_scale
-        self._bounds = (timestep_min, timestep_max, timestep_max_end)
+        self._scale, self._rescale, self._kind = guidance_scale, guidance_rescale, distillation
+        self._low, self._high = (timestep_min, low_end), (timestep_max, timestep_max_end)
+        self._draws = noise_draws
 
     @property
     def style(self) -> RenderStyle:
         """How the prior wants the views drawn."""
         return self._prior.style
+
+    @property
+    def single_style(self) -> RenderStyle:
+        """How the prior wants a view drawn that is a picture of its own."""
+        return self._prior.single_style
 
     @property
     def identity(self) -> dict[str, str]:
@@ -95,7 +121,8 @@ class ScoreDistillation:
 
         Parameters
         ----------
-        image : (1, 3, S, S) float32 in [0, 1]
+        image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
+            The grid of four views, or one picture a camera; each picture has a timestep and noise of its own.
         context : StepContext
 
         Returns
@@ -109,45 +136,67 @@ class ScoreDistillation:
         NumericalError
             The prediction or z0 is not finite.
         """
-        prior, generator = self._prior, context.generator
-        z0 = prior.encode_image(image, generator)
-        timestep = self._draw_timestep(context)
-        noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
+        z0 = self._prior.encode_image(image, context.generator)
         with torch.no_grad():
-            level = prior.alphas_cumprod[timestep].view(1, 1, 1, 1).to(z0)
-            noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
-            predicted = prior.predict_noise(
-                noisy, timestep.to(z0.device), self._embedding, self._scale, context.cameras
-            )
-            residual = predicted - noise
-            weight = (1 - level) * (REFERENCE_ELEMENTS / z0.numel())
-            gradient = weight * residual
-            value = 0.5 * (gradient * residual).sum()
+            asked = [self._ask(z0.detach(), context) for _ in range(self._draws)]
+            gradient, value, error, timestep = (sum(part) / self._draws for part in zip(*asked, strict=True))
             norm = gradient.norm()
-        logs = {
-            "sds_mse": residual.square().mean().item(),
-            "sds_gradient_norm": norm.item(),
-            "timestep": float(timestep),
-        }
         if not (torch.isfinite(value) and torch.isfinite(norm)):
             raise NumericalError(
-                f"The diffusion prior's prediction at timestep {int(timestep)} is not finite.",
+                f"The diffusion prior's prediction at timestep {float(timestep):.0f} is not finite.",
                 advice="Lower guidance_scale; with a half-precision model, run it in float32.",
             )
         scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
-        return scalar, logs
+        return scalar, {"sds_mse": error.item(), "sds_gradient_norm": norm.item(), "timestep": float(timestep)}
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
         """Lowest and highest timestep that may be drawn at this step, both inclusive."""
-        last = self._prior.num_timesteps - 1
-        low, high, high_end = self._bounds
-        top = high + (high_end - high) * context.fraction
-        lowest = min(round(low * self._prior.num_timesteps), last)
-        return lowest, max(lowest, min(round(top * self._prior.num_timesteps), last))
+        count = self._prior.num_timesteps
+        low, high = (begin + (end - begin) * context.fraction for begin, end in (self._low, self._high))
+        lowest = min(round(low * count), count - 1)
+        return lowest, max(lowest, min(round(high * count), count - 1))
 
-    def _draw_timestep(self, context: StepContext) -> Tensor:
+    def _ask(self, z0: Tensor, context: StepContext) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """The gradient on z0 of one draw, the loss, the mean squared residual and the mean timestep."""
+        prior, generator = self._prior, context.generator
         low, high = self.timestep_bounds(context)
-        return torch.randint(low, high + 1, (1,), generator=context.generator)
+        timestep = torch.randint(low, high + 1, (len(z0),), generator=generator)
+        noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
+        level = prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
+        noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
+        uncond, text = prior.predict_noise(noisy, timestep.to(z0.device), self._embedding, context.cameras)
+        if self._kind is Distillation.CSD:
+            residual = self._scale * (text - uncond)
+        else:
+            predicted = guided(uncond, text, self._scale)
+            if self._rescale:
+                predicted = rescaled(predicted, text, noisy, level, self._rescale)
+            residual = predicted - noise
+        gradient = (1 - level) * (REFERENCE_ELEMENTS / z0.numel()) * residual
+        return gradient, 0.5 * (gradient * residual).sum(), residual.square().mean(), timestep.double().mean()
+
+
+def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi: float) -> Tensor:
+    """Noise whose clean picture has the spread of the prompted one, mixed with the given one.
+
+    Parameters
+    ----------
+    predicted, text, noisy : (B, C, H, W) float32
+        eps_hat after guidance, eps_hat of the prompt alone, and z_t.
+    level : (B, 1, 1, 1) float32
+        abar_t.
+    phi : float in 0 .. 1
+        0 changes nothing; at 1 the spread is the prompted one's.
+
+    Returns
+    -------
+    (B, C, H, W) float32. Source: Lin et al. 2024, eq. 15 and 16, on x0.
+    """
+    signal, sigma = level.sqrt(), (1 - level).sqrt()
+    clean, prompted = (noisy - sigma * predicted) / signal, (noisy - sigma * text) / signal
+    spread, wanted = clean.std((1, 2, 3), keepdim=True), prompted.std((1, 2, 3), keepdim=True)
+    clean = clean * (phi * wanted / spread.clamp_min(1e-8) + 1 - phi)
+    return (noisy - signal * clean) / sigma
 
 
 class _StraightThrough(torch.autograd.Function):

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
+from meshdeform.cameras import NUM_VIEWS
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.guidance.base import StepContext
 from meshdeform.shading import Renderer, RenderStyle, combine_views
@@ -57,7 +58,7 @@ class TargetGuidance:
         device: str | torch.device = "cpu",
         identity: dict[str, str] | None = None,
     ) -> None:
-        self.style = style
+        self.style = self.single_style = style
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
         self._verts = mesh.verts.to(device)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
@@ -78,7 +79,9 @@ class TargetGuidance:
             The loss is not finite.
         """
         with torch.no_grad():
-            target = combine_views(self._renderer.render(self._verts, context.cameras))
+            views = self._renderer.render(self._verts, context.cameras)
+            grid = image.shape[0] == 1 and len(views) == NUM_VIEWS
+            target = combine_views(views) if grid else views.permute(0, 3, 1, 2)
         if image.shape != target.shape:
             raise ShapeError(f"expected an image {tuple(target.shape)}, got {tuple(image.shape)}")
         error = (image - target).square().mean()

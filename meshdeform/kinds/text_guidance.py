@@ -22,7 +22,11 @@ def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> Sco
         prompt,
         negative_prompt=params.negative_prompt,
         guidance_scale=params.guidance_scale,
+        guidance_rescale=params.guidance_rescale,
+        distillation=params.distillation,
+        noise_draws=params.noise_draws,
         timestep_min=params.timestep_min,
+        timestep_min_end=params.timestep_min_end,
         timestep_max=params.timestep_max,
         timestep_max_end=params.timestep_max_end,
     )

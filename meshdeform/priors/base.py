@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from meshdeform.cameras import Cameras
     from meshdeform.shading import RenderStyle
 
-__all__ = ["Prior"]
+__all__ = ["Prior", "guided"]
 
 
 class Prior(Protocol):
@@ -20,6 +20,10 @@ class Prior(Protocol):
     @property
     def style(self) -> RenderStyle:
         """How views must look."""
+
+    @property
+    def single_style(self) -> RenderStyle:
+        """How a view must look that is a picture of its own."""
 
     @property
     def num_timesteps(self) -> int:
@@ -55,32 +59,35 @@ class Prior(Protocol):
 
         Parameters
         ----------
-        image : (1, 3, S, S) float32 in [0, 1]
+        image : (B, 3, S, S) float32 in [0, 1]
         generator : torch.Generator on the CPU, optional
             For models whose encoder is random.
 
         Returns
         -------
-        (1, C, H, W) float32 on `device`: the latents, or the picture in [-1, 1] for a model that works on pixels.
+        (B, C, H, W) float32 on `device`: the latents, or the picture in [-1, 1] for a model that works on pixels.
         """
 
-    def predict_noise(
-        self, z_t: Tensor, timestep: Tensor, embedding: Any, guidance_scale: float, cameras: Cameras
-    ) -> Tensor:
-        """Predict eps with classifier-free guidance; never differentiated.
+    def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: Any, cameras: Cameras) -> tuple[Tensor, Tensor]:
+        """Predict eps twice, without the prompt and with it; never differentiated.
 
         Parameters
         ----------
-        z_t : (1, C, H, W) float32
-        timestep : (1,) int64 in 0 .. T - 1
+        z_t : (B, C, H, W) float32
+            One grid of four views, or B single views.
+        timestep : (B,) int64 in 0 .. T - 1
         embedding
             From `encode_prompt`.
-        guidance_scale : float
-            s in ``uncond + s * (text - uncond)``.
         cameras : Cameras
-            The cameras of the four views, for models that are conditioned on them.
+            Those of the grid's four views, or one a picture, for models that are conditioned on them.
 
         Returns
         -------
-        (1, C, H, W) float32
+        uncond, text : (B, C, H, W) float32
+            What the negative prompt (or nothing) and what the prompt explains. `guided` combines them.
         """
+
+
+def guided(uncond: Tensor, text: Tensor, guidance_scale: float) -> Tensor:
+    """Classifier-free guidance: ``uncond + s (text - uncond)``. Source: Ho & Salimans 2022, eq. 6, diffusers' s."""
+    return uncond + guidance_scale * (text - uncond)

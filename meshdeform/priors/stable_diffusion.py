@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -114,6 +115,7 @@ class StableDiffusionPrior:
         self.style = RenderStyle(
             view_size=self.image_size // 2, supersample=1, shading="lambert", background=(1.0, 1.0, 1.0)
         )
+        self.single_style = replace(self.style, view_size=self.image_size)
 
     def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
         network, report = kind.from_pretrained(
@@ -156,17 +158,17 @@ class StableDiffusionPrior:
         return embedding
 
     def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
-        """Latents (1, C, H, W) float32 of a picture; differentiable, and nothing random.
+        """Latents (B, C, H, W) float32 of pictures; differentiable, and nothing random.
 
         A picture of another size than the model's own is resized (bilinear, antialiased).
 
         Raises
         ------
         ShapeError
-            `image` is not (1, 3, S, S).
+            `image` is not (B, 3, S, S).
         """
-        if image.ndim != 4 or image.shape[:2] != (1, 3):
-            raise ShapeError(f"expected an image (1, 3, S, S), got {tuple(image.shape)}")
+        if image.ndim != 4 or image.shape[1] != 3:
+            raise ShapeError(f"expected pictures (B, 3, S, S), got {tuple(image.shape)}")
         image = image.to(self.device)
         if image.shape[2:] != (self.image_size, self.image_size):
             size = (self.image_size, self.image_size)
@@ -181,32 +183,30 @@ class StableDiffusionPrior:
         z_t: Tensor,
         timestep: Tensor,
         embedding: Tensor,
-        guidance_scale: float,
         cameras: Cameras,  # noqa: ARG002
-    ) -> Tensor:
-        """The noise in z_t that the prompt explains, with classifier-free guidance.
+    ) -> tuple[Tensor, Tensor]:
+        """The noise in z_t, by the negative prompt and by the prompt.
 
         Parameters
         ----------
-        z_t : (1, C, H, W) float32
-        timestep : (1,) int64
+        z_t : (B, C, H, W) float32
+        timestep : (B,) int64
         embedding : (2, tokens, E)
             From `encode_prompt`.
-        guidance_scale : float
-            1 is the conditional prediction alone; 0 the unconditional one.
         cameras : Cameras
             Not used: these models know nothing of cameras.
         """
-        both = z_t.to(self.device, self.dtype).expand(2, -1, -1, -1)
+        noisy = z_t.to(self.device)
+        both = noisy.to(self.dtype).repeat(2, 1, 1, 1)
         steps = timestep.to(self.device)
-        output = self._unet(both, steps.expand(2), encoder_hidden_states=embedding).sample.float()
+        told = embedding.repeat_interleave(len(z_t), 0)
+        output = self._unet(both, steps.repeat(2), encoder_hidden_states=told).sample.float()
         uncond, text = output.chunk(2)
-        predicted: Tensor = uncond + guidance_scale * (text - uncond)
         if self._prediction == "epsilon":
-            return predicted
-        # v -> eps is affine in v, so it may come after the combination of the two branches.
-        level = self.alphas_cumprod[steps].view(1, 1, 1, 1)
-        return level.sqrt() * predicted + (1 - level).sqrt() * z_t.to(self.device)
+            return uncond, text
+        level = self.alphas_cumprod[steps].view(-1, 1, 1, 1)
+        signal, sigma = level.sqrt(), (1 - level).sqrt()
+        return signal * uncond + sigma * noisy, signal * text + sigma * noisy
 
 
 @contextmanager

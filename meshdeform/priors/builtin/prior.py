@@ -89,9 +89,9 @@ class BuiltinPrior:
 
     @torch.no_grad()
     def predict_noise(
-        self, z_t: Tensor, timestep: Tensor, embedding: Tensor, guidance_scale: float, cameras: Cameras
-    ) -> Tensor:
-        """The noise in z_t that the prompt explains, with classifier-free guidance.
+        self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras
+    ) -> tuple[Tensor, Tensor]:
+        """The noise in z_t, without the prompt and with it.
 
         Parameters
         ----------
@@ -100,14 +100,12 @@ class BuiltinPrior:
         timestep : (B,) int64
         embedding : (2, E) float32
             From `encode_prompt`.
-        guidance_scale : float
-            1 is the conditional prediction alone; 0 the unconditional one.
         cameras : Cameras
             Four for a grid, of which the first's azimuth is used; or one a picture, each with its own azimuth.
 
         Returns
         -------
-        (B, 3, 128, 128) float32
+        Two of (B, 3, 128, 128) float32: without the prompt, and with it.
 
         Raises
         ------
@@ -128,4 +126,4 @@ class BuiltinPrior:
         text = embedding.repeat_interleave(count, 0)
         clean = self._network(both, steps, text, azimuth, single)
         nothing, prompted = noise_from_clean(clean, both, steps, self.alphas_cumprod).chunk(2)
-        return nothing + guidance_scale * (prompted - nothing)
+        return nothing, prompted

@@ -7,9 +7,10 @@ import torch
 from torch import Tensor
 
 from meshdeform.cameras import Cameras, fixed_cameras
+from meshdeform.config import Distillation
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation
+from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, rescaled
 from meshdeform.testing import FakePrior
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -28,13 +29,11 @@ class LinearPrior(FakePrior):
             self.z0.retain_grad()
         return self.z0
 
-    def predict_noise(
-        self, z_t: Tensor, timestep: Tensor, embedding: None, guidance_scale: float, cameras: Cameras
-    ) -> Tensor:
+    def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras) -> tuple[Tensor, Tensor]:
         assert not z_t.requires_grad
-        self.timesteps.append(int(timestep))
+        self.timesteps += timestep.tolist()
         self.z_t = z_t
-        return 0.5 * z_t
+        return 0.5 * z_t, 0.5 * z_t
 
 
 @pytest.mark.parametrize("side", [64, 128])
@@ -175,9 +174,93 @@ def test_bounds_that_cross_are_refused(bounds: tuple[float, float, float]) -> No
 def test_a_prediction_that_is_not_finite_stops_the_run(bad: float) -> None:
     class BrokenPrior(FakePrior):
         def predict_noise(
-            self, z_t: Tensor, timestep: Tensor, embedding: None, guidance_scale: float, cameras: Cameras
-        ) -> Tensor:
-            return torch.full_like(z_t, bad)
+            self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras
+        ) -> tuple[Tensor, Tensor]:
+            return torch.full_like(z_t, bad), torch.full_like(z_t, bad)
 
     with pytest.raises(NumericalError, match="not finite"):
         ScoreDistillation(BrokenPrior(), "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
+
+
+class TwoMindedPrior(FakePrior):
+    """Knows one picture without a prompt and another with one, both as (z_t, abar) -> eps."""
+
+    def __init__(self, uncond: Tensor, text: Tensor) -> None:
+        super().__init__(text)
+        self.pictures = (uncond, text)
+
+    def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras) -> tuple[Tensor, Tensor]:
+        self.timesteps += timestep.tolist()
+        level = self.alphas_cumprod[timestep].view(-1, 1, 1, 1)
+        first, second = ((z_t - level.sqrt() * self.encode_image(x)) / (1 - level).sqrt() for x in self.pictures)
+        return first, second
+
+
+def two_pictures() -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(2)
+    return torch.rand(1, 3, 16, 16, generator=generator), torch.rand(1, 3, 16, 16, generator=generator)
+
+
+def test_full_rescaling_gives_the_picture_the_spread_of_the_prompted_one() -> None:
+    uncond, text = two_pictures()
+    level = torch.full((1, 1, 1, 1), 0.3)
+    noisy = torch.randn(1, 3, 16, 16, generator=torch.Generator().manual_seed(0))
+    to_noise = lambda x: (noisy - level.sqrt() * (2 * x - 1)) / (1 - level).sqrt()  # noqa: E731
+    to_clean = lambda e: (noisy - (1 - level).sqrt() * e) / level.sqrt()  # noqa: E731
+    strong = to_noise(uncond) + 20 * (to_noise(text) - to_noise(uncond))
+    wanted = to_clean(to_noise(text)).std()
+    assert to_clean(strong).std() > 5 * wanted
+    full = rescaled(strong, to_noise(text), noisy, level, 1.0)
+    torch.testing.assert_close(to_clean(full).std(), wanted, rtol=1e-4, atol=0.0)
+    torch.testing.assert_close(rescaled(strong, to_noise(text), noisy, level, 0.0), strong, rtol=1e-4, atol=1e-4)
+    half = to_clean(rescaled(strong, to_noise(text), noisy, level, 0.5))
+    torch.testing.assert_close(half, (to_clean(full) + to_clean(strong)) / 2, rtol=1e-3, atol=1e-3)
+
+
+def test_classifier_score_distillation_is_the_prompts_direction_without_noise() -> None:
+    uncond, text = two_pictures()
+    prior = TwoMindedPrior(uncond, text)
+    image = torch.full((1, 3, 16, 16), 0.5, requires_grad=True)
+    guidance = ScoreDistillation(prior, "", guidance_scale=3.0, distillation=Distillation.CSD)
+    guidance.loss(image, context())[0].backward()
+    level = prior.alphas_cumprod[prior.timesteps[0]]
+    direction = 3.0 * level.sqrt() / (1 - level).sqrt() * 2 * (uncond - text)
+    expected = 2 * (1 - level) * direction * REFERENCE_ELEMENTS / image.numel()
+    torch.testing.assert_close(image.grad, expected, rtol=1e-3, atol=1e-2)
+
+
+def test_several_draws_give_the_mean_of_their_gradients() -> None:
+    optimum = torch.rand(1, 3, 16, 16, generator=torch.Generator().manual_seed(3))
+
+    def gradient(draws: int, at: StepContext) -> Tensor:
+        image = torch.full_like(optimum, 0.5, requires_grad=True)
+        guidance = ScoreDistillation(FakePrior(optimum), "", guidance_scale=1.0, noise_draws=draws)
+        guidance.loss(image, at)[0].backward()
+        return image.grad
+
+    at = context(seed=9)
+    single = [gradient(1, at) for _ in range(3)]
+    torch.testing.assert_close(gradient(3, context(seed=9)), torch.stack(single).mean(0))
+
+
+def test_pictures_of_their_own_have_timesteps_of_their_own_and_share_the_weight() -> None:
+    prior = FakePrior(torch.full((1, 3, 16, 16), 0.75))
+    images = torch.full((4, 3, 16, 16), 0.25, requires_grad=True)
+    loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(images, context())
+    loss.backward()
+    assert len(set(prior.timesteps)) == 4
+    for k, timestep in enumerate(prior.timesteps):
+        level = prior.alphas_cumprod[timestep]
+        pull = 2 * (1 - level) * (level / (1 - level)).sqrt() * -1.0 * REFERENCE_ELEMENTS / images.numel()
+        torch.testing.assert_close(images.grad[k], pull.expand(3, 16, 16), rtol=1e-3, atol=1e-4)
+
+
+def test_the_lower_bound_moves_too() -> None:
+    guidance = ScoreDistillation(
+        FakePrior(), "", guidance_scale=1.0, timestep_min=0.8, timestep_min_end=0.2, timestep_max_end=0.4
+    )
+    assert [guidance.timestep_bounds(context(step, 101)) for step in (0, 50, 100)] == [
+        (800, 980),
+        (500, 690),
+        (200, 400),
+    ]

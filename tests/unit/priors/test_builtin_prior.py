@@ -6,6 +6,7 @@ import torch
 
 from meshdeform.cameras import fixed_cameras
 from meshdeform.errors import ModelError, ParameterError, ShapeError, VocabularyError
+from meshdeform.priors.base import guided
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.diffusion import add_noise
 from meshdeform.priors.builtin.families import member
@@ -35,12 +36,12 @@ def test_guidance_extrapolates_from_nothing_through_the_prompt(weights: Path) ->
     embedding = prior.encode_prompt("a tall vase")
     z_t = torch.randn(1, 3, 128, 128, generator=torch.Generator().manual_seed(0))
     cameras, at = fixed_cameras(20.0, 10.0), torch.tensor([400])
-    nothing, prompted, strong = (prior.predict_noise(z_t, at, embedding, s, cameras) for s in (0.0, 1.0, 7.5))
+    nothing, prompted, strong = (guided(*prior.predict_noise(z_t, at, embedding, cameras), s) for s in (0.0, 1.0, 7.5))
     assert strong.shape == z_t.shape
     assert (prompted - nothing).abs().max() > 1e-5
     torch.testing.assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
     other = prior.encode_prompt("a dog")
-    torch.testing.assert_close(prior.predict_noise(z_t, at, other, 0.0, cameras), nothing)
+    torch.testing.assert_close(guided(*prior.predict_noise(z_t, at, other, cameras), 0.0), nothing)
 
 
 def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> None:
@@ -48,19 +49,21 @@ def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> N
     embedding = prior.encode_prompt("a tall vase")
     z_t = torch.randn(3, 3, 128, 128, generator=torch.Generator().manual_seed(0))
     at, azimuths = torch.tensor([400, 100, 700]), (20.0, -75.0, 160.0)
-    together = prior.predict_noise(z_t, at, embedding, 3.0, fixed_cameras(azimuths, 10.0))
+    together = guided(*prior.predict_noise(z_t, at, embedding, fixed_cameras(azimuths, 10.0)), 3.0)
     assert together.shape == z_t.shape
     for k, azimuth in enumerate(azimuths):
-        alone = prior.predict_noise(z_t[k : k + 1], at[k : k + 1], embedding, 3.0, fixed_cameras((azimuth,), 10.0))
+        alone = guided(
+            *prior.predict_noise(z_t[k : k + 1], at[k : k + 1], embedding, fixed_cameras((azimuth,), 10.0)), 3.0
+        )
         torch.testing.assert_close(together[k : k + 1], alone, atol=1e-3, rtol=1e-3)
-    turned = prior.predict_noise(z_t, at, embedding, 3.0, fixed_cameras((20.0, -75.0, 0.0), 10.0))
+    turned = guided(*prior.predict_noise(z_t, at, embedding, fixed_cameras((20.0, -75.0, 0.0), 10.0)), 3.0)
     torch.testing.assert_close(turned[:2], together[:2], atol=1e-3, rtol=1e-3)
     assert (turned[2] - together[2]).abs().max() > 1e-3
     four = fixed_cameras(20.0, 10.0)
-    grid = prior.predict_noise(z_t[:1], at[:1], embedding, 3.0, four)
+    grid = guided(*prior.predict_noise(z_t[:1], at[:1], embedding, four), 3.0)
     assert (grid - together[:1]).abs().max() > 1e-3
     with pytest.raises(ShapeError, match="3 pictures and 4 cameras"):
-        prior.predict_noise(z_t, at, embedding, 3.0, four)
+        guided(*prior.predict_noise(z_t, at, embedding, four), 3.0)
     assert (prior.single_style.view_size, 2 * prior.style.view_size) == (SINGLE_STYLE.view_size, 128)
 
 
@@ -72,7 +75,9 @@ def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> Non
     z0.sum().backward()
     torch.testing.assert_close(image.grad, torch.full_like(image, 2.0))
     embedding = prior.encode_prompt("a hat")
-    assert not prior.predict_noise(z0, torch.tensor([5]), embedding, 2.0, fixed_cameras(0.0, 0.0)).requires_grad
+    assert not guided(
+        *prior.predict_noise(z0, torch.tensor([5]), embedding, fixed_cameras(0.0, 0.0)), 2.0
+    ).requires_grad
 
 
 def test_it_says_who_it_is(weights: Path) -> None:
@@ -129,7 +134,7 @@ def test_the_shipped_prior_tells_shapes_apart_and_sides_from_each_other(shipped:
         noisy = add_noise(z0, noise, at, shipped.alphas_cumprod)
 
         def error(prompt: str, seen=cameras, noisy=noisy, noise=noise, at=at) -> float:
-            predicted = shipped.predict_noise(noisy, at, shipped.encode_prompt(prompt), 1.0, seen)
+            predicted = guided(*shipped.predict_noise(noisy, at, shipped.encode_prompt(prompt), seen), 1.0)
             return float((predicted - noise).square().mean())
 
         errors = {other: error(other) for other in nouns}

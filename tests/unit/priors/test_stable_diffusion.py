@@ -16,6 +16,7 @@ from meshdeform.errors import ModelError, PromptError, ShapeError
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
+from meshdeform.priors.base import guided
 from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
@@ -118,7 +119,7 @@ def test_classifier_free_guidance_is_uncond_plus_s_times_the_difference(prior: S
         prior._unet(z_t, at, encoder_hidden_states=embedding[row : row + 1]).sample.detach() for row in (0, 1)
     )
     for scale in (0.0, 1.0, 7.5, 100.0):
-        predicted = prior.predict_noise(z_t, at, embedding, scale, CAMERAS)
+        predicted = guided(*prior.predict_noise(z_t, at, embedding, CAMERAS), scale)
         torch.testing.assert_close(predicted, uncond + scale * (text - uncond), rtol=1e-4, atol=1e-3)
     assert not predicted.requires_grad
 
@@ -148,8 +149,8 @@ def test_v_prediction_equals_the_noise_that_its_velocity_stands_for(
     monkeypatch.setattr(prior._unet, "forward", tells_noise)
     monkeypatch.setattr(other._unet, "forward", tells_velocity)
     torch.testing.assert_close(
-        other.predict_noise(z_t, at, embedding, scale, CAMERAS),
-        prior.predict_noise(z_t, at, embedding, scale, CAMERAS),
+        guided(*other.predict_noise(z_t, at, embedding, CAMERAS), scale),
+        guided(*prior.predict_noise(z_t, at, embedding, CAMERAS), scale),
         rtol=1e-4,
         atol=1e-4,
     )
@@ -177,9 +178,10 @@ def test_descent_through_the_encoder_reaches_latents_that_the_network_knows(
     """With the ideal denoiser of one picture's latents in place of the U-Net, SDS brings the latents there."""
     goal = prior.encode_image(picture()).detach()
 
-    def ideal(z_t: Tensor, timestep: Tensor, *_: object) -> Tensor:
+    def ideal(z_t: Tensor, timestep: Tensor, *_: object) -> tuple[Tensor, Tensor]:
         level = prior.alphas_cumprod[timestep].view(1, 1, 1, 1)
-        return (z_t - level.sqrt() * goal) / (1 - level).sqrt()
+        both = (z_t - level.sqrt() * goal) / (1 - level).sqrt()
+        return both, both
 
     monkeypatch.setattr(prior, "predict_noise", ideal)
     guidance = ScoreDistillation(prior, "anything", guidance_scale=100.0)
@@ -204,9 +206,9 @@ def test_bfloat16_agrees_roughly_and_still_speaks_float32(
     assert latents.dtype == torch.float32
     torch.testing.assert_close(latents, prior.encode_image(picture()), rtol=0.1, atol=0.02)
     z_t, at = noise(1, 4, 16, 16), torch.tensor([300])
-    predicted = half.predict_noise(z_t, at, half.encode_prompt("a vase"), 1.0, CAMERAS)
+    predicted = guided(*half.predict_noise(z_t, at, half.encode_prompt("a vase"), CAMERAS), 1.0)
     assert predicted.dtype == torch.float32
-    expected = prior.predict_noise(z_t, at, prior.encode_prompt("a vase"), 1.0, CAMERAS)
+    expected = guided(*prior.predict_noise(z_t, at, prior.encode_prompt("a vase"), CAMERAS), 1.0)
     assert (predicted - expected).norm() < 0.1 * expected.norm()
 
 

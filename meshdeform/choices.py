@@ -1,0 +1,83 @@
+"""The named choices of a job's document: torch-free, one place for every enumeration."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+__all__ = [
+    "Distillation",
+    "GuidanceKind",
+    "JobKind",
+    "Optimizer",
+    "Parametrization",
+    "Preset",
+    "Rigidity",
+    "Safeguard",
+    "ViewMode",
+]
+
+
+class JobKind(StrEnum):
+    """What a job does; more kinds join this list."""
+
+    TEXT_DEFORM = "text_deform"
+
+
+class Preset(StrEnum):
+    """A named set of parameters."""
+
+    PREVIEW = "preview"
+    BALANCED = "balanced"
+    PAPER = "paper"
+
+
+class GuidanceKind(StrEnum):
+    """What pulls the mesh."""
+
+    SDS = "sds"
+    TARGET = "target"
+
+
+class Parametrization(StrEnum):
+    """What the optimiser moves."""
+
+    JACOBIANS = "jacobians"
+    VERTICES = "vertices"
+
+
+class ViewMode(StrEnum):
+    """Which views a step shows to the guidance, and how."""
+
+    ORTHOGONAL_GRID = "orthogonal_grid"
+    ORTHOGONAL_BATCH = "orthogonal_batch"
+    RANDOM_BATCH = "random_batch"
+    RANDOM_SINGLE = "random_single"
+
+
+class Distillation(StrEnum):
+    """Which direction of the diffusion prior pulls."""
+
+    SDS = "sds"
+    CSD = "csd"
+
+
+class Rigidity(StrEnum):
+    """What a Jacobian is compared with."""
+
+    IDENTITY = "identity"
+    ROTATION = "rotation"
+
+
+class Optimizer(StrEnum):
+    """How gradients become steps."""
+
+    ADAM = "adam"
+    ADAM_UNIFORM = "adam_uniform"
+
+
+class Safeguard(StrEnum):
+    """What a step must not do to the surface."""
+
+    NONE = "none"
+    FLIPS = "flips"
+    INTERSECTIONS = "intersections"
