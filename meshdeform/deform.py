@@ -178,9 +178,10 @@ class Deformation:
             raise
         self._whole = False
         self._optimizer.step()
-        # The last step is always looked at: what a run ends with is whole.
-        if self._guard is not None and ((self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps):
-            logs["held_faces"] = float(self._guard.correct(self._optimizer))
+        if self._guard is not None:
+            # The last step is always looked at: what a run ends with is whole.
+            due = (self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps
+            logs["held_faces"] = float(self._guard.correct(self._optimizer)) if due else 0.0
         self._whole = True
         return {"total": total, **logs}
 
