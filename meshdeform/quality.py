@@ -11,15 +11,20 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from meshdeform.intersections import intersecting_faces
 from meshdeform.operators import COLLAPSED_SHAPE
 
-__all__ = ["MeshQuality", "folded_faces", "measure"]
+__all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "folded_faces", "measure"]
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
 _COLLAPSED_SHARE = 1e-6
+
+FOLD_MARGIN = 0.2
+"""A face with a smaller cosine to its neighbours at rest (at a sharp crease, beside a much larger face) is so near a
+fold that one cannot be told from the crease's bending."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class MeshQuality:
     Attributes
     ----------
     flipped_faces : int
-        Faces that point against their edge neighbours now and did not at rest (a fold).
+        Faces that point against their edge neighbours now and clearly did not at rest (a fold).
     collapsed_faces : int
         Faces that lost their area: below a millionth of what the uniform scale would give, or a line.
     min_angle_p1_deg_before, min_angle_p1_deg_after : float
@@ -85,7 +90,8 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
-    folded_before, folded_after = folded_faces(rest_verts, f), folded_faces(verts, f)
+    beside = FaceNeighbours(f)
+    folded_before, folded_after = beside.folded(rest_verts, margin=FOLD_MARGIN), beside.folded(verts)
     return MeshQuality(
         flipped_faces=int((folded_after & ~folded_before & ~collapsed).sum()),
         collapsed_faces=int(collapsed.sum()),
@@ -149,14 +155,44 @@ def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: fl
     return np.asarray((total + total / product) / 4)
 
 
+class FaceNeighbours:
+    """Which faces continue which, and how: what folds are told by. It holds for any shape of the same faces.
+
+    Neighbours are faces that alone share an edge; where three meet, none continues another. Faces of the same three
+    vertices are one face, whichever way they are wound, and neighbours may be wound against each other: a fold is a
+    matter of the surface, so a Moebius strip, a double-sided sheet and inconsistent winding have none at rest.
+
+    Parameters
+    ----------
+    faces : (F, 3) int64
+    """
+
+    def __init__(self, faces: _Faces) -> None:
+        ordered, self._same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+        self._faces = ordered
+        count, n = len(ordered), int(faces.max(initial=0)) + 1
+        # Of corners a < b < c, the edges a b and b c run upwards and c a downwards.
+        key = np.concatenate([ordered[:, i] * n + ordered[:, j] for i, j in ((0, 1), (1, 2), (0, 2))])
+        owner, upward = np.tile(np.arange(count), 3), np.repeat([True, True, False], count)
+        order = np.argsort(key, kind="stable")
+        _, first, counts = np.unique(key[order], return_index=True, return_counts=True)
+        f, g = order[first[counts == 2]], order[first[counts == 2] + 1]
+        sign = np.where(upward[f] == upward[g], -1.0, 1.0)
+        rows, columns = np.concatenate([owner[f], owner[g]]), np.concatenate([owner[g], owner[f]])
+        self._signs = sparse.csr_matrix((np.tile(sign, 2), (rows, columns)), shape=(count, count))
+
+    def folded(self, verts: _Floats, *, margin: float = 0.0) -> NDArray[np.bool_]:
+        """Which faces (F,) are folded over: their area vectors point against the sum of their neighbours'.
+
+        With a `margin`, those too whose cosine to that sum is below it.
+        """
+        cross = _cross(verts, self._faces)
+        around = self._signs @ cross
+        limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
+        against = (around * cross).sum(1) < limit
+        return np.asarray(against[self._same.reshape(-1)])
+
+
 def folded_faces(verts: _Floats, faces: _Faces) -> NDArray[np.bool_]:
-    """Which faces (F,) are folded over: their normals point against the sum of their edge neighbours' area vectors."""
-    cross = _cross(verts, faces)
-    start, stop = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    key = np.minimum(start, stop) * (int(faces.max(initial=0)) + 1) + np.maximum(start, stop)
-    _, inverse = np.unique(key, return_inverse=True)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    around = np.zeros((int(inverse.max(initial=-1)) + 1, 3))
-    np.add.at(around, inverse, cross[owner])
-    neighbours = around[inverse].reshape(len(faces), 3, 3).sum(1) - 3 * cross
-    return np.asarray((neighbours * cross).sum(1) < 0)
+    """Which faces (F,) are folded over; `FaceNeighbours` says what that means, and serves for many shapes."""
+    return FaceNeighbours(faces).folded(verts)

@@ -7,8 +7,13 @@ it is::
     J <- J_whole + a_f (J - J_whole)        a_f = 0 on the bad faces, rising to 1 over the rings around them
 
 If that shape is not whole either, what is bad now joins, the rings grow, and after a few rounds the whole step is
-shortened, at last to nothing: the shape that a run holds is whole from its first step to its last. The optimiser's
-momentum of what was put back is forgotten, or it would push on at once.
+shortened, for each connected component that is still bad by itself, at last to nothing: the shape that a run holds is
+whole from its first step to its last. The optimiser's momentum of what was put back is forgotten, or it would push on
+at once.
+
+What an asset brings along does not hold it back. Faces that are folded at rest, or as good as, may stay so. Components
+that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may the faces
+around a place where a component cuts itself. Faces without area at rest have no side to fold to.
 
 The rest of the surface keeps what it gained, which is what plain backtracking (Smith and Schaefer 2015, Bijective
 Parameterization with Free Boundaries, section 3.3) gives up: one fold would hold back every other part of the mesh.
@@ -16,6 +21,7 @@ Parameterization with Free Boundaries, section 3.3) gives up: one fold would hol
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -23,9 +29,10 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.config import Safeguard
-from meshdeform.intersections import intersecting_faces
-from meshdeform.mesh import TriangleMesh
-from meshdeform.quality import folded_faces
+from meshdeform.intersections import _faces_cut, intersecting_faces
+from meshdeform.mesh import TriangleMesh, connected_components
+from meshdeform.operators import effective_face_areas
+from meshdeform.quality import FOLD_MARGIN, FaceNeighbours
 from meshdeform.variables import Variables
 
 __all__ = ["EVERY_STEPS", "SurfaceGuard"]
@@ -35,9 +42,16 @@ EVERY_STEPS = 5
 
 _ROUNDS = 6
 _FIRST_RINGS = 2
-_SHARES = (0.5, 0.25, 0.1)
+_SHARES = (0.5, 0.25, 0.1, 0.0)
+_SHORTENINGS = 16
+_LOOSE_RINGS = 2
+_CONTACT = 1e-4
+"""Components that cut each other once every vertex is moved by up to this share of the diagonal touch each other."""
+_CONTACT_DRAWS = 5
 
 _Flags = NDArray[np.bool_]
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
 
 
 class SurfaceGuard:
@@ -57,32 +71,69 @@ class SurfaceGuard:
         self._kind, self._variables = kind, variables
         self._faces = mesh.faces.numpy()
         rest = mesh.verts.numpy()
-        self._excused = self._broken(rest)
         count = len(self._faces)
         corner = np.arange(3 * count) // 3
         incidence = sparse.csr_matrix((np.ones(3 * count), (corner, self._faces.ravel())), shape=(count, len(rest)))
         self._around = (incidence @ incidence.T).tocsr()
         self._incidence = incidence
+        self._solid = np.flatnonzero(effective_face_areas(mesh) > 0)
+        self._beside = FaceNeighbours(self._faces[self._solid])
+        self._part_of_vertex = connected_components(mesh.faces, len(rest)).numpy()
+        self._part = self._part_of_vertex[self._faces[:, 0]]
+        self._folded = np.zeros(count, bool)
+        self._loose = np.zeros(count, bool)
+        self._meeting: _Index = np.empty(0, np.int64)
+        self._excuse(rest)
         self._whole = self._copy()
 
     @property
     def state(self) -> dict[str, Tensor]:
         """The last whole shape and what may stay broken, for checkpoints."""
         whole = {f"guard.{name}": tensor for name, tensor in self._whole.items()}
-        return {**whole, "guard.excused": torch.from_numpy(self._excused)}
+        excused = {"folded": self._folded, "loose": self._loose, "meeting": self._meeting}
+        return {**whole, **{f"guard.{name}": torch.from_numpy(array) for name, array in excused.items()}}
 
     def begin(self) -> None:
         """Take the variables as they stand for whole, with all that is broken in them."""
-        self._excused |= self._broken(self._variables.place().detach().numpy())
+        self._excuse(self._variables.place().detach().numpy())
         self._whole = self._copy()
 
     def restore(self, state: dict[str, Tensor]) -> None:
         """Go on from what `state` gave; a checkpoint of a run without a guard has none of it."""
-        if "guard.excused" not in state:
+        if "guard.meeting" not in state:
             self.begin()
             return
-        self._excused = state["guard.excused"].numpy().copy()
+        self._folded, self._loose, self._meeting = (
+            state[f"guard.{name}"].numpy().copy() for name in ("folded", "loose", "meeting")
+        )
         self._whole = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
+
+    def _excuse(self, verts: _Floats) -> None:
+        """Let be what is broken in this shape, besides what was let be before."""
+        self._folded |= self._folds(verts, margin=FOLD_MARGIN)
+        if self._kind is not Safeguard.INTERSECTIONS:
+            return
+        cuts = cutting_pairs(verts, self._faces)
+        own = cuts[self._part[cuts[:, 0]] == self._part[cuts[:, 1]]]
+        reached = np.bincount(own.ravel(), minlength=len(self._faces)).astype(np.float64)
+        for _ in range(_LOOSE_RINGS):
+            reached = self._around @ reached
+        self._loose |= reached > 0
+        keys = [self._meeting, self._keys(cuts)]
+        if self._part.max(initial=0) > 0:
+            # In contact, and not through each other by a rounding error: a fair share of small disturbances cuts.
+            generator = np.random.default_rng(0)
+            reach = _CONTACT * float(np.linalg.norm(np.ptp(verts[np.unique(self._faces)], axis=0)))
+            for _ in range(_CONTACT_DRAWS):
+                disturbed = verts + generator.uniform(-reach, reach, verts.shape)
+                keys.append(self._keys(cutting_pairs(disturbed, self._faces)))
+        self._meeting = np.unique(np.concatenate(keys))
+
+    def _keys(self, pairs: _Index) -> _Index:
+        """One number for each pair of different components that these pairs of faces (P, 2) belong to."""
+        parts = np.sort(self._part[pairs], axis=1)
+        apart = parts[parts[:, 0] != parts[:, 1]]
+        return np.unique(apart[:, 0] * (int(self._part_of_vertex.max(initial=0)) + 1) + apart[:, 1])
 
     @torch.no_grad()
     def correct(self, optimizer: torch.optim.Optimizer) -> int:
@@ -90,10 +141,10 @@ class SurfaceGuard:
 
         Returns
         -------
-        How many faces were put back: 0 where the shape was whole, all where nothing else helped.
+        How many faces were put back: 0 where the shape was whole, those of whole components where nothing else helped.
         """
         wished = self._copy()
-        held = np.zeros(len(self._faces), bool)
+        held, shortened = np.zeros((2, len(self._faces)), bool)
         for rounds in range(_ROUNDS):
             broken = self._look()
             if not broken.any():
@@ -101,21 +152,30 @@ class SurfaceGuard:
             held |= broken
             self._blend(wished, self._ramp(held, _FIRST_RINGS + rounds))
         else:
-            held[:] = True
-            self._shorten(wished)
+            shortened = self._shorten(wished)
+            held |= shortened
         if held.any():
-            self._forget(optimizer, held)
+            self._forget(optimizer, held, shortened)
         self._whole = self._copy()
         return int(held.sum())
 
     def _look(self) -> _Flags:
-        return self._broken(self._variables.place().detach().numpy()) & ~self._excused
-
-    def _broken(self, verts: NDArray[np.float64]) -> _Flags:
-        broken = folded_faces(verts, self._faces)
+        """Which faces (F,) are broken and not excused."""
+        verts = self._variables.place().detach().numpy()
+        broken = self._folds(verts) & ~self._folded
         if self._kind is Safeguard.INTERSECTIONS:
-            broken = broken | intersecting_faces(verts, self._faces)
+            cuts = cutting_pairs(verts, self._faces)
+            first, second = self._part[cuts].T
+            low, high = np.minimum(first, second), np.maximum(first, second)
+            key = low * (int(self._part_of_vertex.max(initial=0)) + 1) + high
+            excused = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
+            broken[cuts[~excused].ravel()] = True
         return broken
+
+    def _folds(self, verts: _Floats, *, margin: float = 0.0) -> _Flags:
+        folded = np.zeros(len(self._faces), bool)
+        folded[self._solid] = self._beside.folded(verts, margin=margin)
+        return folded
 
     def _copy(self) -> dict[str, Tensor]:
         return {name: tensor.detach().clone() for name, tensor in self._variables.tensors.items()}
@@ -134,27 +194,79 @@ class SurfaceGuard:
         """Set the variables between the last whole shape (0) and the wished one (1), face by face."""
         of_face = torch.from_numpy(share)
         of_vertex = torch.from_numpy(1 - (self._incidence.T @ (1 - share) > 0))
+        # Parts move as a whole; only shortening the step holds them back.
+        rows = {"jacobians": of_face, "displacements": of_vertex}
+        for name in rows.keys() & self._variables.tensors.keys():
+            tensor, whole = self._variables.tensors[name], self._whole[name]
+            tensor.copy_(whole + rows[name].view(-1, *[1] * (tensor.ndim - 1)) * (wished[name] - whole))
+
+    def _shorten(self, wished: dict[str, Tensor]) -> _Flags:
+        """Shorten the step of every component that is broken until none is; the faces (F,) of those shortened.
+
+        A component that stands still can be run into, so what is broken is looked for anew each time.
+        """
+        tried = np.zeros(int(self._part_of_vertex.max(initial=0)) + 1, np.int64)
+        for _ in range(_SHORTENINGS):
+            broken = np.unique(self._part[self._look()])
+            if not len(broken):
+                break
+            tried[broken] = np.minimum(tried[broken] + 1, len(_SHARES))
+            self._shorten_to(wished, tried)
+        else:
+            tried[:] = len(_SHARES)
+            self._shorten_to(wished, tried)
+        return np.asarray(tried[self._part] > 0)
+
+    def _shorten_to(self, wished: dict[str, Tensor], tried: _Index) -> None:
+        """Set every component that was tried to its share of the step; the others keep what they have."""
+        share = torch.from_numpy(np.array([1.0, *_SHARES])[tried])
+        moved = torch.from_numpy(tried > 0)
+        of_face, of_vertex = torch.from_numpy(self._part), torch.from_numpy(self._part_of_vertex)
         for name, tensor in self._variables.tensors.items():
-            rows = {len(of_face): of_face, len(of_vertex): of_vertex}.get(len(tensor))
-            if rows is None or name == "translations":
-                continue  # parts move as a whole; only shortening the step holds them back
-            whole = self._whole[name]
-            tensor.copy_(whole + rows.view(-1, *[1] * (tensor.ndim - 1)) * (wished[name] - whole))
+            rows = (
+                of_face if name == "jacobians" else of_vertex if name == "displacements" else torch.arange(len(share))
+            )
+            shape = (-1, *[1] * (tensor.ndim - 1))
+            shorter = self._whole[name] + share[rows].view(shape) * (wished[name] - self._whole[name])
+            tensor.copy_(torch.where(moved[rows].view(shape), shorter, tensor))
 
-    def _shorten(self, wished: dict[str, Tensor]) -> None:
-        for share in (*_SHARES, 0.0):
-            for name, tensor in self._variables.tensors.items():
-                tensor.copy_(self._whole[name] + share * (wished[name] - self._whole[name]))
-            if share == 0.0 or not self._look().any():
-                return
-
-    def _forget(self, optimizer: torch.optim.Optimizer, held: _Flags) -> None:
-        """Drop the momentum of what was put back."""
+    def _forget(self, optimizer: torch.optim.Optimizer, held: _Flags, shortened: _Flags) -> None:
+        """Drop the momentum of what was put back: of `held` faces (F,), and of the components of `shortened` ones."""
+        of_part = np.bincount(self._part[shortened], minlength=int(self._part_of_vertex.max(initial=0)) + 1) > 0
         of_vertex = self._incidence.T @ held.astype(np.float64) > 0
-        for tensor in self._variables.tensors.values():
+        rows = {"jacobians": held, "displacements": of_vertex, "translations": of_part}
+        for name, tensor in self._variables.tensors.items():
             momentum = optimizer.state.get(tensor, {}).get("exp_avg")
-            if momentum is None:
+            if momentum is not None:
+                momentum[torch.from_numpy(rows[name])] = 0.0
+
+
+def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
+    """Pairs (P, 2) of faces that cut through each other, as `intersecting_faces` means it."""
+    some = np.flatnonzero(intersecting_faces(verts, faces))
+    corners = verts[faces[some]]
+    order = np.argsort(corners[:, :, 0].min(1), kind="stable")
+    low, high = corners.min(1)[order], corners.max(1)[order]
+    few = np.ascontiguousarray(faces[some[order]])
+    pairs = np.empty((_list_pairs(verts, few, low, high, np.empty((0, 2), np.int64)), 2), np.int64)
+    _list_pairs(verts, few, low, high, pairs)
+    return np.asarray(some[order][pairs])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _list_pairs(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, out: _Index) -> int:
+    """Count the pairs that cut, of boxes sorted by the low end of their first axis, and list as many as fit in."""
+    found = 0
+    for f in range(len(faces)):
+        for g in range(f + 1, len(faces)):
+            if low[g, 0] > high[f, 0]:
+                break
+            if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
                 continue
-            rows = {len(held): held, len(of_vertex): of_vertex}.get(len(tensor))
-            if rows is not None:
-                momentum[torch.from_numpy(rows)] = 0.0
+            if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
+                continue
+            if _faces_cut(verts, faces[f], faces[g]):
+                if found < len(out):
+                    out[found, 0], out[found, 1] = f, g
+                found += 1
+    return found
