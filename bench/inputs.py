@@ -1,7 +1,8 @@
 """Input that such systems fail on, the whole way: ``python -m bench.inputs [--steps N] [--only NAME]``.
 
-Each input is made by formula, written as a GLB, deformed from start to end by the builtin prior ("a mushroom", preset
-`preview`, safeguard `intersections`), and read back. Prints a table and fails when an invariant of any input does.
+Each input is made by formula (`bench/input_meshes.py`), written as a GLB, deformed from start to end by the builtin
+prior ("a mushroom", preset `preview`, safeguard `intersections`), and read back. Prints a table and fails when an
+invariant of any input does.
 
 * prepare, step: processor time of reading and preparing, and of a step, as ratios to the plain sphere of the same run
 * look: what a look of the guard costs, in steps without one; there is one every five steps
@@ -14,326 +15,33 @@ Processor time, because other processes may run; each input has a process of its
 from __future__ import annotations
 
 import argparse
-import math
 import multiprocessing
 import resource
 import statistics
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from bench.input_meshes import INPUTS, Input
 from meshdeform.config import JobRequest
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.gltf import build_glb, load_asset
 from meshdeform.gltf.document import Document
 from meshdeform.gltf.limits import Limits
 from meshdeform.intersections import intersecting_faces
 from meshdeform.kinds import text_deform
-from meshdeform.mesh import TriangleMesh, connected_components
+from meshdeform.mesh import connected_components
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.quality import measure
 from meshdeform.safeguard import EVERY_STEPS
-from meshdeform.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
 from meshdeform.weld import weld
 
-__all__ = ["INPUTS", "Input", "Outcome", "glb", "outcome"]
-
-_Floats = NDArray[np.float64]
-_Faces = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Input:
-    """A mesh and where it stands.
-
-    Attributes
-    ----------
-    special : str
-        What is hard about it.
-    verts : (V, 3) float64
-    faces : (F, 3) int64
-    translation : tuple of 3 floats
-        Of its node.
-    meets : bool
-        Its components cut or touch each other at rest, so cuts between them are n/a; each by itself may have none.
-    """
-
-    special: str
-    verts: _Floats
-    faces: _Faces
-    translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    meets: bool = False
-
-
-def _of(special: str, mesh: TriangleMesh, *, meets: bool = False) -> Input:
-    return Input(special, mesh.verts.numpy(), mesh.faces.numpy(), meets=meets)
-
-
-def _moved(mesh: TriangleMesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: float = 1.0) -> TriangleMesh:
-    return TriangleMesh(mesh.verts * scale + torch.tensor([x, y, z], dtype=torch.float64), mesh.faces)
-
-
-def _sphere(size: float) -> TriangleMesh:
-    """Even triangles, 2,000 at size 1."""
-    return geodesic_sphere(max(2, round(10 * size)))
-
-
-def _count(size: float, count: int) -> int:
-    return max(3, round(count * size))
-
-
-def _book(size: float) -> Input:
-    page = grid(_count(size, 18), 1.0)
-    pages = []
-    for k in range(3):
-        turn = 2 * math.pi * k / 3
-        x = page.verts[:, 0] + 0.5
-        pages.append(
-            TriangleMesh(torch.stack([x * math.cos(turn), page.verts[:, 1], x * math.sin(turn)], 1), page.faces)
-        )
-    return _of("three sheets at one line: edges of three faces", join(*pages))
-
-
-def _walled(size: float) -> Input:
-    n = _count(size, 10)
-    halves = [_moved(box(n), x=-0.5), _moved(box(n), x=0.5)]
-    return _of("two boxes with a wall in common: edges of four faces, the wall's faces twice", join(*halves))
-
-
-def _bow_tie(size: float) -> Input:
-    ball = _sphere(0.7 * size)
-    top = float(ball.verts[:, 1].max())
-    bottom = float(ball.verts[:, 1].min())
-    return _of("two spheres that share one vertex", join(ball, _moved(ball, y=top - bottom)))
-
-
-def _holed(size: float) -> Input:
-    ball = _sphere(size)
-    return _of("a sphere with a hole", TriangleMesh(ball.verts, ball.faces[ball.verts[ball.faces].mean(1)[:, 1] < 0.6]))
-
-
-def _unreferenced(size: float) -> Input:
-    ball = _sphere(size)
-    strays = 50 * torch.randn(500, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    order = torch.randperm(500 + len(ball.verts), generator=torch.Generator().manual_seed(1))
-    verts = torch.empty(len(order), 3, dtype=torch.float64)
-    verts[order] = torch.cat([ball.verts, strays])
-    return _of("500 vertices that no face uses, far away", TriangleMesh(verts, order[ball.faces]))
-
-
-def _charts(size: float) -> Input:
-    ball = _sphere(size)
-    middle = ball.verts[ball.faces].mean(1)
-    axis = middle.abs().argmax(1)
-    chart = 2 * axis + (middle.gather(1, axis[:, None])[:, 0] > 0)
-    corners = ball.faces * 6 + chart[:, None]
-    kept, faces = torch.unique(corners, return_inverse=True)
-    return _of("vertices doubled at the seams of six UV charts", TriangleMesh(ball.verts[kept // 6], faces))
-
-
-def _soup(size: float) -> Input:
-    ball = _sphere(size)
-    faces = torch.arange(3 * len(ball.faces)).view(-1, 3)
-    return _of("three vertices of its own for every face", TriangleMesh(ball.verts[ball.faces].reshape(-1, 3), faces))
-
-
-def _repeated(size: float) -> Input:
-    ball = _sphere(size)
-    return _of("every fifth face twice", TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces[::5]])))
-
-
-def _double_sided(size: float) -> Input:
-    ball = _sphere(0.7 * size)
-    return _of("every face and its back", TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces.flip(1)])))
-
-
-def _zero_area(size: float) -> Input:
-    """Faces of one line that fill the gap where one side of an edge was split, and faces of one or two vertices."""
-    ball = _sphere(size)
-    verts, faces = ball.verts.float().double(), ball.faces
-    a, b, c = faces[::6].unbind(1)
-    middle = len(verts) + torch.arange(len(a))
-    split = [torch.stack([a, middle, c], 1), torch.stack([middle, b, c], 1), torch.stack([a, b, middle], 1)]
-    kept = torch.ones(len(faces), dtype=torch.bool)
-    kept[::6] = False
-    points = torch.stack([a[:20], a[:20], b[:20]], 1), torch.stack([c[:20]] * 3, 1)
-    mesh = TriangleMesh(torch.cat([verts, (verts[a] + verts[b]) / 2]), torch.cat([faces[kept], *split, *points]))
-    return _of("every sixth face beside a face of one line; faces of one and two vertices", mesh)
-
-
-def _needles(size: float) -> Input:
-    """A sphere with bands so narrow that their triangles are ten thousand times as long as wide."""
-    n, rings = _count(size, 36), _count(size, 10)
-    narrow = 2 * math.pi / n * 1e-4
-    profile = [(0.0, -1.0)]
-    for i in range(1, rings):
-        polar = math.pi * i / rings
-        radius = math.sin(polar)
-        profile += [(math.sin(p), -math.cos(p)) for p in (polar, polar + radius * narrow)]
-    return _of("bands of triangles 10,000 times as long as wide", lathe([*profile, (0.0, 1.0)], n))
-
-
-def _winding(size: float) -> Input:
-    ball = _sphere(size)
-    turned = torch.rand(len(ball.faces), 1, generator=torch.Generator().manual_seed(0)) < 0.3
-    faces = torch.where(turned, ball.faces.flip(1), ball.faces)
-    return _of("three in ten faces wound inside out", TriangleMesh(ball.verts, faces))
-
-
-def _pinched(size: float) -> Input:
-    ball = _sphere(size)
-    verts = ball.verts.clone()
-    verts[verts[:, 1].argmax()] = verts[verts[:, 1].argmin()]
-    return _of("a spike whose tip lies at another vertex's place", TriangleMesh(verts, ball.faces))
-
-
-def _moebius(size: float, across: int, special: str) -> Input:
-    n = _count(size, 96)
-    around, wide = torch.meshgrid(torch.arange(n), torch.arange(across + 1), indexing="ij")
-    turn = around.double() / n * 2 * math.pi
-    out = (wide.double() / across - 0.5) * 0.6
-    radius = 1 + out * (turn / 2).cos()
-    verts = torch.stack([radius * turn.sin(), out * (turn / 2).sin(), radius * turn.cos()], -1).reshape(-1, 3)
-    i, j = torch.meshgrid(torch.arange(n), torch.arange(across), indexing="ij")
-    i, j = i.reshape(-1), j.reshape(-1)
-    # The last column meets the first one upside down.
-    last = i == n - 1
-    a, b = i * (across + 1) + j, i * (across + 1) + j + 1
-    c = torch.where(last, across - j - 1, (i + 1) * (across + 1) + j + 1)
-    d = torch.where(last, across - j, (i + 1) * (across + 1) + j)
-    return _of(special, TriangleMesh(verts, torch.cat([torch.stack([a, b, c], 1), torch.stack([a, c, d], 1)])))
-
-
-def _genus_two(size: float) -> Input:
-    """A slab of 5 x 3 x 1 blocks with two of them taken out, each block finely divided."""
-    k = _count(size, 5)
-    solid = np.ones((5, 3, 1), bool)
-    solid[1, 1], solid[3, 1] = False, False
-    solid = np.pad(np.kron(solid, np.ones((k, k, k), bool)), 1)
-    quads = []
-    for axis in range(3):
-        for side in (0, 1):
-            bare = solid & ~np.roll(solid, 1 - 2 * side, axis)
-            corner = np.argwhere(bare)
-            corner[:, axis] += side
-            u, v = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
-            around = np.stack([corner, corner + u, corner + u + v, corner + v], 1)
-            quads.append(around if side else around[:, ::-1])
-    corners = np.concatenate(quads)
-    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    index = index.reshape(-1, 4)
-    faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
-    return Input("two holes to look through, right angles", points / k - points.max(0) / (2 * k), faces)
-
-
-def _parts(size: float) -> Input:
-    ball = _sphere(0.58 * size)
-    return _of("three spheres apart", join(ball, _moved(ball, x=3.0), _moved(ball, y=2.5, scale=0.5)))
-
-
-def _nested(size: float) -> Input:
-    ball = _sphere(0.58 * size)
-    return _of("three spheres, one within the other", join(ball, _moved(ball, scale=0.7), _moved(ball, scale=0.3)))
-
-
-def _touching(size: float) -> Input:
-    n = _count(size, 10)
-    stood = join(_moved(box(n), y=0.5), _moved(box(max(2, n - 3)), y=-0.75, scale=1.5))
-    return _of("a box that stands on another, with no vertex in common", stood, meets=True)
-
-
-def _overlapping(size: float) -> Input:
-    ball = _sphere(0.7 * size)
-    pair = join(ball, _moved(ball, x=0.9, y=0.3, scale=0.8))
-    return _of("two spheres that cut each other at rest", pair, meets=True)
-
-
-def _cubes(size: float) -> Input:
-    side = _count(size, 6)
-    boxes = [_moved(box(1), x=i, y=j, z=k, scale=0.5) for i in range(side) for j in range(side) for k in range(side)]
-    return _of("216 boxes of 12 faces apart", join(*boxes))
-
-
-def _confetti(size: float) -> Input:
-    generator = torch.Generator().manual_seed(0)
-    count = _count(size, 400)
-    centres = torch.nn.functional.normalize(torch.randn(count, 1, 3, dtype=torch.float64, generator=generator), dim=2)
-    corners = (centres + 0.05 * torch.randn(count, 3, 3, dtype=torch.float64, generator=generator)).reshape(-1, 3)
-    mesh = TriangleMesh(corners, torch.arange(3 * count).view(-1, 3))
-    return _of("400 single triangles, some through others", mesh)
-
-
-def _speck(size: float) -> Input:
-    speck = _moved(icosphere(1), x=1.5, scale=1e-4)
-    return _of("a sphere of a ten-thousandth beside a sphere", join(_sphere(size), speck))
-
-
-def _far(size: float) -> Input:
-    return _of("radius 1,000 around (1e6, 1e6, 1e6) in 32-bit floats", _moved(_sphere(size), 1e6, 1e6, 1e6, 1000.0))
-
-
-def _far_node(size: float) -> Input:
-    ball = _sphere(size)
-    return Input("radius 1 on a node at (1e6, 1e6, 1e6)", ball.verts.numpy(), ball.faces.numpy(), (1e6, 1e6, 1e6))
-
-
-def _coarse(size: float) -> Input:
-    ball = _moved(_sphere(size), 1e6, 1e6, 1e6, 4.0)
-    return _of("radius 4 around (1e6, 1e6, 1e6), where 32-bit floats step by 1/16", ball)
-
-
-def _triangle(_: float) -> Input:
-    return Input("one face", np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-
-
-def _large(size: float) -> Input:
-    return _of("100,000 triangles", torus(0.7, 0.25, _count(size, 500), _count(size, 100)))
-
-
-INPUTS: dict[str, Callable[[float], Input]] = {
-    "sphere": lambda size: _of("plain: what the ratios refer to", _sphere(size)),
-    "parts": _parts,
-    "nested": _nested,
-    "touching": _touching,
-    "overlapping": _overlapping,
-    "cubes": _cubes,
-    "confetti": _confetti,
-    "book": _book,
-    "walled": _walled,
-    "bow-tie": _bow_tie,
-    "sheet": lambda size: _of("open, flat", grid(_count(size, 32))),
-    "tube": lambda size: _of("open at both ends", cylinder(n=_count(size, 40), rings=_count(size, 25), capped=False)),
-    "holed": _holed,
-    "unreferenced": _unreferenced,
-    "charts": _charts,
-    "soup": _soup,
-    "repeated": _repeated,
-    "double-sided": _double_sided,
-    "zero-area": _zero_area,
-    "poles": lambda size: _of("fans of 250 needles at two poles", uv_sphere(_count(size, 5), _count(size, 250))),
-    "needles": _needles,
-    "winding": _winding,
-    "triangle": _triangle,
-    "pinched": _pinched,
-    "speck": _speck,
-    "far": _far,
-    "far-node": _far_node,
-    "coarse": _coarse,
-    "tiny": lambda size: _of("radius 1e-6", _moved(_sphere(size), scale=1e-6)),
-    "moebius": lambda size: _moebius(size, 10, "one-sided: no winding is consistent"),
-    "moebius-narrow": lambda size: _moebius(size, 1, "one-sided, one row of faces: every vertex on the border"),
-    "genus-1": lambda size: _of("a hole to look through", torus(0.7, 0.25, _count(size, 45), _count(size, 22))),
-    "genus-2": _genus_two,
-    "large": _large,
-}
-"""Every input by name, as a function of its size: 1 is the benchmark's, less is a coarser mesh of the same kind."""
+__all__ = ["Outcome", "glb", "outcome"]
 
 
 def glb(made: Input) -> bytes:

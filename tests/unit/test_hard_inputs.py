@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from bench.inputs import INPUTS, glb, outcome
+from bench.input_meshes import INPUTS
+from bench.inputs import glb, outcome
 from meshdeform.config import Optimizer, Parametrization, Safeguard
 from meshdeform.gltf import load_asset
 from meshdeform.intersections import intersecting_faces
