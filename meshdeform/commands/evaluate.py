@@ -26,7 +26,7 @@ def evaluate(
     folders: Annotated[
         list[Path] | None, typer.Argument(help="With --compare: the folders of runs.", show_default=False)
     ] = None,
-    suite: Annotated[str, typer.Option(help="small, full or paper (docs/quality.md).")] = "small",
+    suite: Annotated[str, typer.Option(help="small, full, nouns, unseen or paper (docs/quality.md).")] = "small",
     out: Annotated[
         Path, typer.Option(help="The folder of this run; the same command goes on in it.", file_okay=False)
     ] = Path("meshdeform-eval"),

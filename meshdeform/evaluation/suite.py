@@ -3,6 +3,9 @@
 `small` and `full` use prompts of the builtin prior's vocabulary; twelve nouns, easy (a mushroom) and hard (a chair, a
 table and an airplane need thin parts far from any source), a third of them with an attribute.
 
+`nouns` makes every noun of the builtin prior from a sphere, and `unseen` every pair of noun and attribute that no training
+picture of that prior showed: whether it puts together what it never saw together.
+
 `paper` is for Stable Diffusion models. Its first five prompts are shown in the public pages and repositories of the two
 papers that the method comes from; the other prompts and all sources are ours, for the papers' meshes are not free to
 ship. Nothing here reproduces a figure of theirs.
@@ -16,6 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from meshdeform.errors import ParameterError
+from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
+from meshdeform.priors.builtin.held_out import unseen_pairs
 
 __all__ = ["PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 
@@ -33,6 +38,9 @@ _PROMPTS = (
     "a chair",
     "a table",
 )
+
+_NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
+_UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in unseen_pairs())
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
 """The prompts of `paper` that the papers' authors show themselves."""
@@ -111,6 +119,8 @@ SUITES: dict[str, Suite] = {
             (0, 1),
             "balanced",
         ),
+        Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
+        Suite("unseen", ("sphere",), _UNSEEN_PROMPTS, (0,), "balanced"),
         Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),
     )
 }
