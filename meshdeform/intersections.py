@@ -1,4 +1,4 @@
-"""Self-intersections of a triangle mesh: how many faces cut through another.
+"""Self-intersections of a triangle mesh: which faces cut through another, and which two cut each other.
 
 Bounding boxes are swept along the longest axis. Two triangles cut each other if an edge of one passes through the
 other, which is decided by the signs of five determinants alone: the edge's ends on different sides of the plane, and
@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["intersecting_faces"]
+__all__ = ["cutting_pairs", "intersecting_faces"]
 
 _ERROR = 8.0e-16
 """Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
@@ -137,3 +137,53 @@ def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
     )
     hit[order] = sorted_hit
     return hit
+
+
+def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
+    """Which two faces cut through each other.
+
+    Parameters
+    ----------
+    verts : (V, 3) float64
+    faces : (F, 3) int64
+
+    Returns
+    -------
+    (P, 2) int64
+        Every pair once, the smaller index first, in ascending order. The faces in it are those of `intersecting_faces`.
+
+    Notes
+    -----
+    The sweep and the test are those of `intersecting_faces` (Guigue and Devillers 2003; Shewchuk 1997), which is asked
+    first: a face that cuts none is soon done with, and of a whole surface hardly any is left to be paired.
+    """
+    some = np.flatnonzero(intersecting_faces(verts, faces))
+    points = np.ascontiguousarray(verts, np.float64)
+    corners = points[faces[some]]
+    order = np.argsort(corners[:, :, 0].min(1), kind="stable")
+    low, high = corners.min(1)[order], corners.max(1)[order]
+    few = np.ascontiguousarray(faces[some[order]])
+    # Counted before they are listed: their number is not bounded by that of the faces.
+    pairs = np.empty((_list_pairs(points, few, low, high, np.empty((0, 2), np.int64)), 2), np.int64)
+    _list_pairs(points, few, low, high, pairs)
+    found = np.sort(some[order][pairs], axis=1)
+    return np.asarray(found[np.lexsort((found[:, 1], found[:, 0]))])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _list_pairs(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, out: _Index) -> int:
+    """Count the pairs that cut, of boxes sorted by the low end of their first axis, and list as many as fit in."""
+    found = 0
+    for f in range(len(faces)):
+        for g in range(f + 1, len(faces)):
+            if low[g, 0] > high[f, 0]:
+                break
+            if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
+                continue
+            if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
+                continue
+            if _faces_cut(verts, faces[f], faces[g]):
+                if found < len(out):
+                    out[found, 0], out[found, 1] = f, g
+                found += 1
+    return found

@@ -21,7 +21,6 @@ Parameterization with Free Boundaries, section 3.3) gives up: one fold would hol
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.config import Safeguard
-from meshdeform.intersections import _faces_cut, intersecting_faces
+from meshdeform.intersections import cutting_pairs
 from meshdeform.mesh import TriangleMesh, connected_components
 from meshdeform.operators import effective_face_areas
 from meshdeform.quality import FOLD_MARGIN, FaceNeighbours
@@ -239,34 +238,3 @@ class SurfaceGuard:
             momentum = optimizer.state.get(tensor, {}).get("exp_avg")
             if momentum is not None:
                 momentum[torch.from_numpy(rows[name])] = 0.0
-
-
-def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
-    """Pairs (P, 2) of faces that cut through each other, as `intersecting_faces` means it."""
-    some = np.flatnonzero(intersecting_faces(verts, faces))
-    corners = verts[faces[some]]
-    order = np.argsort(corners[:, :, 0].min(1), kind="stable")
-    low, high = corners.min(1)[order], corners.max(1)[order]
-    few = np.ascontiguousarray(faces[some[order]])
-    pairs = np.empty((_list_pairs(verts, few, low, high, np.empty((0, 2), np.int64)), 2), np.int64)
-    _list_pairs(verts, few, low, high, pairs)
-    return np.asarray(some[order][pairs])
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _list_pairs(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, out: _Index) -> int:
-    """Count the pairs that cut, of boxes sorted by the low end of their first axis, and list as many as fit in."""
-    found = 0
-    for f in range(len(faces)):
-        for g in range(f + 1, len(faces)):
-            if low[g, 0] > high[f, 0]:
-                break
-            if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
-                continue
-            if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
-                continue
-            if _faces_cut(verts, faces[f], faces[g]):
-                if found < len(out):
-                    out[found, 0], out[found, 1] = f, g
-                found += 1
-    return found

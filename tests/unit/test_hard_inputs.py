@@ -13,12 +13,12 @@ from bench.input_meshes import INPUTS
 from bench.inputs import glb, outcome
 from meshdeform.config import Optimizer, Parametrization, Safeguard
 from meshdeform.gltf import load_asset
-from meshdeform.intersections import intersecting_faces
+from meshdeform.intersections import cutting_pairs, intersecting_faces
 from meshdeform.mesh import TriangleMesh, connected_components
 from meshdeform.optimizers import make_optimizer
 from meshdeform.poisson import PoissonSystem
 from meshdeform.quality import FaceNeighbours, folded_faces
-from meshdeform.safeguard import SurfaceGuard, cutting_pairs
+from meshdeform.safeguard import SurfaceGuard
 from meshdeform.shapes import grid, icosphere, join
 from meshdeform.testing import FakePrior
 from meshdeform.variables import Variables, make_variables

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.intersections import intersecting_faces
+from meshdeform.intersections import cutting_pairs, intersecting_faces
 from meshdeform.mesh import TriangleMesh
 from meshdeform.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
 
@@ -123,12 +123,11 @@ def test_it_agrees_with_all_pairs_on_random_soups() -> None:
     apart = np.arange(180).reshape(60, 3)
     scattered = rng.random((180, 3)) * 0.3 + np.repeat(rng.random((60, 1, 3)), 3, 1).reshape(180, 3)
     brute = np.zeros(60, bool)
-    for i in range(60):
-        for j in range(i):
-            if _crosses(scattered[apart[i]], scattered[apart[j]]):
-                brute[[i, j]] = True
+    pairs = [(i, j) for i in range(60) for j in range(i + 1, 60) if _crosses(scattered[apart[i]], scattered[apart[j]])]
+    brute[np.unique(pairs)] = True
     assert 0 < brute.sum() < 60
     assert np.array_equal(intersecting_faces(scattered, apart), brute)
+    assert cutting_pairs(scattered, apart).tolist() == [list(pair) for pair in pairs]
 
 
 def _crosses(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
@@ -143,7 +142,31 @@ def _crosses(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
     return False
 
 
+def test_who_cuts_whom() -> None:
+    """Needles through a stack of squares: each cuts one triangle of every square that its length reaches, and no other.
+
+    Squares at z = 0, 1, 2 of two triangles each, x > y and x < y; needles from below at places well inside one of them.
+    """
+    corners = [[0.0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
+    verts = [[x, y, z] for z in range(3) for x, y, _ in corners]
+    faces = [[4 * k + i for i in half] for k in range(3) for half in ((0, 1, 2), (0, 2, 3))]
+    for x, y, top in ((3.0, 1.0, 0.5), (1.0, 3.0, 1.5), (3.2, 1.4, 2.5), (2.0, 1.0, -0.5)):
+        tip = len(verts)
+        verts += [[x, y, top], [x + 0.1, y, -1.0], [x, y + 0.1, -1.0]]
+        faces.append([tip, tip + 1, tip + 2])
+    expected = [[0, 6], [0, 8], [1, 7], [2, 8], [3, 7], [4, 8]]
+    points, triangles = np.array(verts), np.array(faces)
+    assert cutting_pairs(points, triangles).tolist() == expected
+    # Whatever the faces' order, the axis and the layout in memory.
+    order = np.random.default_rng(0).permutation(len(faces))
+    turned = cutting_pairs(np.asfortranarray(points[:, [2, 0, 1]]), triangles[order])
+    assert sorted(np.sort(order[turned], axis=1).tolist()) == expected
+    assert (turned[:, 0] < turned[:, 1]).all()
+    assert cutting_pairs(points, triangles[:6]).shape == (0, 2)
+
+
 def test_nothing_to_compare() -> None:
     assert intersecting_faces(np.zeros((0, 3)), np.zeros((0, 3), np.int64)).shape == (0,)
     assert not intersecting_faces(np.eye(3), np.array([[0, 1, 2]])).any()
     assert not intersecting_faces(np.zeros((6, 3)), np.arange(6).reshape(2, 3)).any()
+    assert cutting_pairs(np.zeros((0, 3)), np.zeros((0, 3), np.int64)).shape == (0, 2)
