@@ -19,6 +19,7 @@ from torch.nn import functional
 from meshdeform.cameras import Cameras
 from meshdeform.errors import ShapeError
 from meshdeform.mesh import edges_of
+from meshdeform.operators import COLLAPSED_SHAPE
 from meshdeform.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, rasterize
 
 __all__ = ["RenderStyle", "Renderer", "combine_views"]
@@ -115,6 +116,10 @@ class Renderer:
         with torch.no_grad():
             towards = cameras.eye[:, None] - corners[:, 0]
             facing = torch.where((cross * towards).sum(-1) < 0, -1.0, 1.0)
+            # A pixel may fall on a face of nearly no area. Its derivatives, of order 1 / area, would drown all others,
+            # and where the area rounds to zero there is nothing to interpolate by.
+            longest_sq = (corners - corners.roll(1, 1)).square().sum(-1).amax(-1)
+            solid = (cross.norm(dim=-1) > 2 * COLLAPSED_SHAPE * longest_sq).index_select(0, face)
         key = view * self.faces.shape[0] + face
         facing = facing.reshape(-1).index_select(0, key)[:, None]
         vertex_normal = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
@@ -122,11 +127,24 @@ class Renderer:
         if self.style.shading == "normals":
             normal = functional.normalize(cross, dim=-1, eps=1e-12) @ cameras.view[:, :3, :3].mT
             flat = normal.reshape(-1, 3).index_select(0, key)
-            smooth = interpolate(clip, vertex_normal.detach(), self.faces, pixels, face, height, width)
+            flat = torch.where(solid[:, None], flat, flat.detach())
+            smooth = self._smooth(clip, vertex_normal.detach(), pixels, face, solid, (height, width))
             return 0.5 + 0.5 * facing * (flat + _motion_only(smooth, flat))
-        smooth = interpolate(clip, vertex_normal, self.faces, pixels, face, height, width)
+        smooth = self._smooth(clip, vertex_normal, pixels, face, solid, (height, width))
         diffuse = (functional.normalize(smooth, dim=-1, eps=1e-12) * facing) @ self._light
         return (_AMBIENT + (1 - _AMBIENT) * diffuse.clamp_min(0))[:, None].expand(-1, 3)
+
+    def _smooth(
+        self, clip: Tensor, vertex_normal: Tensor, pixels: Tensor, face: Tensor, solid: Tensor, size: tuple[int, int]
+    ) -> Tensor:
+        """Vertex normals (B, V, 3) at the pixels (P, 3): interpolated, or the corners' mean where `solid` is false."""
+        inside, thin = solid.nonzero()[:, 0], (~solid).nonzero()[:, 0]
+        some, its_face = pixels.index_select(0, inside), face.index_select(0, inside)
+        smooth = interpolate(clip, vertex_normal, self.faces, some, its_face, *size)
+        view = torch.div(pixels.index_select(0, thin), size[0] * size[1], rounding_mode="floor")
+        mean = vertex_normal.detach()[view[:, None], self.faces.index_select(0, face.index_select(0, thin))].mean(1)
+        result = smooth.new_empty(len(pixels), 3).index_copy(0, inside, smooth)
+        return result.index_copy(0, thin, mean)
 
 
 def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from meshdeform.cameras import fixed_cameras
 from meshdeform.errors import ShapeError
+from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.mesh import TriangleMesh
 from meshdeform.shading import Renderer, RenderStyle, combine_views
 from meshdeform.shapes import box, grid, icosphere, join
@@ -125,6 +126,55 @@ def test_degenerate_faces_give_no_nan() -> None:
         renderer.render(leaf, fixed_cameras(0.0, 10.0)).square().sum().backward()
         assert leaf.grad is not None
         assert torch.isfinite(leaf.grad).all()
+
+
+def with_slivers(mesh: TriangleMesh, height: float) -> TriangleMesh:
+    """The same shape with a face of nearly no area beside every sixth one, whose first edge is split in two.
+
+    `height` is that of the sliver, as a share of the face that it was cut from.
+    """
+    a, b, c = mesh.faces[::6].unbind(1)
+    middle = (mesh.verts[a] + mesh.verts[b]) / 2
+    middle = middle + height * (mesh.verts[c] - middle)
+    m = len(mesh.verts) + torch.arange(len(a))
+    kept = torch.arange(len(mesh.faces)) % 6 != 0
+    pieces = [torch.stack(corners, 1) for corners in ([a, m, c], [m, b, c], [a, b, m])]
+    return TriangleMesh(torch.cat([mesh.verts, middle]), torch.cat([mesh.faces[kept], *pieces]))
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@pytest.mark.parametrize("height", [0.0, 1e-6, 1e-5])
+def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> None:
+    """They show what they showed, and the gradient of the picture stays of the order of the plain sphere's."""
+    plain = geodesic_sphere(10)
+    weights = torch.rand(4, 64, 64, 3, generator=torch.Generator().manual_seed(0))
+
+    def drawn(mesh: TriangleMesh, azimuth: float) -> tuple[Tensor, Tensor]:
+        leaf = (0.8 * mesh.verts).requires_grad_()
+        image = Renderer(mesh.faces, len(leaf), RenderStyle(shading=shading)).render(leaf, fixed_cameras(azimuth, 12.0))
+        (image * weights).sum().backward()
+        assert leaf.grad is not None
+        return image.detach(), leaf.grad
+
+    split = with_slivers(plain, height)
+    for azimuth in (25.0, 60.0, 100.0):
+        (image, grad), (image_of_split, grad_of_split) = drawn(plain, azimuth), drawn(split, azimuth)
+        assert (image_of_split - image).abs().mean() < 0.02
+        assert 0.5 * grad.norm() < grad_of_split.norm() < 1.5 * grad.norm()
+        assert grad_of_split.norm(dim=1).max() < 1.5 * grad.norm(dim=1).max()
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def test_pixels_on_faces_whose_area_rounds_to_zero_are_drawn(shading) -> None:
+    """Snapped to the grid of the rasteriser such a face has an area, in clip space none to divide by."""
+    mesh = with_slivers(geodesic_sphere(40), 0.0)
+    renderer = Renderer(mesh.faces, len(mesh.verts), RenderStyle(shading=shading))
+    leaf = (0.8 * mesh.verts).requires_grad_()
+    image = renderer.render(leaf, fixed_cameras(25.0, 12.0))
+    image.square().sum().backward()
+    assert torch.isfinite(image).all()
+    assert leaf.grad is not None
+    assert torch.isfinite(leaf.grad).all()
 
 
 def test_the_views_are_laid_out_in_reading_order() -> None:
