@@ -64,7 +64,7 @@ class DeformParams(StrictModel):
 
     preset: Preset = Field(
         Preset.BALANCED,
-        description="The set of parameters that fills everything left out: `preview` (300 steps), "
+        description="The set of parameters that fills everything left out: `preview` (the same in fewer steps), "
         "`balanced`, or `paper` (the published settings, 5,000 steps).",
         examples=["preview"],
     )

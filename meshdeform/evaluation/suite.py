@@ -3,8 +3,8 @@
 `small` and `full` use prompts of the builtin prior's vocabulary; twelve nouns, easy (a mushroom) and hard (a chair, a
 table and an airplane need thin parts far from any source), a third of them with an attribute.
 
-`nouns` makes every noun of the builtin prior from a sphere, and `unseen` every pair of noun and attribute that no training
-picture of that prior showed: whether it puts together what it never saw together.
+`nouns` makes every noun of the builtin prior from a sphere, and `unseen` every pair of noun and attribute that no
+training picture of that prior showed: whether it puts together what it never saw together.
 
 `paper` is for Stable Diffusion models. Its first five prompts are shown in the public pages and repositories of the two
 papers that the method comes from; the other prompts and all sources are ours, for the papers' meshes are not free to

@@ -42,7 +42,7 @@ def test_a_job_runs_its_steps_at_the_median_of_those_before_it(record: JobRecord
     found = estimated(record)
     assert (found.run_s, found.queue_s) == (2.0, None)
     assert found.basis == "3 jobs of this kind and model; no worker is alive"
-    assert estimated(record, params={"preset": "preview"}).run_s == 300 * 0.2
+    assert estimated(record, params={"preset": "preview"}).run_s == 80 * 0.2
 
 
 def test_only_the_newest_count(record: JobRecord) -> None:

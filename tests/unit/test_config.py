@@ -38,7 +38,7 @@ def test_every_combination_resolves_to_values_that_the_request_would_accept(pres
 
 
 def test_the_preview_has_the_steps_that_it_promises() -> None:
-    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 300
+    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 80
 
 
 @pytest.mark.parametrize(

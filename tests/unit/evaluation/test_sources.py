@@ -85,7 +85,9 @@ def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
     assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
 
 
-@pytest.mark.parametrize(("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)]
+)
 def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count: int) -> None:
     suite = SUITES[name]
     items = suite.items()
