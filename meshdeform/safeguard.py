@@ -6,7 +6,9 @@ it is::
 
     J <- J_whole + a_f (J - J_whole)        a_f = 0 on the bad faces, rising to 1 over the rings around them
 
-If that shape is not whole either, what is bad now joins, the rings grow, and after a few rounds the whole step is
+If that shape is not whole either, what is bad now joins and the rings grow. Two limbs that run into each other are held
+by no Jacobian of theirs, for what moves them lies elsewhere: after two rounds it is their positions that are put back,
+with rings that double, and the Jacobians become those of that shape. Where not even that helps, the whole step is
 shortened, for each connected component that is still bad by itself, at last to nothing: the shape that a run holds is
 whole from its first step to its last. The optimiser's momentum of what was put back is forgotten, or it would push on
 at once.
@@ -39,8 +41,9 @@ __all__ = ["EVERY_STEPS", "SurfaceGuard"]
 EVERY_STEPS = 5
 """Steps between two looks. A look costs a quarter of a step to a whole one, and a fold needs a few steps to grow."""
 
-_ROUNDS = 6
+_ROUNDS = 2
 _FIRST_RINGS = 2
+_HOLD_RINGS = (2, 4, 8, 16, 32)
 _SHARES = (0.5, 0.25, 0.1, 0.0)
 _SHORTENINGS = 16
 _LOOSE_RINGS = 2
@@ -151,8 +154,9 @@ class SurfaceGuard:
             held |= broken
             self._blend(wished, self._ramp(held, _FIRST_RINGS + rounds))
         else:
-            shortened = self._shorten(wished)
-            held |= shortened
+            if not self._hold(wished, held):
+                shortened = self._shorten(wished)
+                held |= shortened
         if held.any():
             self._forget(optimizer, held, shortened)
         self._whole = self._copy()
@@ -198,6 +202,30 @@ class SurfaceGuard:
         for name in rows.keys() & self._variables.tensors.keys():
             tensor, whole = self._variables.tensors[name], self._whole[name]
             tensor.copy_(whole + rows[name].view(-1, *[1] * (tensor.ndim - 1)) * (wished[name] - whole))
+
+    def _hold(self, wished: dict[str, Tensor], held: _Flags) -> bool:
+        """Put positions back where `held` faces are, and around them; whether that was enough. `held` grows."""
+        self._set(self._whole)
+        whole = self._variables.place().detach()
+        self._set(wished)
+        step = self._variables.place().detach() - whole
+        for rings in _HOLD_RINGS:
+            of_face = self._ramp(held, rings)
+            # A vertex goes as far as the most held of its faces.
+            of_vertex = np.ones(len(whole))
+            np.minimum.at(of_vertex, self._faces.ravel(), np.repeat(of_face, 3))
+            self._set(wished)
+            self._variables.adopt(whole + torch.from_numpy(of_vertex)[:, None] * step)
+            broken = self._look()
+            if not broken.any():
+                return True
+            held |= broken
+        self._set(wished)
+        return False
+
+    def _set(self, state: dict[str, Tensor]) -> None:
+        for name, tensor in self._variables.tensors.items():
+            tensor.copy_(state[name])
 
     def _shorten(self, wished: dict[str, Tensor]) -> _Flags:
         """Shorten the step of every component that is broken until none is; the faces (F,) of those shortened.

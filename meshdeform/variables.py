@@ -18,7 +18,7 @@ from torch import Tensor
 from meshdeform.config import Parametrization
 from meshdeform.errors import CheckpointError
 from meshdeform.jacobians import identity_jacobians, jacobians_from_verts
-from meshdeform.mesh import TriangleMesh
+from meshdeform.mesh import TriangleMesh, face_normals
 from meshdeform.operators import gradient_operator
 from meshdeform.poisson import PoissonSystem
 
@@ -40,6 +40,9 @@ class Variables(Protocol):
     def place(self) -> Tensor:
         """Positions (V, 3) float64, differentiable in `tensors`."""
 
+    def adopt(self, verts: Tensor) -> None:
+        """Set the variables so that `place` gives these positions (V, 3) float64, up to a motion of the whole."""
+
 
 class JacobianField:
     """Jacobians, and one translation for each connected component: ``verts = poisson(J) + t_c``.
@@ -55,6 +58,10 @@ class JacobianField:
         areas = torch.zeros(poisson.num_components, dtype=torch.float64)
         areas.index_add_(0, poisson.components, poisson.vertex_areas)
         self._shares = areas / areas.sum()
+        self._gradient = gradient_operator(poisson.mesh)
+        normals = face_normals(poisson.mesh.verts, poisson.mesh.faces)
+        self._along_normal = normals[:, :, None] * normals[:, None, :]
+        self._weights = poisson.vertex_areas / areas.clamp_min(1e-300)[poisson.components]
         self.tensors = {
             "jacobians": identity_jacobians(poisson.mesh.faces.shape[0]).requires_grad_(),
             "translations": torch.zeros(poisson.num_components, 3, dtype=torch.float64, requires_grad=True),
@@ -73,6 +80,17 @@ class JacobianField:
         translations = self.tensors["translations"]
         free = translations - self._shares @ translations
         return self._poisson.solve(self.tensors["jacobians"]) + free[self._poisson.components]
+
+    def adopt(self, verts: Tensor) -> None:
+        """The Jacobians of the map from rest; along the normal, where a map of a surface has none, they stay."""
+        mesh, components = self._poisson.mesh, self._poisson.components
+        with torch.no_grad():
+            jacobians = self.tensors["jacobians"]
+            of_map = jacobians_from_verts(self._gradient, verts)
+            jacobians.copy_(of_map + (jacobians - of_map) @ self._along_normal)
+            moved = torch.zeros_like(self.tensors["translations"])
+            moved.index_add_(0, components, self._weights[:, None] * (verts - mesh.verts))
+            self.tensors["translations"].copy_(moved)
 
 
 class VertexDisplacements:
@@ -103,6 +121,11 @@ class VertexDisplacements:
         """Add."""
         displacements = self.tensors["displacements"]
         return self._mesh.verts + displacements - self._shares @ displacements
+
+    def adopt(self, verts: Tensor) -> None:
+        """Subtract."""
+        with torch.no_grad():
+            self.tensors["displacements"].copy_(verts - self._mesh.verts)
 
     def _normal_part(self) -> Tensor:
         rest = jacobians_from_verts(self._gradient, self._mesh.verts)

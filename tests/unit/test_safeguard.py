@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from meshdeform import safeguard
 from meshdeform.config import DeformParams, Optimizer, Parametrization, Safeguard, resolve
 from meshdeform.deform import Deformation
 from meshdeform.guidance.target import TargetGuidance
@@ -64,8 +65,24 @@ def test_what_went_through_is_put_back_and_the_rest_keeps_its_gain() -> None:
     assert 0 < int(forgotten.sum()) < len(tensor)
 
 
-def test_where_nothing_helps_the_step_is_shortened() -> None:
-    """Two spheres that are pushed through each other as wholes: no face can be put back by itself."""
+def test_parts_that_run_into_each_other_are_held_where_they_meet() -> None:
+    small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
+    pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
+    variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
+    with torch.no_grad():
+        variables.tensors["translations"][0, 0] += 1.0
+    tensors = list(variables.tensors.values())
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": tensors, "lr": 1.0}])
+    assert 0 < guard.correct(optimizer) < len(pair.faces)
+    after = variables.place().detach()
+    assert broken(pair, after) == 0
+    assert float((after - pair.verts).norm(dim=1).max()) > 0.1, "their far sides went on"
+
+
+def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two spheres that are pushed through each other as wholes, and no position may be put back by itself."""
+    monkeypatch.setattr(safeguard, "_HOLD_RINGS", ())
     small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
     pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
     variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))

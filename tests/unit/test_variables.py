@@ -7,9 +7,10 @@ import torch
 
 from meshdeform.config import Parametrization
 from meshdeform.errors import CheckpointError
+from meshdeform.mesh import TriangleMesh
 from meshdeform.poisson import PoissonSystem
 from meshdeform.regularizers import Regularizers
-from meshdeform.shapes import icosphere
+from meshdeform.shapes import icosphere, join
 from meshdeform.variables import copy_into, make_variables
 
 MESH = icosphere(2)
@@ -58,3 +59,16 @@ def test_a_checkpoint_of_the_other_kind_is_refused() -> None:
     jacobians, vertices = (make_variables(kind, MESH, system) for kind in Parametrization)
     with pytest.raises(CheckpointError, match="displacements"):
         copy_into(vertices, jacobians.tensors)
+
+
+@pytest.mark.parametrize("kind", list(Parametrization))
+def test_any_shape_can_be_adopted_also_of_several_parts(kind: Parametrization) -> None:
+    mesh = join(MESH, TriangleMesh(0.5 * MESH.verts + 3.0, MESH.faces))
+    variables = make_variables(kind, mesh, PoissonSystem(mesh))
+    generator = torch.Generator().manual_seed(0)
+    wished = mesh.verts * torch.tensor([1.0, 2.0, 0.7]) + 0.1 * torch.randn(mesh.verts.shape, generator=generator)
+    wished[: len(MESH.verts), 0] += 0.5
+    variables.adopt(wished)
+    found = variables.place().detach()
+    shift = (wished - found).mean(0)
+    torch.testing.assert_close(found + shift, wished, atol=1e-8, rtol=0)
