@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -80,14 +82,12 @@ def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
             running = cluster.submit(300)
             cluster.start_worker()
             cluster.at_step(running, 20)
-            ballast = small_disk / "ballast"
-            _fill(ballast)
-            refused = cluster.post(STEPS)
-            assert refused.status_code == 503, refused.text
-            assert refused.json()["code"] == "unavailable"
-            cluster.when(running, "the end of the steps", lambda job: job.progress.step == 300)
-            assert not cluster.job(running).state.terminal
-            ballast.unlink()
+            with _kept_full(small_disk / "ballast"):
+                refused = cluster.post(STEPS)
+                assert refused.status_code == 503, refused.text
+                assert refused.json()["code"] == "unavailable"
+                cluster.when(running, "the end of the steps", lambda job: job.progress.step == 300)
+                assert not cluster.job(running).state.terminal
             assert cluster.check(running, steps=300).attempt == 1
             posted = cluster.post(STEPS)
             assert posted.status_code == 202, posted.text
@@ -96,9 +96,29 @@ def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
             cluster.clean_up()
 
 
+@contextmanager
+def _kept_full(ballast: Path) -> Iterator[None]:
+    """Fill a disk, and again whenever something is deleted from it; then free it."""
+    _fill(ballast)
+    done = threading.Event()
+
+    def refill() -> None:
+        while not done.wait(0.001):
+            _fill(ballast)
+
+    filler = threading.Thread(target=refill)
+    filler.start()
+    try:
+        yield
+    finally:
+        done.set()
+        filler.join()
+        ballast.unlink()
+
+
 def _fill(path: Path) -> None:
     """Write until nothing more goes in."""
-    with path.open("wb", buffering=0) as file:
+    with path.open("ab", buffering=0) as file:
         for size in (65536, 512, 1):
             try:
                 while True:

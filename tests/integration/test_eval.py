@@ -235,8 +235,10 @@ def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path,
     command = [sys.executable, "-m", "meshdeform", "eval", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
     command += ["--steps", "8", "--limit", "30"]
     process = subprocess.Popen(
-        command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy()
-    )
+        command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy(),
+        # A shell's background jobs ignore the signal, and so would their children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     assert process.stderr is not None
     line = process.stderr.readline()
     assert line.startswith("1/30"), line
