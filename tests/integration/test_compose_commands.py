@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import re
 import shutil
 import subprocess
@@ -61,7 +62,9 @@ def test_redis_asks_for_its_password_and_keeps_what_it_is_told(repository: Path,
     script = script.rstrip() + f" --port {port} --bind 127.0.0.1 --dir {tmp_path}"
     log = tmp_path / "redis.log"
     with log.open("wb") as output:
-        child = subprocess.Popen(["sh", "-c", script], env={**os.environ, "REDIS_PASSWORD": "s3cret"}, stdout=output)
+        # The shell does not hand a signal on to what it started: the whole group is ended.
+        environment = {**os.environ, "REDIS_PASSWORD": "s3cret"}
+        child = subprocess.Popen(["sh", "-c", script], env=environment, stdout=output, start_new_session=True)
     try:
         wait_for_port(port, child, log)
         with pytest.raises(redis.AuthenticationError):
@@ -72,5 +75,5 @@ def test_redis_asks_for_its_password_and_keeps_what_it_is_told(repository: Path,
         assert told.config_get("maxmemory-policy") == {"maxmemory-policy": "noeviction"}
         assert b"s3cret" not in Path(f"/proc/{child.pid}/cmdline").read_bytes()
     finally:
-        child.terminate()
+        os.killpg(child.pid, signal.SIGTERM)
         child.wait(30)
