@@ -23,17 +23,10 @@ from torch import Tensor
 from meshdeform.evaluation.judge.network import encoded
 from meshdeform.evaluation.judge.views import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.mesh import TriangleMesh
+from meshdeform.priors.builtin.dataset import drawn_from
 from meshdeform.priors.builtin.families import Part, member
 from meshdeform.priors.builtin.families.parts import box, ellipsoid, join, limb, normalised
-from meshdeform.priors.builtin.grammar import (
-    ADJECTIVES,
-    ATTRIBUTES,
-    NOUNS,
-    OPPOSITES,
-    PARTS,
-    Attribute,
-    ParsedPrompt,
-)
+from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
 
 __all__ = ["CALIBRATION", "HELD_OUT", "TRAINING", "ViewSet", "draw_member", "draw_nothing", "roughened", "seeded"]
 
@@ -58,17 +51,7 @@ def _draw_prompt(noun: str, rng: np.random.Generator) -> ParsedPrompt:
     """A prompt about a noun with up to two attributes that agree."""
     known = [Attribute("whole", word) for word in ADJECTIVES]
     known += [Attribute(part, degree) for part in NOUNS[noun] for degree in PARTS[part]]
-    chosen: list[Attribute] = []
-    for _ in range(int(rng.choice(3, p=_ATTRIBUTE_COUNT_ODDS))):
-        free = [attribute for attribute in known if all(_agree(attribute, other) for other in chosen)]
-        chosen.append(free[int(rng.integers(len(free)))])
-    return ParsedPrompt(noun, tuple(sorted(chosen, key=ATTRIBUTES.index)))
-
-
-def _agree(one: Attribute, other: Attribute) -> bool:
-    if one.part != other.part:
-        return True
-    return one.part == "whole" and one != other and {one.degree, other.degree} not in OPPOSITES
+    return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
 
 
 def draw_member(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:

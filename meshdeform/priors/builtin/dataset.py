@@ -10,6 +10,7 @@ Source of the grid: Xu et al. 2024, FusionDeformer (orthogonal views combination
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -35,7 +36,7 @@ from meshdeform.priors.builtin.style import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.weights_file import vocabulary_hash
 from meshdeform.shading import Renderer, combine_views
 
-__all__ = ["SINGLES_EACH", "PictureSet", "draw_prompt", "pictures", "single_views"]
+__all__ = ["SINGLES_EACH", "PictureSet", "draw_prompt", "drawn_from", "pictures", "single_views"]
 
 _log = logging.getLogger(__name__)
 
@@ -51,8 +52,15 @@ def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False) 
     No attribute that is held out for this noun is drawn, unless `held_out` allows them.
     """
     known = [attribute for attribute in attributes_of(noun) if held_out or not is_held_out(noun, attribute)]
+    return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
+
+
+def drawn_from(
+    noun: str, known: Sequence[Attribute], odds: tuple[float, float, float], rng: np.random.Generator
+) -> ParsedPrompt:
+    """A prompt about a noun with attributes out of `known` that agree; `odds` are those of none, one and two."""
     chosen: list[Attribute] = []
-    for _ in range(int(rng.choice(3, p=_ATTRIBUTE_COUNT_ODDS))):
+    for _ in range(int(rng.choice(3, p=odds))):
         free = [attribute for attribute in known if all(_agree(attribute, other) for other in chosen)]
         chosen.append(free[int(rng.integers(len(free)))])
     return ParsedPrompt(noun, tuple(sorted(chosen, key=ATTRIBUTES.index)))
