@@ -6,7 +6,6 @@ import logging
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable
 
 from redis import Redis
@@ -50,13 +49,22 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     # A signal before RQ's loop begins ends the process at once, which is right: nothing has been claimed yet.
     pulse = Pulse.of_environment()
     engine = load_engine(settings)
-    # Only ever polled by the main thread, so a signal handler may set it.
-    stopping, spent = threading.Event(), threading.Event()
-    worker = InProcessWorker(settings.queue, Redis.from_url(settings.redis_url), lambda: _stop(stopping))
+    stopping = spent = False
+
+    def stop() -> None:
+        # In a signal handler, which another signal may interrupt: nothing here may hold a lock.
+        nonlocal stopping
+        stopping = True
+        # Should a step hang and the supervisor be gone, nobody else would end this process: the kernel's alarm does.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(round(STOP_GRACE_S))
+
+    worker = InProcessWorker(settings.queue, Redis.from_url(settings.redis_url), stop)
 
     def renew() -> None:
+        nonlocal spent
         _log.warning("this process ends, for a clean context of the device")
-        spent.set()
+        spent = True
         worker.end_after_job()
 
     workplace = Workplace(
@@ -67,7 +75,7 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         start=engine.start,
         load_prior=engine.load_prior,
         device=engine.device,
-        stopping=stopping.is_set,
+        stopping=lambda: stopping,
         worker_id=os.environ.get(WORKER_ID) or new_worker_id(),
         renew=renew,
         pulse=pulse,
@@ -78,20 +86,12 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     try:
         worker.work(logging_level="WARNING")
     except RedisError:
-        if not stopping.is_set() and not spent.is_set():
+        if not stopping and not spent:
             raise
         _log.warning("Redis was not told that this worker ends")
     finally:
         stop_tracing()
-    return OUT_OF_MEMORY if spent.is_set() and not stopping.is_set() else 0
-
-
-def _stop(stopping: threading.Event) -> None:
-    stopping.set()
-    # Should a step hang and the supervisor be gone, nobody else would end this process: the kernel's alarm does, and
-    # it needs no thread, which a signal handler cannot start safely.
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(round(STOP_GRACE_S))
+    return OUT_OF_MEMORY if spent and not stopping else 0
 
 
 if __name__ == "__main__":

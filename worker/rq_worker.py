@@ -29,6 +29,10 @@ __all__ = ["InProcessWorker"]
 
 _log = logging.getLogger(__name__)
 _HEARTBEAT_EVERY_S = 30.0
+_LOOK_EVERY_S = 10
+"""How long it waits for a job before it looks whether it is to end: a signal just before the wait does not wake it."""
+_SILENT_REDIS_S = 415
+"""How long a Redis that keeps the connection may say nothing before the process ends and a new one starts. RQ's own."""
 
 
 class _NoTimeLimit(BaseDeathPenalty):  # type: ignore[misc]
@@ -50,14 +54,18 @@ class InProcessWorker(SimpleWorker):  # type: ignore[misc]
         Name of the RQ queue.
     connection : Redis
     on_stop : callable
-        Called from the signal handler of SIGINT and SIGTERM; must not block.
+        Called once, from the signal handler of SIGINT and SIGTERM. It must not block, nor take a lock: signals come in
+        bursts, and one handler interrupts another. (At a supervisor's death the kernel sends one for each of its
+        threads that dies after the main thread.)
     """
 
     death_penalty_class = _NoTimeLimit
     max_connection_wait_time = 5.0
+    dequeue_timeout = _LOOK_EVERY_S
+    connection_timeout = _SILENT_REDIS_S
 
     def __init__(self, queue: str, connection: Redis, on_stop: Callable[[], None]) -> None:
-        self._on_stop = on_stop
+        self._on_stop, self._told = on_stop, False
         super().__init__(
             [Queue(queue, connection=connection, serializer=JSONSerializer)],
             connection=connection,
@@ -78,10 +86,18 @@ class InProcessWorker(SimpleWorker):  # type: ignore[misc]
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:  # noqa: ARG002 - RQ's signature
         """End after the job, which is told to stop after its step; at once where there is none."""
+        if self._told:
+            return
+        self._told = self._stop_requested = True
         self._on_stop()
-        self._stop_requested = True
         if self.get_state() != WorkerStatus.BUSY:
             raise StopRequested
+
+    def heartbeat(self, *args: Any, **kwargs: Any) -> None:
+        """Sent before each wait for a job, too: the place to notice a stop whose exception was swallowed."""
+        if self._told and self.get_state() == WorkerStatus.IDLE:
+            raise StopRequested
+        super().heartbeat(*args, **kwargs)
 
     def end_after_job(self) -> None:
         """Take no other job."""
