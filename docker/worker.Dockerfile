@@ -1,7 +1,7 @@
 # A worker: torch, the deformer and the builtin demonstration prior.
 #
 #   docker build -f docker/worker.Dockerfile -t meshdeform-worker .
-#   docker build -f docker/worker.Dockerfile -t meshdeform-worker:cuda --build-arg TORCH=cuda --build-arg EXTRAS=sd .
+#   docker build -f docker/worker.Dockerfile -t meshdeform-worker:cuda --build-arg TORCH=cuda --build-arg EXTRAS=worker,sd .
 #
 # Pinned by exact version. For a digest as well, ask your registry: docker buildx imagetools inspect IMAGE
 FROM python:3.11.14-slim-bookworm AS build

@@ -153,7 +153,7 @@ def _wishes(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> 
 
 def _checker() -> Any:
     """What refuses a row that could not run here; torch is not imported for it."""
-    require("torch", "worker")
+    require("torch", "deform")
     from meshdeform.kinds import text_deform_check
     from meshdeform.usd import require_usd
 

@@ -98,7 +98,7 @@ def evaluate(
 
     meshdeform eval --compare eval-small eval-few
     """
-    require("torch", "worker")
+    require("torch", "deform")
     if compare:
         _compare(_given(folders), as_json=as_json)
         return

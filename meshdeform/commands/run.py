@@ -81,7 +81,7 @@ def run(
 
     meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
     """
-    require("torch", "worker")
+    require("torch", "deform")
     settings = load_settings(device=device, threads=threads)
     output = output or Path(f"{asset.stem}-deformed.glb")
     if output.suffix.lower() != ".glb":

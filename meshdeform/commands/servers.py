@@ -66,6 +66,7 @@ def serve(
     )
     require("fastapi", "service")
     require("torch", "worker")
+    require("rq", "worker")
 
     def announce(url: str) -> None:
         page = f"{url}/" if settings.web == "on" else f"{url}/docs"
@@ -143,6 +144,7 @@ def worker(as_json: JsonOption = False) -> None:
 
     _require_redis()
     require("torch", "worker")
+    require("rq", "worker")
     command = python_command("worker")
     if as_json:
         emit({"event": "starting", "queue": load_settings().queue, "pid": os.getpid()})

@@ -43,6 +43,7 @@ class Service:
     """
 
     def __init__(self, data_dir: Path, environment: Mapping[str, str]) -> None:
+        self.data_dir = data_dir
         self.output: list[str] = []
         self.errors: list[str] = []
         self._process = subprocess.Popen(

@@ -95,6 +95,19 @@ def test_the_base_install_is_enough_for_the_client(module: str, repository: Path
     assert not [line for line in base if line.startswith(tuple(refused))]
 
 
+def test_the_extra_deform_is_enough_to_deform(repository: Path, tmp_path: Path) -> None:
+    packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert packages["deform"][0] == "meshdeform[asset]"
+    refused = [line.partition(">")[0] for line in packages["stack"]]
+    program = _REFUSE % refused + "from meshdeform.cli import main\nsys.argv[0] = 'meshdeform'\nmain()"
+    arguments = ["run", str(repository / "examples/sphere.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.png", "vase.report.json"]
+
+
 @pytest.mark.parametrize("name", ["meshdeform", "service", "worker"])
 def test_the_generic_names_are_ours(name: str, repository: Path) -> None:
     module = importlib.import_module(name)

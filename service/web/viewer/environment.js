@@ -51,7 +51,7 @@ export function makeEnvironment(renderer) {
     scene.add(box);
   }
   const generator = new PMREMGenerator(renderer);
-  const target = generator.fromScene(scene, 0.03, 0.1, 50, { size: 128 });
+  const target = generator.fromScene(scene, 0, 0.1, 50);
   generator.dispose();
   for (const child of scene.children) {
     if (!(child instanceof Mesh)) continue;

@@ -88,6 +88,26 @@ def test_versions(version: str, bounds: str, fits: bool) -> None:
     assert packages._fits(version, bounds) is fits
 
 
+def test_an_extra_is_looked_at_with_those_that_it_is_made_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = [
+        "pydantic>=2",
+        'meshdeform[deform,stack]; extra == "worker"',
+        'torch>=2.8; extra == "deform"',
+        'rq<2.13,>=2.12; extra == "stack"',
+        'fastapi>=0.1; extra == "service"',
+    ]
+    have = {"pydantic": "2.11", "torch": "2.13.0", "rq": "2.11.0"}
+    monkeypatch.setattr(packages.importlib.metadata, "requires", lambda name: asked)
+    monkeypatch.setattr(packages, "_version", have.get)
+    found = {finding.name: finding for finding in packages.check_packages()}
+    assert found["extra deform"].status is Status.OK
+    worker = found["extra worker"]
+    assert (worker.status, worker.detail) == (Status.FAIL, "rq 2.11.0 is not <2.13,>=2.12")
+    assert found["extra service"].status is Status.SKIP
+    have |= {"rq": "2.12.1"}
+    assert {finding.name: finding.status for finding in packages.check_packages()}["extra worker"] is Status.OK
+
+
 def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.jobs.database import Database
 
