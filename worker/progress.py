@@ -108,11 +108,13 @@ class JobWatch:
         self._told_at = 0.0
         self._done = threading.Event()
         self._thread = threading.Thread(target=carried(self._run), name=f"watch {job.id}", daemon=True)
+        self._ear = threading.Thread(target=carried(self._hear), name=f"cancel {job.id}", daemon=True)
         self.canceled = job.state is JobState.CANCELING
         self.lost = False
 
     def __enter__(self) -> Self:
         self._thread.start()
+        self._ear.start()
         return self
 
     def __exit__(
@@ -120,6 +122,7 @@ class JobWatch:
     ) -> None:
         self._done.set()
         self._thread.join()
+        # The ear is left to end by itself: nothing wakes it from its wait, and the job's end is not to wait for that.
 
     def phase(self, name: str, *, step: int | None = None, total_steps: int | None = None) -> None:
         """A phase begins that has no steps of its own."""
@@ -148,23 +151,27 @@ class JobWatch:
     def _run(self) -> None:
         next_heartbeat = 0.0
         try:
-            with self._listen() as listener:
-                while not self._done.is_set() and not self.lost:
-                    now = time.monotonic()
-                    if now >= next_heartbeat:
-                        next_heartbeat = now + self._heartbeat_every_s
-                        self._attempt(self._beat)
-                    self._attempt(self._publish)
-                    # Waiting for a cancel is how this loop waits; once there was one, only the end is left to wait for.
-                    if self.canceled:
-                        self._done.wait(PUBLISH_EVERY_S)
-                    elif listener.wait(PUBLISH_EVERY_S):
-                        self.canceled = True
+            while not self._done.is_set() and not self.lost:
+                now = time.monotonic()
+                if now >= next_heartbeat:
+                    next_heartbeat = now + self._heartbeat_every_s
+                    self._attempt(self._beat)
+                self._attempt(self._publish)
+                self._done.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
             self._attempt(self._publish)
         except Exception:
             # Without its watch the job would go on unheard until its lease is over: better to stop it now.
             _log.exception("job %s: the watch ended", self._job.id)
             self.lost = True
+
+    def _hear(self) -> None:
+        try:
+            with self._listen() as listener:
+                while not (self._done.is_set() or self.lost or self.canceled):
+                    if listener.wait(PUBLISH_EVERY_S):
+                        self.canceled = True
+        except Exception:
+            _log.exception("job %s: a cancel will be noticed by the next heartbeat only", self._job.id)
 
     def _attempt(self, write: Callable[[], None]) -> None:
         """Write to the record; while it does not answer, go on: the lease outlives a short outage."""

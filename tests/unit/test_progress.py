@@ -63,12 +63,17 @@ class Ear:
         self.closed = False
 
     def wait(self, timeout_s: float) -> bool:
-        return self.heard.wait(min(timeout_s, 0.01))
+        return self.heard.wait(timeout_s)
 
     @contextlib.contextmanager
     def listen(self) -> Iterator[Ear]:
         yield self
         self.closed = True
+
+
+@pytest.fixture(autouse=True)
+def _often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("worker.progress.PUBLISH_EVERY_S", 0.01)
 
 
 @pytest.fixture
@@ -106,7 +111,7 @@ def test_the_newest_step_is_published_and_only_from_the_thread(record: RecordStu
     assert last.losses == {"total": 0.02}
     assert last.eta_s is not None
     assert record.threads == {"watch job_1"}
-    assert ear.closed
+    until(lambda: ear.closed)
 
 
 def test_the_last_report_is_never_lost(record: RecordStub, ear: Ear) -> None:
@@ -133,6 +138,29 @@ def test_a_cancel_is_heard(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
         assert not watch.canceled
         ear.heard.set()
+        until(lambda: watch.canceled)
+
+
+def test_the_end_does_not_wait_for_the_ear(record: RecordStub, ear: Ear) -> None:
+    ear.wait = lambda timeout_s: ear.heard.wait(60.0)  # type: ignore[method-assign]
+    with watch_of(record, ear) as watch:
+        watch.step(step(100))
+    assert record.progress[-1].step == 100
+    assert not ear.closed
+    ear.heard.set()
+    until(lambda: ear.closed)
+
+
+def test_a_job_whose_ear_is_deaf_goes_on_and_is_canceled_all_the_same(record: RecordStub, ear: Ear) -> None:
+    def deaf() -> contextlib.AbstractContextManager[Ear]:
+        raise RuntimeError("no Redis client")
+
+    ear.listen = deaf  # type: ignore[method-assign]
+    with watch_of(record, ear, lease_s=0.06) as watch:
+        until(lambda: len(record.beats) > 1)
+        assert not watch.lost
+        assert not watch.canceled
+        record.state = JobState.CANCELING
         until(lambda: watch.canceled)
 
 
