@@ -47,7 +47,7 @@ def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADL
             if result := value():
                 return result
         assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
 def lives(process: psutil.Process) -> bool:

@@ -28,7 +28,7 @@ def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADL
     deadline = time.monotonic() + deadline_s
     while not (result := value()):
         assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
-        time.sleep(0.02)
+        time.sleep(0.05)
     return result
 
 

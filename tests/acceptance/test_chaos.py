@@ -89,10 +89,13 @@ def _submit(cluster: Cluster) -> tuple[dict[str, int], set[str]]:
 
 
 def _all_ended(cluster: Cluster, steps: dict[str, int]) -> None:
-    def ended() -> bool:
-        return all(cluster.record.get(job_id).state.terminal for job_id in steps)
+    deadline = time.monotonic() + 500.0
+    for job_id in steps:
 
-    until("every job is over", ended, deadline_s=500.0)
+        def ended(job_id: str = job_id) -> bool:
+            return cluster.record.get(job_id).state.terminal
+
+        until("every job is over", ended, deadline_s=deadline - time.monotonic())
 
 
 def _check(cluster: Cluster, steps: dict[str, int], canceled: set[str]) -> Counter[str]:

@@ -141,7 +141,7 @@ def test_a_job_that_is_not_there_is_said_to_be_so(page: Page, watch: Watch) -> N
 
 
 def test_a_job_is_edited_and_run_again(page: Page, service: Service, small_sphere: Path) -> None:
-    request = {"prompt": "a short vase", "params": {"preset": "preview", "steps": 6, "seed": 41}}
+    request = {"prompt": "a short vase", "params": {"preset": "preview", "steps": 6, "seed": 41, "dirichlet_weight": 5}}
     done = service.submit(small_sphere, request)
     assert service.finished(done)["state"] == "succeeded"
     page.goto(f"/#/jobs/{done}")
@@ -150,8 +150,11 @@ def test_a_job_is_edited_and_run_again(page: Page, service: Service, small_spher
     expect(page.get_by_label("Prompt", exact=True)).to_have_value("a short vase")
     expect(page.get_by_label("Seed", exact=True)).to_have_value("41")
     expect(page.get_by_label("Steps", exact=True)).to_have_value("6")
+    # It has no field of its own, and is not lost for that.
+    expect(page.get_by_text("Also as in the job before: dirichlet_weight 5.")).to_be_visible()
     again = start(page)
     assert again != done
+    assert service.job(again)["params"]["dirichlet_weight"] == 5
     expect(badge(page)).to_have_text("Succeeded")
     # The same request gives the same bytes.
     assert service.artifact(again, "result.glb") == service.artifact(done, "result.glb")

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { checkpointEvery, documents, fieldProblem, FIELDS, randomSeed, wishOf } from "../../service/web/app/params.js";
+import { checkpointEvery, documents, fieldProblem, FIELDS, keptText, nothingKept, randomSeed, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, advanced: {} };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, advanced: {}, kept: { params: {}, output: {} } };
 const field = (name) => FIELDS.find((found) => found.name === name);
 
 test("one job asks for what was chosen and nothing else", () => {
@@ -35,9 +35,21 @@ test("ten shapes on the way, at least one step apart", () => {
   assert.deepEqual([1, 4, 80, 5000].map(checkpointEvery), [1, 1, 8, 500]);
 });
 
-test("a job's own parameters fill the form again", () => {
-  const job = { prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, views: "random_batch" }, output: { morph: true } };
-  assert.deepEqual(wishOf(job), { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, advanced: { learning_rate: "0.01" } });
+test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
+  const job = {
+    prompt: "a vase",
+    params: { preset: "paper", seed: 3, learning_rate: 0.01, views: "random_batch", checkpoint_every_steps: 7 },
+    output: { morph: true, usd: true },
+  };
+  const kept = { params: { views: "random_batch" }, output: { usd: true } };
+  const wish = wishOf(job);
+  assert.deepEqual(wish, { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, advanced: { learning_rate: "0.01" }, kept });
+  const [document] = documents(wish, null, "g");
+  assert.deepEqual(document, {
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, views: "random_batch" }, output: { morph: true, usd: true },
+  });
+  assert.equal(keptText(kept), "views random_batch, output.usd true");
+  assert.equal(keptText(nothingKept()), "");
 });
 
 test("seeds by chance are whole and not negative", () => {

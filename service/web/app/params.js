@@ -20,6 +20,11 @@
  * @property {number} variations
  * @property {boolean} morph
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
+ * @property {Kept} kept What a job that is asked for again had and the form has no field for.
+ *
+ * @typedef {object} Kept
+ * @property {Record<string, any>} params
+ * @property {Record<string, any>} output
  */
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -95,7 +100,7 @@ export function fieldProblem(field, text) {
  */
 export function documents(wish, steps, group) {
   /** @type {Record<string, any>} */
-  const params = { preset: wish.preset };
+  const params = { ...wish.kept.params, preset: wish.preset };
   if (wish.model) params.model = wish.model;
   for (const field of FIELDS) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -107,7 +112,7 @@ export function documents(wish, steps, group) {
   return Array.from({ length: wish.variations }, (_, index) => ({
     prompt: wish.prompt.trim(),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
-    output: { morph: wish.morph },
+    output: { ...wish.kept.output, morph: wish.morph },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
 }
@@ -120,6 +125,24 @@ export function checkpointEvery(steps) {
 /** @param {() => number} [random] In [0, 1). */
 export function randomSeed(random = Math.random) {
   return Math.floor(random() * 100000);
+}
+
+// Not kept: what the form asks for itself, and the target of another kind of guidance, which it cannot send.
+const ASKED = new Set(["preset", "model", "seed", "checkpoint_every_steps", "guidance", ...FIELDS.map((field) => field.name)]);
+
+/** Nothing kept. @returns {Kept} */
+export function nothingKept() {
+  return { params: {}, output: {} };
+}
+
+/**
+ * What is kept, in words; empty where it is nothing.
+ *
+ * @param {Kept} kept
+ */
+export function keptText(kept) {
+  const named = [...Object.entries(kept.params), ...Object.entries(kept.output).map(([name, value]) => [`output.${name}`, value])];
+  return named.map(([name, value]) => `${name} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ");
 }
 
 /**
@@ -141,5 +164,9 @@ export function wishOf(job) {
     variations: 1,
     morph: Boolean(job.output?.morph),
     advanced,
+    kept: {
+      params: Object.fromEntries(Object.entries(params).filter(([name]) => !ASKED.has(name))),
+      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => name !== "morph" && value)),
+    },
   };
 }

@@ -2,7 +2,7 @@
 /** Everything about a new job but its asset and its prompt. */
 import { button, fill, h, uniqueId } from "../dom.js";
 import { figure } from "../format.js";
-import { FIELDS, fieldProblem, MAX_SEED, MAX_VARIATIONS, PRESETS, randomSeed } from "../params.js";
+import { FIELDS, fieldProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 const OTHER = "\u0000other";
 
@@ -32,6 +32,12 @@ export class SettingsPanel {
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"));
+    this.kept = nothingKept();
+    this.keptText = h("span", null);
+    this.keptRow = h("p", { class: "kept small", hidden: true }, this.keptText, " ", button("Drop them", () => {
+      this._keep(nothingKept());
+      this.onChange();
+    }, { quiet: true }));
     this.element = this._build();
   }
 
@@ -39,7 +45,7 @@ export class SettingsPanel {
     for (const field of FIELDS) this.fields.set(field.name, this._field(field));
     const rows = [...this.fields.values()].map((field) => field.row);
     const morph = h("label", { class: "check", for: "morph" }, this.morph, h("span", null, "Also write ", h("code", null, "morph.glb"), ", with an animation from before to after"));
-    this.advanced.append(h("div", { class: "advanced-grid" }, ...rows), morph);
+    this.advanced.append(h("div", { class: "advanced-grid" }, ...rows), morph, this.keptRow);
     const random = button("Random seed", () => {
       this.seed.value = String(randomSeed());
       this.onChange();
@@ -171,6 +177,14 @@ export class SettingsPanel {
     this.onChange();
   }
 
+  /** @param {import("../params.js").Kept} kept */
+  _keep(kept) {
+    this.kept = kept;
+    const text = keptText(kept);
+    this.keptRow.hidden = !text;
+    this.keptText.textContent = text && `Also as in the job before: ${text}.`;
+  }
+
   get variationCount() {
     return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.value)) || 1));
   }
@@ -189,6 +203,7 @@ export class SettingsPanel {
       variations: this.variationCount,
       morph: this.morph.checked,
       advanced: Object.fromEntries([...this.fields].map(([name, field]) => [name, field.input.value])),
+      kept: this.kept,
     };
   }
 
@@ -204,8 +219,9 @@ export class SettingsPanel {
     this.seed.value = String(wish.seed);
     this.variations.value = String(wish.variations);
     this.morph.checked = wish.morph;
+    this._keep(wish.kept ?? nothingKept());
     for (const [name, field] of this.fields) field.input.value = wish.advanced[name] ?? "";
-    this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
+    this.advanced.open = !this.keptRow.hidden || Object.values(wish.advanced).some((value) => value !== "");
   }
 }
 
