@@ -18,7 +18,7 @@ from tests.acceptance.service import serving, until
 pytestmark = pytest.mark.acceptance
 
 ROWS = 3
-STEPS = 120
+STEPS = 40
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def kill_after_a_row(out: Path, *arguments: object, cwd: Path) -> None:
 
 def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    arguments = ("batch", folder / "rows.csv", "-o", out, "--steps", STEPS, "--set", "checkpoint_every_steps=20")
+    arguments = ("batch", folder / "rows.csv", "-o", out, "--steps", STEPS, "--set", "checkpoint_every_steps=8")
     kill_after_a_row(out, *arguments, cwd=tmp_path)
     before = done_rows(out)
     assert 0 < len(before) < ROWS
