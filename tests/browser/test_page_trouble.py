@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
 from tests.acceptance.service import Service  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.conftest import Watch, held_jobs, watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
+from tests.fault_proxy import FaultProxy  # noqa: E402
 
-Page, expect = playwright_api.Page, playwright_api.expect
+Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
 
 ENDLESS: dict[str, Any] = {
@@ -128,6 +130,40 @@ def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, servic
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     page.wait_for_url("**/#/jobs")
     assert service.http.get(f"/v1/jobs/{retry}").status_code == 404
+
+
+def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
+    browser: Browser, service: Service, small_sphere: Path, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    port = urlsplit(str(service.http.base_url)).port
+    assert port is not None
+    with (
+        FaultProxy(port) as proxy,
+        watched(browser, f"http://127.0.0.1:{proxy.port}", request, tmp_path) as (page, watch),
+    ):
+        watch.allow(r"net::ERR_|status of 503 ")
+        open_form(page)
+        choose(page, small_sphere)
+        page.get_by_label("Prompt", exact=True).fill("a tall vase")
+        set_steps(page, 8)
+        expect(page.locator("#estimate")).to_contain_text("8 steps")
+        before = len(service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"])
+        proxy.refuse()
+        page.get_by_role("button", name="Deform").click()
+        expect(page.get_by_role("alert").filter(has_text="The server does not answer.")).to_be_visible()
+        proxy.pass_through()
+        with held_jobs(service):
+            job_id = start(page)
+            service.at_step(job_id, 1)
+            notice = page.locator(".notice")
+            for fault in (proxy.refuse, proxy.error503):
+                fault()
+                expect(notice).to_contain_text("Reconnecting")
+                proxy.pass_through()
+                expect(notice).to_be_hidden()
+        expect(badge(page)).to_have_text("Succeeded")
+        # What was sent again and again is one job.
+        assert len(service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]) == before + 1
 
 
 def test_a_job_that_is_not_there_is_said_to_be_so(page: Page, watch: Watch) -> None:
