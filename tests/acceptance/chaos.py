@@ -47,7 +47,7 @@ class Chaos:
         supervisors: list[str],
         *,
         postgres: PostgresServer | None = None,
-        pause_s: tuple[float, float] = (0.2, 1.5),
+        pause_s: tuple[float, float],
     ) -> None:
         self._cluster, self._random, self._pause_s = cluster, random.Random(seed), pause_s
         self._supervisors, self._postgres = supervisors, postgres

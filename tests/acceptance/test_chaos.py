@@ -37,8 +37,18 @@ def postgres(server_folder: Path) -> Iterator[PostgresServer]:
     server.kill()
 
 
+# `pytest -m long tests/acceptance/test_chaos.py` is the hard one.
 @pytest.mark.timeout(900)
-def test_two_hundred_jobs_survive_random_faults(tmp_path: Path, postgres: PostgresServer) -> None:
+@pytest.mark.parametrize(
+    "pause_s",
+    [
+        pytest.param((0.4, 2.0), id="often"),
+        pytest.param((0.1, 0.8), id="all the time", marks=pytest.mark.long),
+    ],
+)
+def test_two_hundred_jobs_survive_random_faults(
+    tmp_path: Path, postgres: PostgresServer, pause_s: tuple[float, float]
+) -> None:
     environment = {"MESHDEFORM_LEASE_S": "2", "MESHDEFORM_MAX_ATTEMPTS": "100", "MESHDEFORM_STEP_TIMEOUT_S": "30"}
     with running_redis(tmp_path) as redis:
         cluster = Cluster(tmp_path, redis, database_url=postgres.url, environment=environment)
@@ -46,7 +56,7 @@ def test_two_hundred_jobs_survive_random_faults(tmp_path: Path, postgres: Postgr
             cluster.start_api()
             for name in SUPERVISORS:
                 cluster.start_worker(name)
-            with Chaos(cluster, SEED, SUPERVISORS, postgres=postgres) as chaos:
+            with Chaos(cluster, SEED, SUPERVISORS, postgres=postgres, pause_s=pause_s) as chaos:
                 steps, canceled = _submit(cluster)
                 _all_ended(cluster, steps)
             ends = _check(cluster, steps, canceled)
