@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -40,14 +40,16 @@ class Service:
     data_dir : Path
     environment : mapping
         Settings for it.
+    flags : sequence of str
+        More options of the command.
     """
 
-    def __init__(self, data_dir: Path, environment: Mapping[str, str]) -> None:
+    def __init__(self, data_dir: Path, environment: Mapping[str, str], flags: Sequence[str] = ()) -> None:
         self.data_dir = data_dir
         self.output: list[str] = []
         self.errors: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir)],
+            [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir), *flags],
             env={**os.environ, "MESHDEFORM_THREADS": "1", "MESHDEFORM_LEASE_S": "5", **environment},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -186,9 +188,9 @@ def _lives(process: psutil.Process) -> bool:
 
 
 @contextlib.contextmanager
-def serving(data_dir: Path, **environment: str) -> Iterator[Service]:
+def serving(data_dir: Path, *flags: str, **environment: str) -> Iterator[Service]:
     """A service for the block."""
-    service = Service(data_dir, environment)
+    service = Service(data_dir, environment, flags)
     try:
         yield service
     finally:

@@ -148,6 +148,19 @@ def test_ctrl_c_leaves_no_process_and_the_next_start_finishes_the_job(
         assert json.loads(second.artifact(job, "report.json"))["resumed_from_step"] > EVERY
 
 
+def test_the_page_is_opened_in_the_browser_when_it_is_ready(server_folder: Path, tmp_path: Path) -> None:
+    browser, opened = tmp_path / "browser", tmp_path / "opened"
+    # It goes on until its window is closed, as some do: the service does not wait for it.
+    browser.write_text(f"#!/bin/sh\ncd '{tmp_path}' && echo $1 >begun && mv begun opened && exec sleep 600\n")
+    browser.chmod(0o755)
+    with serving(server_folder / "opened", "--open", BROWSER=str(browser)) as service:
+        until("the browser is started", opened.exists)
+        assert opened.read_text() == str(service.http.base_url).rstrip("/") + "/\n"
+        assert service.http.get("/readyz").status_code == 200
+        service.send(signal.SIGINT)
+        assert service.wait() == 0, service.log
+
+
 def test_a_killed_serve_leaves_no_orphan_and_the_next_start_finishes_the_job(
     server_folder: Path, sphere: Path, egg: Path, uninterrupted: bytes
 ) -> None:
