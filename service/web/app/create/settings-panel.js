@@ -45,7 +45,7 @@ export class SettingsPanel {
     for (const field of FIELDS) this.fields.set(field.name, this._field(field));
     const rows = [...this.fields.values()].map((field) => field.row);
     const morph = h("label", { class: "check", for: "morph" }, this.morph, h("span", null, "Also write ", h("code", null, "morph.glb"), ", with an animation from before to after"));
-    this.advanced.append(h("div", { class: "advanced-grid" }, ...rows), morph, this.keptRow);
+    this.advanced.append(h("div", { class: "advanced-grid" }, ...rows), morph);
     const random = button("Random seed", () => {
       this.seed.value = String(randomSeed());
       this.onChange();
@@ -62,6 +62,7 @@ export class SettingsPanel {
         h("div", { class: "field" }, h("label", { class: "field-label", for: "seed" }, "Seed"), h("div", { class: "joined" }, this.seed, random)),
         h("div", { class: "field" }, h("label", { class: "field-label", for: "variations" }, "Variations"), this._stepper()),
       ),
+      this.keptRow,
       this.advanced,
     );
   }
@@ -221,7 +222,7 @@ export class SettingsPanel {
     this.morph.checked = wish.morph;
     this._keep(wish.kept ?? nothingKept());
     for (const [name, field] of this.fields) field.input.value = wish.advanced[name] ?? "";
-    this.advanced.open = !this.keptRow.hidden || Object.values(wish.advanced).some((value) => value !== "");
+    this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
   }
 }
 
