@@ -33,11 +33,9 @@ export class SettingsPanel {
     this.fields = new Map();
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"));
     this.kept = nothingKept();
-    this.keptText = h("span", null);
-    this.keptRow = h("p", { class: "kept small", hidden: true }, this.keptText, " ", button("Drop them", () => {
-      this._keep(nothingKept());
-      this.onChange();
-    }, { quiet: true }));
+    this.keptText = h("p", null);
+    const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
+    this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
     this.element = this._build();
   }
 
@@ -184,6 +182,11 @@ export class SettingsPanel {
     const text = keptText(kept);
     this.keptRow.hidden = !text;
     this.keptText.textContent = text && `Also as in the job before: ${text}.`;
+  }
+
+  _drop() {
+    this._keep(nothingKept());
+    this.onChange();
   }
 
   get variationCount() {
