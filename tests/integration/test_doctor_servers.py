@@ -1,0 +1,106 @@
+"""`meshdeform doctor` on a real PostgreSQL, Redis and S3, well and ill."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+import sqlalchemy as sa
+from typer.testing import CliRunner
+
+from meshdeform.cli import app
+from meshdeform.commands.diagnosis import machine
+from meshdeform.commands.diagnosis.checks import ok
+from meshdeform.jobs.record import JobRecord
+from meshdeform.jobs.tables import HEAD
+from tests.fault_proxy import FaultProxy
+
+
+@pytest.fixture(autouse=True)
+def _no_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "check_gpu", lambda _: iter([ok("gpu", "not asked here")]))
+
+
+def doctor(*arguments: str) -> tuple[int, dict[str, dict[str, Any]]]:
+    """Its exit code, and what it found, by what it looked at."""
+    result = CliRunner().invoke(app, ["doctor", "--json", "--timeout", "10", *arguments])
+    return result.exit_code, {check["name"]: check for check in json.loads(result.stdout)["checks"]}
+
+
+def through(proxy: FaultProxy, url: str) -> str:
+    """The same URL, by way of the proxy."""
+    return url.replace(f":{urlsplit(url).port}", f":{proxy.port}")
+
+
+def test_servers_that_are_well(
+    tmp_path: Path, postgres_url: str, redis_url: str, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MESHDEFORM_DATABASE_URL", postgres_url)
+    monkeypatch.setenv("MESHDEFORM_REDIS_URL", redis_url)
+    monkeypatch.setenv("MESHDEFORM_STORAGE_URL", s3_store_url)
+    code, found = doctor("--data-dir", str(tmp_path / "data"))
+    assert code == 0, found
+    assert found["database"]["status"] == "ok"
+    assert "no tables yet" in found["database"]["detail"]
+    assert found["redis"]["status"] == found["object store"]["status"] == found["clock"]["status"] == "ok"
+    assert found["workers"]["status"] == "skip"
+    # It looked, and made no tables.
+    engine = sa.create_engine(postgres_url)
+    assert sa.inspect(engine).get_table_names() == []
+
+    record = JobRecord(postgres_url)
+    record.registry.seen("a worker", "meshdeform", "cpu")
+    record.close()
+    code, found = doctor("--data-dir", str(tmp_path / "data"))
+    assert code == 0, found
+    assert found["database"]["detail"].endswith(f"schema {HEAD}")
+    assert found["database"]["detail"].startswith("PostgreSQL ")
+    assert found["workers"]["detail"] == "1 alive on the queue meshdeform"
+
+    with engine.begin() as connection:
+        connection.execute(sa.text("UPDATE alembic_version SET version_num = '9999'"))
+    engine.dispose()
+    code, found = doctor("--data-dir", str(tmp_path / "data"))
+    assert code == 4
+    assert "made by a newer Meshdeform" in found["database"]["detail"]
+    assert found["database"]["advice"]
+
+
+def test_a_record_that_takes_no_writes_is_named(postgres_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    JobRecord(postgres_url).close()
+    engine = sa.create_engine(postgres_url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        name = sa.make_url(postgres_url).database
+        connection.execute(sa.text(f"ALTER DATABASE {name} SET default_transaction_read_only = on"))
+    engine.dispose()
+    monkeypatch.setenv("MESHDEFORM_DATABASE_URL", postgres_url)
+    code, found = doctor()
+    assert code == 4
+    assert found["database"]["detail"].endswith("takes no writes")
+    assert "primary" in found["database"]["advice"]
+
+
+@pytest.mark.parametrize("fault", ["refuse", "hang", "error503"])
+def test_servers_that_are_ill_fail_each_with_advice(
+    fault: str, postgres_url: str, redis_url: str, s3_store_url: str, s3_server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    endpoint = s3_server.settings()["AWS_ENDPOINT_URL"]
+    with (
+        FaultProxy(urlsplit(postgres_url).port or 0) as record,
+        FaultProxy(urlsplit(redis_url).port or 0) as queue,
+        FaultProxy(urlsplit(endpoint).port or 0) as store,
+    ):
+        monkeypatch.setenv("MESHDEFORM_DATABASE_URL", through(record, postgres_url))
+        monkeypatch.setenv("MESHDEFORM_REDIS_URL", through(queue, redis_url))
+        monkeypatch.setenv("MESHDEFORM_STORAGE_URL", s3_store_url)
+        monkeypatch.setenv("AWS_ENDPOINT_URL", through(store, endpoint))
+        for proxy in (record, queue, store):
+            getattr(proxy, fault)()
+        code, found = doctor("--timeout", "2")
+    assert code == 4
+    for name in ("database", "redis", "object store"):
+        assert found[name]["status"] == "fail", found[name]
+        assert found[name]["advice"], found[name]
