@@ -104,3 +104,17 @@ def test_servers_that_are_ill_fail_each_with_advice(
     for name in ("database", "redis", "object store"):
         assert found[name]["status"] == "fail", found[name]
         assert found[name]["advice"], found[name]
+    assert "MESHDEFORM_STORAGE_URL" in found["object store"]["advice"] or fault == "hang"
+
+
+@pytest.mark.parametrize("wrong", ["bucket", "secret"])
+def test_a_store_that_refuses_is_named(wrong: str, s3_store_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if wrong == "bucket":
+        s3_store_url = "s3://there-is-none/some/prefix"
+    else:
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "not the one")
+    monkeypatch.setenv("MESHDEFORM_STORAGE_URL", s3_store_url)
+    code, found = doctor()
+    assert code == 4
+    assert found["object store"]["detail"].startswith(f"{s3_store_url}: ")
+    assert "credentials" in found["object store"]["advice"]

@@ -15,6 +15,7 @@ from urllib.parse import quote, urlsplit
 
 from meshdeform.commands.diagnosis.checks import Finding, Patient, fail, ok, skip, warn
 from meshdeform.commands.diagnosis.machine import nearest
+from meshdeform.errors import MeshdeformError
 
 if TYPE_CHECKING:
     import sqlalchemy as sa
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 __all__ = ["check_database", "check_redis", "check_store", "check_workers"]
 
 _NOT_NEEDED = "the extra service is not installed"
+_STORE_ADVICE = (
+    "See that it runs, that the bucket of MESHDEFORM_STORAGE_URL exists, and that the credentials in the environment "
+    "may read, write and delete there; docs/storage.md has the variables."
+)
 
 
 def check_redis(patient: Patient) -> Iterator[Finding]:
@@ -183,16 +188,23 @@ def check_store(patient: Patient) -> Iterator[Finding]:
         return
     from meshdeform.storage import ObjectStore
 
-    store, key, data = ObjectStore(location, patience_s=patient.timeout_s), f"doctor-{uuid.uuid4().hex}", b"probe"
+    where = folder or _where(location)
+    key, data = f"doctor-{uuid.uuid4().hex}", b"probe"
     try:
-        store.put(key, data)
-        same = store.get(key) == data
-    finally:
-        store.delete(key)
-    if same and not store.exists(key):
-        yield ok("object store", f"{folder or _where(location)} keeps and gives back")
+        store = ObjectStore(location, patience_s=patient.timeout_s)
+        try:
+            store.put(key, data)
+            same = store.get(key) == data
+        finally:
+            store.delete(key)
+        same = same and not store.exists(key)
+    except MeshdeformError as error:
+        yield fail("object store", f"{where}: {error.detail}", _STORE_ADVICE if folder is None else error.advice)
+        return
+    if same:
+        yield ok("object store", f"{where} keeps and gives back")
     else:
-        yield fail("object store", f"{folder or location} gives back something else", "Check its disk.")
+        yield fail("object store", f"{where} gives back something else", "Check its disk.")
 
 
 def check_workers(patient: Patient) -> Iterator[Finding]:
