@@ -71,7 +71,7 @@ class StepTimer:
 
 
 class JobWatch:
-    """Watches over one attempt, in a thread of its own, for the length of a `with` block.
+    """Watches over one attempt, in threads of its own, for the length of a `with` block: one writes, one hears.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class JobWatch:
     ) -> None:
         self._done.set()
         self._thread.join()
-        # The ear is left to end by itself: nothing wakes it from its wait, and the job's end is not to wait for that.
+        # The ear ends by itself within half a second: nothing wakes it, and the job's end is not to wait for that.
 
     def phase(self, name: str, *, step: int | None = None, total_steps: int | None = None) -> None:
         """A phase begins that has no steps of its own."""

@@ -199,7 +199,9 @@ def check_store(patient: Patient) -> Iterator[Finding]:
             store.delete(key)
         same = same and not store.exists(key)
     except MeshdeformError as error:
-        yield fail("object store", f"{where}: {error.detail}", _STORE_ADVICE if folder is None else error.advice)
+        # An error without advice of its own has what a service tells its clients.
+        general = folder is None and error.advice_text == error.advice
+        yield fail("object store", f"{where}: {error.detail}", _STORE_ADVICE if general else error.advice_text)
         return
     if same:
         yield ok("object store", f"{where} keeps and gives back")

@@ -108,6 +108,21 @@ def test_an_extra_is_looked_at_with_those_that_it_is_made_of(monkeypatch: pytest
     assert {finding.name: finding.status for finding in packages.check_packages()}["extra worker"] is Status.OK
 
 
+def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from meshdeform.errors import UnavailableError
+    from meshdeform.storage import ObjectStore
+
+    def full(*_: object) -> None:
+        raise UnavailableError("No space is left.", advice="Free space.")
+
+    here = patient(tmp_path)
+    ObjectStore(here.settings.resolved_storage_url).put("assets/a", b"before")
+    monkeypatch.setattr(ObjectStore, "put", full)
+    (finding,) = servers.check_store(here)
+    assert (finding.status, finding.advice) == (Status.FAIL, "Free space.")
+    assert finding.detail.endswith(": No space is left.")
+
+
 def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.jobs.database import Database
 
