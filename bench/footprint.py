@@ -23,7 +23,7 @@ from pathlib import Path
 import httpx
 import psutil
 
-from meshdeform.redis_server import RedisServer
+from meshdeform.serving.redis_server import RedisServer
 
 ROOT = Path(__file__).resolve().parents[1]
 SPHERE = ROOT / "examples" / "sphere.glb"

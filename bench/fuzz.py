@@ -42,9 +42,9 @@ def outcome(name: str, data: bytes) -> str:
     Exception
         A defect: anything that the caller of the service would see as the server's fault.
     """
+    from meshdeform.assets import Limits, inspect_asset, load_asset
+    from meshdeform.assets.check import has_area
     from meshdeform.errors import AssetError, MeshdeformError
-    from meshdeform.gltf import Limits, inspect_asset, load_asset
-    from meshdeform.gltf.check import has_area
 
     limits = Limits()
     try:
@@ -74,8 +74,8 @@ def outcome(name: str, data: bytes) -> str:
 
 def child(seed: int, first: int, last: int) -> None:
     """Do mutants `first` to `last - 1`; print the number before each one, and its outcome after it."""
-    from meshdeform.gltf import Limits
-    from meshdeform.gltf.check import bound_memory
+    from meshdeform.assets import Limits
+    from meshdeform.assets.check import bound_memory
 
     faulthandler.enable()
     corpus()

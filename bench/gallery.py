@@ -14,9 +14,9 @@ from pathlib import Path
 import torch
 from PIL import Image, ImageDraw
 
-from meshdeform.config import JobRequest
-from meshdeform.kinds import text_deform
 from meshdeform.priors import load_prior
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
 
 ROOT = Path(__file__).resolve().parents[1]
 PROMPTS = [

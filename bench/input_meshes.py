@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.evaluation.relaxed import geodesic_sphere
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
 
 __all__ = ["INPUTS", "Input"]
 

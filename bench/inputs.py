@@ -28,18 +28,18 @@ import numpy as np
 import torch
 
 from bench.input_meshes import INPUTS, Input
-from meshdeform.config import JobRequest
-from meshdeform.gltf import build_glb, load_asset
-from meshdeform.gltf.document import Document
-from meshdeform.gltf.limits import Limits
-from meshdeform.intersections import intersecting_faces
-from meshdeform.kinds import text_deform
-from meshdeform.mesh import connected_components
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.assets.document import Document
+from meshdeform.assets.limits import Limits
+from meshdeform.deformation.surface_guard import EVERY_STEPS
+from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.mesh import connected_components
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
-from meshdeform.quality import measure
-from meshdeform.safeguard import EVERY_STEPS
-from meshdeform.weld import weld
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
 
 __all__ = ["Outcome", "glb", "outcome"]
 

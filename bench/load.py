@@ -27,12 +27,12 @@ import httpx
 import psutil
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs import rows
-from meshdeform.jobs.ids import new_job_id
-from meshdeform.jobs.models import JobState, NewJob, StoredFile
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import events, jobs
+from meshdeform.record import rows
+from meshdeform.record.ids import new_job_id
+from meshdeform.record.models import JobState, NewJob, StoredFile
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import events, jobs
+from meshdeform.requests.document import JobRequest
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis
 from tests.servers import PostgresServer
 

@@ -26,14 +26,14 @@ _TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
 @cache
 def corpus() -> list[tuple[str, bytes]]:
     """Return the seeds: (name, file)."""
-    from meshdeform.gltf import load_asset
-    from tests.unit.gltf.builders import quad
-    from tests.unit.gltf.test_compressed import draco_asset, draco_stream, meshopt_asset
-    from tests.unit.gltf.test_convert import OBJ, PLY, stl
-    from tests.unit.gltf.test_fuzz import kitchen_sink
-    from tests.unit.gltf.test_images import asset, picture
-    from tests.unit.gltf.test_morph import with_targets
-    from tests.unit.gltf.test_replace import rich
+    from meshdeform.assets import load_asset
+    from tests.unit.assets.builders import quad
+    from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
+    from tests.unit.assets.test_convert import OBJ, PLY, stl
+    from tests.unit.assets.test_fuzz import kitchen_sink
+    from tests.unit.assets.test_images import asset, picture
+    from tests.unit.assets.test_morph import with_targets
+    from tests.unit.assets.test_replace import rich
 
     examples = [(path.name, path.read_bytes()) for path in sorted((ROOT / "examples").glob("*.glb"))[:1]]
     textured = asset(picture("PNG"), picture("JPEG"), picture("WEBP"))
@@ -56,7 +56,7 @@ def corpus() -> list[tuple[str, bytes]]:
 
 
 def _as_gltf(glb: bytes) -> bytes:
-    from tests.unit.gltf.builders import unpack
+    from tests.unit.assets.builders import unpack
 
     root, binary, _ = unpack(glb)
     root["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
@@ -122,7 +122,7 @@ def _swap_parts(chance: random.Random, data: bytes) -> bytes:
 
 def _parts(data: bytes) -> tuple[dict[str, Any], bytes, bytes] | None:
     """Return the JSON, the binary chunk and the rest, of a glTF that still has them."""
-    from tests.unit.gltf.builders import unpack
+    from tests.unit.assets.builders import unpack
 
     try:
         return unpack(data) if data.startswith(b"glTF") else (dict(json.loads(data)), b"", b"")

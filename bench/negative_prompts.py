@@ -12,15 +12,15 @@ import argparse
 
 import torch
 
-from meshdeform.config import DeformParams, resolve
-from meshdeform.deform import Deformation
+from meshdeform.deformation.loop import Deformation
 from meshdeform.evaluation.measures import measures
 from meshdeform.evaluation.retrieval import load_judge
 from meshdeform.evaluation.sources import source_mesh
-from meshdeform.frame import Frame
-from meshdeform.kinds.text_guidance import score_distillation
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
+from meshdeform.rendering.normalization import Frame
+from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.runs.text_guidance import score_distillation
 
 PAIRS = (
     ("a vase", "a tall vase", "a short vase"),

@@ -11,11 +11,11 @@ import argparse
 import numpy as np
 import torch
 
-from meshdeform.cameras import fixed_cameras
-from meshdeform.priors.builtin.families import member
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.shading import Renderer, combine_views
+from meshdeform.priors.builtin.training.families import member
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.shading import Renderer, combine_views
 
 TURNS = (0.0, 90.0, 180.0, 270.0)
 

@@ -20,11 +20,11 @@ import qdldl
 import torch
 from scipy.sparse.linalg import splu
 
-from meshdeform.factor import factorise
-from meshdeform.jacobians import identity_jacobians
-from meshdeform.operators import cotangent_laplacian
-from meshdeform.poisson import PoissonSystem
-from meshdeform.shapes import icosphere
+from meshdeform.deformation.jacobians import identity_jacobians
+from meshdeform.deformation.ldl import factorise
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.geometry.operators import cotangent_laplacian
+from meshdeform.geometry.shapes import icosphere
 
 
 def medians_ms(actions: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:

@@ -17,11 +17,11 @@ from collections.abc import Callable
 
 import torch
 
-from meshdeform.cameras import fixed_cameras
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
+from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.testing import build_tiny_stable_diffusion
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import redis
 
-from meshdeform.jobs.models import Event, EventType
+from meshdeform.record.models import Event, EventType
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.servers import PostgresServer
 

@@ -17,17 +17,17 @@ from collections.abc import Callable
 
 import torch
 
-from meshdeform.cameras import CameraRange, sample_orthogonal_cameras
-from meshdeform.config import DeformParams, ResolvedParams, resolve
-from meshdeform.deform import Deformation
+from meshdeform.deformation.jacobians import identity_jacobians
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.jacobians import identity_jacobians
-from meshdeform.mesh import TriangleMesh
-from meshdeform.poisson import PoissonSystem
 from meshdeform.priors import load_prior
-from meshdeform.regularizers import Regularizers
-from meshdeform.shading import Renderer, combine_views
-from meshdeform.shapes import icosphere
+from meshdeform.rendering.cameras import CameraRange, sample_orthogonal_cameras
+from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 
 
 def median_ms(function: Callable[[], object], repeats: int) -> float:

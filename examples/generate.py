@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.gltf.build import build_glb
-from meshdeform.shapes import icosphere
+from meshdeform.assets.build import build_glb
+from meshdeform.geometry.shapes import icosphere
 
 FOLDER = Path(__file__).parent
 Floats = NDArray[np.float64]

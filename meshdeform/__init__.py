@@ -2,7 +2,7 @@
 
 This package imports nothing heavy: ``import meshdeform`` needs neither torch nor a web framework. The client of the
 HTTP service and the errors are here, and loaded when they are first named. The numerical core lives in modules that
-are imported by name, e.g. ``meshdeform.deform``.
+are imported by name, e.g. ``meshdeform.deformation.loop``.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """``python -m meshdeform``."""
 
-from meshdeform.cli import main
+from meshdeform.cli.app import main
 
 main()

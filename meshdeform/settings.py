@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from meshdeform.config import BUILTIN_MODEL, MAX_STEPS
+from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
 
 __all__ = ["Settings"]
 

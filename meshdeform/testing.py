@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Literal
 import torch
 from torch import Tensor
 
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shading import Renderer, RenderStyle, combine_views
-from meshdeform.shapes import icosphere
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 if TYPE_CHECKING:
-    from meshdeform.cameras import Cameras
+    from meshdeform.rendering.cameras import Cameras
 
 __all__ = ["FakePrior", "build_tiny_stable_diffusion"]
 

@@ -29,7 +29,7 @@ NEEDED = (
     "meshdeform/py.typed",
     "meshdeform/priors/builtin/weights/*.safetensors",
     "meshdeform/evaluation/judge/weights/*",
-    "meshdeform/jobs/migrations/versions/*.py",
+    "meshdeform/record/migrations/versions/*.py",
     "service/web/index.html",
     "service/web/app/*.js",
     "service/web/style/*.css",

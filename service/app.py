@@ -11,34 +11,27 @@ from fastapi.responses import HTMLResponse
 
 from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
-from meshdeform.jobs.reconciler import Reconciler
+from meshdeform.record.reconciler import Reconciler
 from meshdeform.settings import Settings
-from meshdeform.telemetry import start_tracing, stop_tracing
+from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
-from service.auth import Gate
-from service.deps import Parts
-from service.errors import add_error_handlers, problem_responses
-from service.metrics import Metrics, MetricsMiddleware
-from service.middleware import RequestFrame
+from service.documentation.reference import reference_page
+from service.downloads import artifact_routes, checkpoint_routes, source_routes
+from service.events import routes as event_routes
+from service.http.auth import Gate
+from service.http.errors import add_error_handlers, problem_responses
+from service.http.middleware import RequestFrame
+from service.http.shutdown import told_of_the_end
+from service.http.tracing import TracingMiddleware
+from service.jobs import creation_routes
+from service.jobs import routes as job_routes
 from service.openapi import describe
-from service.reference import reference_page
-from service.routes import (
-    artifacts,
-    checkpoints,
-    creation,
-    events,
-    health,
-    jobs,
-    limits,
-    metrics,
-    models,
-    pages,
-    sources,
-    uploads,
-    webhooks,
-)
-from service.stopping import told_of_the_end
-from service.tracing import TracingMiddleware
+from service.operations import health_routes, limits_routes, metrics_routes, models_routes
+from service.operations.metrics import Metrics, MetricsMiddleware
+from service.page import routes as page_routes
+from service.state import Parts
+from service.uploads import routes as upload_routes
+from service.webhooks import routes as webhook_routes
 
 __all__ = ["create_app"]
 
@@ -65,26 +58,26 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         separate_input_output_schemas=False,
         redirect_slashes=False,
     )
-    app.webhooks.include_router(webhooks.messages)
+    app.webhooks.include_router(webhook_routes.messages)
     app.state.settings = settings
     app.state.metrics = Metrics()
     app.add_middleware(TracingMiddleware)
     app.add_middleware(MetricsMiddleware, metrics=app.state.metrics)
     refusals = problem_responses(UnauthorizedError, LimitError)
-    app.include_router(jobs.router, responses=refusals)
-    app.include_router(creation.router, responses=refusals)
-    app.include_router(events.router, responses=refusals)
-    app.include_router(checkpoints.router, responses=refusals)
-    app.include_router(artifacts.router, responses=refusals)
-    app.include_router(sources.router, responses=refusals)
-    app.include_router(webhooks.router, responses=refusals)
-    app.include_router(uploads.router, responses=refusals)
-    app.include_router(uploads.content)
-    app.include_router(models.router, responses=refusals)
-    app.include_router(limits.router, responses=refusals)
-    app.include_router(health.router)
-    app.include_router(metrics.router, responses=refusals)
-    app.include_router(pages.router)
+    app.include_router(job_routes.router, responses=refusals)
+    app.include_router(creation_routes.router, responses=refusals)
+    app.include_router(event_routes.router, responses=refusals)
+    app.include_router(checkpoint_routes.router, responses=refusals)
+    app.include_router(artifact_routes.router, responses=refusals)
+    app.include_router(source_routes.router, responses=refusals)
+    app.include_router(webhook_routes.router, responses=refusals)
+    app.include_router(upload_routes.router, responses=refusals)
+    app.include_router(upload_routes.content)
+    app.include_router(models_routes.router, responses=refusals)
+    app.include_router(limits_routes.router, responses=refusals)
+    app.include_router(health_routes.router)
+    app.include_router(metrics_routes.router, responses=refusals)
+    app.include_router(page_routes.router)
     app.add_api_route("/docs", lambda: _page(app), include_in_schema=False)
     add_error_handlers(app)
     describe(app)

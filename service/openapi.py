@@ -15,8 +15,8 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic.json_schema import models_json_schema
 
-from service.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
-from service.links import add_links
+from service.documentation.links import add_links
+from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
 
 __all__ = ["describe", "main", "text"]

@@ -1,4 +1,4 @@
-"""Documents that only HTTP knows; those about jobs are `meshdeform.jobs.views`."""
+"""Documents that only HTTP knows; those about jobs are `meshdeform.api.jobs`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from meshdeform.config import ResolvedParams
+from meshdeform.requests.document import ResolvedParams
 
 __all__ = [
     "AssetFound",

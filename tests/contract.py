@@ -17,13 +17,13 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-import service.auth
+import service.http.auth
 from meshdeform.errors import MeshdeformError
-from meshdeform.jobs.models import Artifact, Job, JobState
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Artifact, Job, JobState
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from service.rate import Rate
+from service.http.rate import Rate
 from tests.integration.conftest import serving
 from tests.servers import redis_server
 
@@ -44,9 +44,9 @@ def service_under_test(folder: Path, redis_url: str) -> Iterator[tuple[str, str]
         max_upload_bytes=2**20,
         webhook_networks=["127.0.0.0/8"],
     )
-    guesses = service.auth._FAILURES
+    guesses = service.http.auth._FAILURES
     # Every request is also made without a key and with a wrong one: more guesses than one address may make.
-    service.auth._FAILURES = Rate(per_minute=10**9, burst=10**9)
+    service.http.auth._FAILURES = Rate(per_minute=10**9, burst=10**9)
     over = threading.Event()
     try:
         with serving(settings) as url:
@@ -60,7 +60,7 @@ def service_under_test(folder: Path, redis_url: str) -> Iterator[tuple[str, str]
                 worker.join()
                 record.close()
     finally:
-        service.auth._FAILURES = guesses
+        service.http.auth._FAILURES = guesses
 
 
 def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:

@@ -6,9 +6,9 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import CheckpointError
-from meshdeform.kinds.base import ArtifactData, StepReport
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import ArtifactData, StepReport
 
 __all__ = ["FakeKind", "OutOfMemoryError"]
 
@@ -63,7 +63,7 @@ class FakeKind:
     def start(
         self, *, request: JobRequest, checkpoint: bytes | None, initial: bytes | None = None, **others: Any
     ) -> _FakeRun:
-        """Take the place of `meshdeform.kinds.text_deform.start`."""
+        """Take the place of `meshdeform.runs.text_deform.start`."""
         self.started.append({"request": request, "checkpoint": checkpoint, "initial": initial, **others})
         state = {"step": 0, "value": 1}
         try:

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import NumericalError
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from tests.fake_kind import FakeKind, OutOfMemoryError
 from worker.__main__ import main as supervise

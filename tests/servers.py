@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from meshdeform.errors import DependencyError
-from meshdeform.redis_server import find_redis_server
+from meshdeform.serving.redis_server import find_redis_server
 
 DEADLINE_S = 60.0
 

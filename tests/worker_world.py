@@ -11,15 +11,15 @@ from typing import Any
 
 import pytest
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.models import Job, NewJob, Origin, StoredFile
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Job, NewJob, Origin, StoredFile
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
+from worker.context import Workplace
 from worker.runner import JobRunner
-from worker.workplace import Workplace
 
 __all__ = ["EVERY", "STEPS", "World", "away", "fail_for_a_while", "new_world"]
 

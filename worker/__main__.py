@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.logs import configure_logging
 from meshdeform.settings import Settings
+from meshdeform.support.logs import configure_logging
 from worker.supervisor import PROCESS_MODULE, Supervisor
 
 

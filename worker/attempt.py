@@ -7,19 +7,19 @@ import time
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from meshdeform.config import GuidanceKind, resolve
+from meshdeform.assets import Limits
 from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
-from meshdeform.failpoints import failpoint
-from meshdeform.gltf import Limits
-from meshdeform.jobs.models import Artifact, Job, JobError, OriginMode
-from meshdeform.kinds.base import JobRun
-from meshdeform.telemetry import span
+from meshdeform.record.models import Artifact, Job, JobError, OriginMode
+from meshdeform.requests.document import GuidanceKind, resolve
+from meshdeform.runs.base import JobRun
+from meshdeform.support.failpoints import failpoint
+from meshdeform.support.telemetry import span
 from worker.checkpoints import CheckpointStore
+from worker.context import Workplace
 from worker.memory import is_out_of_memory
-from worker.patience import Patience
-from worker.progress import JobWatch
 from worker.results import store_results
-from worker.workplace import Workplace
+from worker.retry import Patience
+from worker.watch import JobWatch
 
 __all__ = ["Attempt", "Ended", "Outcome"]
 

@@ -8,13 +8,13 @@ import time
 from collections.abc import Iterator
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
-from meshdeform.failpoints import failpoint
-from meshdeform.jobs.models import Artifact, CheckpointRef, Job
-from meshdeform.jobs.record import JobRecord
-from meshdeform.kinds.base import ArtifactData, JobRun
+from meshdeform.record.models import Artifact, CheckpointRef, Job
+from meshdeform.record.repository import JobRecord
+from meshdeform.runs.base import ArtifactData, JobRun
 from meshdeform.storage import ObjectStore
-from worker.patience import Patience
+from meshdeform.support.failpoints import failpoint
 from worker.results import store_artifact
+from worker.retry import Patience
 
 __all__ = ["CheckpointStore"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshdeform.settings import Settings
-from worker.workplace import StartRun
+from worker.context import StartRun
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -40,8 +40,8 @@ def torch_engine(settings: Settings) -> Engine:
     DependencyError
         The device that the settings name is not there.
     """
-    from meshdeform.devices import resolve_device, use_threads
-    from meshdeform.kinds import text_deform
+    from meshdeform.runs import text_deform
+    from meshdeform.runs.devices import resolve_device, use_threads
     from worker.priors import PriorCache
 
     use_threads(settings.threads)

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.jobs.registry import WorkerRegistry
+from meshdeform.record.workers import WorkerRegistry
 
 __all__ = ["Presence"]
 

@@ -11,19 +11,19 @@ from collections.abc import Callable
 from redis import Redis
 from redis.exceptions import RedisError
 
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.record import JobRecord
-from meshdeform.logs import configure_logging
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from meshdeform.telemetry import start_tracing, stop_tracing
+from meshdeform.support.logs import configure_logging
+from meshdeform.support.telemetry import start_tracing, stop_tracing
 from worker import tasks
+from worker.context import Workplace
 from worker.engine import Engine, torch_engine
 from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
 from worker.pulse import Pulse
 from worker.rq_worker import InProcessWorker
 from worker.runner import JobRunner
-from worker.workplace import Workplace
 
 __all__ = ["main"]
 

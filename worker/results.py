@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import datetime as dt
 
-from meshdeform.failpoints import failpoint
-from meshdeform.jobs.models import Artifact, Job
-from meshdeform.kinds.base import ArtifactData
+from meshdeform.record.models import Artifact, Job
+from meshdeform.runs.base import ArtifactData
 from meshdeform.storage import ObjectStore
-from worker.patience import Patience
+from meshdeform.support.failpoints import failpoint
+from worker.retry import Patience
 
 __all__ = ["store_artifact", "store_results"]
 

@@ -7,14 +7,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError, UnavailableError
-from meshdeform.failpoints import failpoint
-from meshdeform.jobs.models import Job, JobState
-from meshdeform.logs import bound
-from meshdeform.telemetry import span
+from meshdeform.record.models import Job, JobState
+from meshdeform.support.failpoints import failpoint
+from meshdeform.support.logs import bound
+from meshdeform.support.telemetry import span
 from worker.attempt import Attempt, Ended, Outcome
-from worker.patience import Patience
-from worker.progress import JobWatch
-from worker.workplace import Workplace
+from worker.context import Workplace
+from worker.retry import Patience
+from worker.watch import JobWatch
 
 __all__ = ["JobRunner"]
 

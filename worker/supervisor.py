@@ -11,12 +11,12 @@ import signal
 import time
 
 from meshdeform.errors import MeshdeformError, UnavailableError
-from meshdeform.failpoints import failpoint
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.reconciler import Reconciler
-from meshdeform.jobs.record import JobRecord
-from meshdeform.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.reconciler import Reconciler
+from meshdeform.record.repository import JobRecord
+from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
 from meshdeform.settings import Settings
+from meshdeform.support.failpoints import failpoint
 from worker.health import SignOfLife
 from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
 from worker.presence import Presence

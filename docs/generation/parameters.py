@@ -1,4 +1,4 @@
-"""docs/parameters.md: every parameter with its default, bounds and presets, from the models in meshdeform/config.py."""
+"""Write docs/parameters.md: every parameter with its default, bounds and presets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from meshdeform.config import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
+from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
 
 FAMILIES = {
     "builtin": {"guidance": GuidanceKind.SDS, "model": "builtin"},
@@ -33,7 +33,7 @@ _OF_SDS = (
 INTRODUCTION = """\
 # Parameters
 
-This page is generated from `meshdeform/config.py` and `meshdeform/parameters.py` by `python docs/generate.py`.
+This page is generated from `meshdeform/requests/` by `python docs/generate.py`.
 
 A job is asked for with one JSON document: the part `request` of `POST /v1/jobs`. Everything may be left out, except the
 prompt of a job that is guided by one. Unknown members are refused.

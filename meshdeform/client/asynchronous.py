@@ -10,9 +10,11 @@ from typing import Any, Self
 
 import httpx
 
-from meshdeform.client import creating, deforming, downloads, events, looking
+from meshdeform.client import downloads, events
+from meshdeform.client import reading as looking
+from meshdeform.client import running as deforming
+from meshdeform.client import submitting as creating
 from meshdeform.client.commands import Emit
-from meshdeform.client.creating import Files, Order
 from meshdeform.client.documents import (
     ArtifactView,
     CheckpointView,
@@ -28,10 +30,11 @@ from meshdeform.client.drivers import AsyncDriver
 from meshdeform.client.paths import JobLike, job_path
 from meshdeform.client.requests import Endpoint
 from meshdeform.client.result import AsyncResult
-from meshdeform.client.retrying import Policy
+from meshdeform.client.retries import Policy
 from meshdeform.client.sources import AssetLike
-from meshdeform.config import DeformParams, JobKind, OutputOptions
-from meshdeform.jobs.models import JobState
+from meshdeform.client.submitting import Files, Order
+from meshdeform.record.models import JobState
+from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
 
 __all__ = ["AsyncClient"]
 

@@ -1,6 +1,6 @@
 """What the service tells, as the client reads it: what a newer service says besides is kept, not refused.
 
-The job's own documents are those of `meshdeform.jobs.views`. Members that this version does not know are in
+The job's own documents are those of `meshdeform.api.jobs`. Members that this version does not know are in
 `model_extra`; names that it does not know (a state, an event, a kind of job) are members of their enumeration that only
 have a `value`; parameters that it does not know, or finds out of range, are attributes of `params`.
 """
@@ -14,10 +14,10 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationError, WrapValidator, model_serializer
 
-from meshdeform.config import DeformParams, JobKind, OutputOptions, ResolvedParams
+from meshdeform.api import jobs as views
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs import views
-from meshdeform.jobs.models import EventType, JobError, JobState, Progress
+from meshdeform.record.models import EventType, JobError, JobState, Progress
+from meshdeform.requests.document import DeformParams, JobKind, OutputOptions, ResolvedParams
 
 __all__ = [
     "ArtifactList",

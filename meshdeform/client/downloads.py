@@ -16,10 +16,10 @@ import httpx
 
 from meshdeform.client.commands import Answer, Call, Operation, Pause, Read, Stream, Work
 from meshdeform.client.documents import ArtifactView
-from meshdeform.client.looking import artifacts
 from meshdeform.client.paths import JobLike, identity, job_path
 from meshdeform.client.problems import error_of, unreachable
-from meshdeform.client.retrying import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
+from meshdeform.client.reading import artifacts
+from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
 from meshdeform.errors import MeshdeformError, NotFoundError, RangeError, UnavailableError
 
 __all__ = ["fetched", "loaded", "saved"]

@@ -13,7 +13,7 @@ from meshdeform.client.commands import Answer, Call, Command, Operation, Pause, 
 from meshdeform.client.documents import EventView, read
 from meshdeform.client.paths import job_path
 from meshdeform.client.problems import WaitTimeoutError, error_of, unreachable
-from meshdeform.client.retrying import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
+from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
 from meshdeform.client.sse import Parser, ServerEvent
 from meshdeform.errors import MeshdeformError, UnavailableError
 

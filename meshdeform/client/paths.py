@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import quote
 
-from meshdeform.jobs.views import JobView
+from meshdeform.api.jobs import JobView
 
 __all__ = ["JobLike", "identity", "job_path", "segment"]
 

@@ -9,7 +9,7 @@ import httpx
 from meshdeform.client.commands import Answer, Call, Operation, Pause, Piece, Send
 from meshdeform.client.documents import UploadView, read
 from meshdeform.client.problems import error_of, unreachable
-from meshdeform.client.retrying import NOT_WORTH_A_RETRY, Patience, Policy, answered, worth_a_retry
+from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, answered, worth_a_retry
 from meshdeform.client.sources import LocalFile
 from meshdeform.errors import ConflictError, ForbiddenError, MeshdeformError
 

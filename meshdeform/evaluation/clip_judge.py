@@ -18,11 +18,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.cameras import fixed_cameras
 from meshdeform.errors import DependencyError, ModelError, ParameterError
 from meshdeform.evaluation.picture import draw
 from meshdeform.evaluation.retrieval import ranked
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.rendering.cameras import fixed_cameras
 
 __all__ = ["ClipJudge", "refuse_the_guides_own"]
 

@@ -20,9 +20,8 @@ from typing import Any
 
 import torch
 
-from meshdeform.atomic_files import write_files
-from meshdeform.candidates import CandidateRun
-from meshdeform.deform import Deformation
+from meshdeform.deformation.candidates import CandidateRun
+from meshdeform.deformation.loop import Deformation
 from meshdeform.evaluation.clip_judge import ClipJudge
 from meshdeform.evaluation.measures import measures
 from meshdeform.evaluation.mesh_file import read_ply, write_ply
@@ -30,11 +29,12 @@ from meshdeform.evaluation.picture import picture_png
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.retrieval import ShapeJudge, judgement, load_judge
 from meshdeform.evaluation.suite import Item
-from meshdeform.frame import Frame
-from meshdeform.kinds.text_guidance import score_distillation
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
+from meshdeform.rendering.normalization import Frame
+from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.support.atomic_files import write_files
 
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path"]
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from meshdeform.config import BUILTIN_MODEL
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.retrieval import NO_JUDGE
+from meshdeform.requests.document import BUILTIN_MODEL
 
 __all__ = ["listing", "outline"]
 

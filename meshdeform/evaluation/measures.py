@@ -1,6 +1,6 @@
 """Is the mesh still good, and how far is it from its source: the figures of one result.
 
-What `meshdeform.quality` measures for every job's report, and besides:
+What `meshdeform.geometry.quality` measures for every job's report, and besides:
 
 ::
 
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.intersections import intersecting_faces
-from meshdeform.mesh import TriangleMesh
-from meshdeform.quality import measure
+from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure
 
 __all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
 
@@ -45,7 +45,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     Returns
     -------
     dict
-        The fields of `meshdeform.quality.MeshQuality`, and the three above.
+        The fields of `meshdeform.geometry.quality.MeshQuality`, and the three above.
 
     Raises
     ------

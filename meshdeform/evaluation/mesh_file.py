@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from meshdeform.errors import AssetFormatError
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 
 __all__ = ["read_ply", "write_ply"]
 

@@ -9,9 +9,9 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from meshdeform.cameras import Cameras, fixed_cameras
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shading import Renderer, RenderStyle
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.shading import Renderer, RenderStyle
 
 __all__ = ["SIZE", "draw", "picture_png"]
 

@@ -13,20 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import meshdeform
-from meshdeform.atomic_files import write_files
-from meshdeform.config import ResolvedParams
 from meshdeform.errors import ParameterError
 from meshdeform.evaluation.sources import mesh_sha256, source_mesh
 from meshdeform.evaluation.suite import Suite
+from meshdeform.requests.document import ResolvedParams
+from meshdeform.support.atomic_files import write_files
 
 __all__ = ["FORMAT", "Plan", "check_manifest", "code_sha256", "manifest", "plan_of", "read_manifest", "write_manifest"]
 
 FORMAT = 1
 MANIFEST = "manifest.json"
 
-_OTHER_FOLDERS = ("commands", "evaluation", "gltf", "jobs", "storage", "webhooks", "priors/builtin/families")
-_OTHER_FILES = ("priors/builtin/dataset.py", "priors/builtin/train.py", "priors/builtin/sample.py")
-"""What of the package has no part in how a mesh is deformed (a prior's weights have a hash of their own)."""
+_DECISIVE_FOLDERS = ("deformation", "geometry", "guidance", "priors", "rendering", "requests")
+_TRAINING = "priors/builtin/training/"
+"""What decides how a mesh is deformed; a prior's weights have a hash of their own."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ def code_sha256() -> str:
     """A hash of the package's modules that decide how a mesh is deformed."""
     root = Path(meshdeform.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
+    for path in sorted(path for folder in _DECISIVE_FOLDERS for path in (root / folder).rglob("*.py")):
         name = path.relative_to(root).as_posix()
-        if name not in _OTHER_FILES and not name.startswith(tuple(f"{folder}/" for folder in _OTHER_FOLDERS)):
+        if not name.startswith(_TRAINING):
             digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 

@@ -15,8 +15,8 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from meshdeform.mesh import TriangleMesh, face_cross, safe_normalize
-from meshdeform.shapes import icosphere
+from meshdeform.geometry.mesh import TriangleMesh, face_cross, safe_normalize
+from meshdeform.geometry.shapes import icosphere
 
 __all__ = ["Solid", "capsule", "geodesic_sphere", "relaxed_surface", "smooth_union"]
 

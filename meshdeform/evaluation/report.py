@@ -7,12 +7,12 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from meshdeform.atomic_files import write_files
 from meshdeform.errors import ParameterError
 from meshdeform.evaluation.plan import read_manifest
 from meshdeform.evaluation.sheet import contact_sheet
 from meshdeform.evaluation.summary import states_of, summarise
 from meshdeform.evaluation.tables import comparison, table
+from meshdeform.support.atomic_files import write_files
 
 __all__ = ["compare", "read_results", "write_report"]
 

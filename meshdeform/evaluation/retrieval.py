@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from torch import Tensor
 
 from meshdeform.errors import ParameterError
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import parse
 
 __all__ = ["BUILTIN_JUDGE", "NO_JUDGE", "ShapeJudge", "judgement", "load_judge", "ranked", "wilson"]

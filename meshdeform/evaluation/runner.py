@@ -20,8 +20,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from meshdeform.atomic_files import write_files
-from meshdeform.config import BUILTIN_MODEL
 from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError, WorkerLostError
 from meshdeform.evaluation.clip_judge import refuse_the_guides_own
 from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path
@@ -32,6 +30,8 @@ from meshdeform.evaluation.report import write_report
 from meshdeform.evaluation.retrieval import NO_JUDGE
 from meshdeform.evaluation.sources import source_mesh
 from meshdeform.evaluation.suite import Item
+from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.support.atomic_files import write_files
 
 __all__ = ["default_jobs", "rejudge", "run"]
 

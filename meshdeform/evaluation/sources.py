@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shapes import box, join, torus
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, join, torus
 
 __all__ = ["SOURCES", "mesh_sha256", "source_mesh"]
 

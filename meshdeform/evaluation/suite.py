@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
-from meshdeform.priors.builtin.held_out import unseen_pairs
+from meshdeform.priors.builtin.training.held_out import unseen_pairs
 
 __all__ = ["PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 

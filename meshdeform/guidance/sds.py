@@ -42,16 +42,16 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from meshdeform.choices import Distillation, NegativePrompt
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.inversion import ddim_step, invert
 from meshdeform.guidance.residuals import NOISE_FREE_BOUND, noise_free, perpendicular, rescaled
 from meshdeform.guidance.texts import Texts, Told
+from meshdeform.requests.choices import Distillation, NegativePrompt
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
-    from meshdeform.shading import RenderStyle
+    from meshdeform.rendering.shading import RenderStyle
 
 __all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation"]
 

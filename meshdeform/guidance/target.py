@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import NUM_VIEWS
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.guidance.base import StepContext
-from meshdeform.shading import Renderer, RenderStyle, combine_views
+from meshdeform.rendering.cameras import NUM_VIEWS
+from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 if TYPE_CHECKING:
-    from meshdeform.mesh import TriangleMesh
+    from meshdeform.geometry.mesh import TriangleMesh
 
 __all__ = ["TARGET_STYLE", "TargetGuidance"]
 

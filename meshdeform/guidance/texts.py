@@ -30,12 +30,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from meshdeform.choices import Distillation, NegativePrompt
 from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import Distillation, NegativePrompt
 
 if TYPE_CHECKING:
-    from meshdeform.cameras import Cameras
     from meshdeform.priors.base import Prior
+    from meshdeform.rendering.cameras import Cameras
 
 __all__ = ["VIEWS", "Texts", "Told", "view_name"]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshdeform.config import BUILTIN_MODEL
+from meshdeform.requests.document import BUILTIN_MODEL
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from meshdeform.cameras import Cameras
-    from meshdeform.shading import RenderStyle
+    from meshdeform.rendering.cameras import Cameras
+    from meshdeform.rendering.shading import RenderStyle
 
 __all__ = ["Prior"]
 

@@ -6,10 +6,10 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from meshdeform.config import BUILTIN_MODEL
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
+from meshdeform.requests.document import BUILTIN_MODEL
 
 __all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "list_models"]
 

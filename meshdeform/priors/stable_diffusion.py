@@ -29,10 +29,10 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError
 from meshdeform.priors.model_files import ModelFiles, find
-from meshdeform.shading import RenderStyle
+from meshdeform.rendering.shading import RenderStyle
 
 if TYPE_CHECKING:
-    from meshdeform.cameras import Cameras
+    from meshdeform.rendering.cameras import Cameras
 
 __all__ = ["StableDiffusionPrior"]
 

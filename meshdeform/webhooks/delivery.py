@@ -15,8 +15,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.jobs.outgoing import DueDelivery
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.outgoing import DueDelivery
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.webhooks.addresses import parse_networks
 

@@ -23,11 +23,11 @@ from typing import Any, TypeVar
 import httpx
 import psutil
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.models import Event, Job, JobState, NewJob, StoredFile
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Event, Job, JobState, NewJob, StoredFile
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
 from tests.servers import RedisServer, free_port
 

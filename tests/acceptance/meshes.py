@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from meshdeform.shapes import icosphere
+from meshdeform.geometry.shapes import icosphere
 
 
 def write_ellipsoid(path: Path, height: float) -> Path:

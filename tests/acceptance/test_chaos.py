@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.errors import ConflictError, UnavailableError
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
 from tests.acceptance.chaos import Chaos
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.servers import NotInstalledError, PostgresServer

@@ -15,8 +15,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from meshdeform.failpoints import FAILPOINTS
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
+from meshdeform.support.failpoints import FAILPOINTS
 from tests.acceptance.cluster import LEASE_S, Cluster, lives, running_redis, until
 from tests.servers import NotInstalledError, PostgresServer
 

@@ -15,10 +15,10 @@ from typing import Any
 import psutil
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Job, JobState, NewJob, StoredFile
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Job, JobState, NewJob, StoredFile
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import until

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import JobState, NewJob, StoredFile
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import JobState, NewJob, StoredFile
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
 from tests.acceptance.cluster import until
 

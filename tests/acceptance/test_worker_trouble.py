@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.fake_worker import TROUBLE_AT
 

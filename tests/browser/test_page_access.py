@@ -12,8 +12,8 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-from meshdeform.jobs.database import Database  # noqa: E402
-from meshdeform.jobs.keys import KeyRing  # noqa: E402
+from meshdeform.record.database import Database  # noqa: E402
+from meshdeform.record.keys import KeyRing  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
 from tests.acceptance.service import Service, serving  # noqa: E402
 from tests.browser.conftest import watched  # noqa: E402

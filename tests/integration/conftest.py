@@ -19,10 +19,10 @@ import sqlalchemy as sa
 import uvicorn
 from fastapi import FastAPI
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Job, NewJob, StoredFile
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import metadata
+from meshdeform.record.models import Job, NewJob, StoredFile
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import metadata
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.app import create_app

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import jsonschema
 
-from meshdeform.jobs.models import Artifact, JobState
+from meshdeform.record.models import Artifact, JobState
 from tests.integration.conftest import DEADLINE_S, Api, new_job
 
 PROMPT = {"prompt": "a mushroom"}

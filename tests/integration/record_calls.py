@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Artifact, EventType, Job, NewJob, Progress
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import jobs as jobs_table
+from meshdeform.record.models import Artifact, EventType, Job, NewJob, Progress
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs as jobs_table
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import stored_file
 
 LEASE_S = 60.0

@@ -11,8 +11,8 @@ from typing import Any
 
 import httpx
 
-from meshdeform.jobs.models import JobState, Progress
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import JobState, Progress
+from meshdeform.record.repository import JobRecord
 from tests.integration.conftest import DEADLINE_S
 
 STREAM = {"Accept": "text/event-stream"}

@@ -57,7 +57,7 @@ def test_a_mistake_of_ours_is_a_problem_without_its_details(api: Api, monkeypatc
     def mistake(*_: object) -> None:
         raise RuntimeError("the password is 1234")
 
-    monkeypatch.setattr("meshdeform.jobs.record.JobRecord.list_jobs", mistake)
+    monkeypatch.setattr("meshdeform.record.repository.JobRecord.list_jobs", mistake)
     answer = api.http.get("/v1/jobs")
     check_problem(answer, 500, "internal")
     assert "1234" not in answer.text

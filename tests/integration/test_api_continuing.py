@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Job, JobState, NewJob, OriginMode, StoredFile
+from meshdeform.record.models import Job, JobState, NewJob, OriginMode, StoredFile
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job
 

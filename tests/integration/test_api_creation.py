@@ -13,10 +13,10 @@ import httpx
 import pytest
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.ids import JOB_ID_PATTERN
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.reconciler import Reconciler
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.ids import JOB_ID_PATTERN
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.reconciler import Reconciler
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import Api, serving

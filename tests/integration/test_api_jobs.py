@@ -8,10 +8,10 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.models import JobState, NewJob, Progress
-from meshdeform.jobs.queue import JobQueue
+from meshdeform.record.models import JobState, NewJob, Progress
+from meshdeform.record.queue import JobQueue
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import Api, new_job, serving_app, stored_file
 from tests.integration.http_calls import check_document, check_problem, eventually, finished_job
 

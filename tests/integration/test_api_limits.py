@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import Api, serving
@@ -70,7 +70,7 @@ def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small
 
 
 def test_a_body_that_does_not_come_is_given_up(small: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.bodies.IDLE_S", 0.2)
+    monkeypatch.setattr("service.http.bodies.IDLE_S", 0.2)
     with begun(small) as connection:
         answer = b""
         while b"request_timeout" not in answer and (part := connection.recv(65536)):
@@ -89,7 +89,7 @@ def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
 def test_so_many_files_are_received_at_the_same_time(
     small: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.bodies._SLOT_WAIT_S", 0.3)
+    monkeypatch.setattr("service.http.bodies._SLOT_WAIT_S", 0.3)
     with contextlib.ExitStack() as senders:
         for _ in range(16):
             senders.enter_context(begun(small))

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_problem

@@ -13,13 +13,13 @@ import httpx
 import pytest
 from fastapi import FastAPI, Request
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import JobState, NewJob
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import JobState, NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.app import create_app
-from service.auth import Principal, principal
+from service.http.auth import Principal, principal
 from tests.integration import conftest
 from tests.integration.conftest import Api, stored_file
 from tests.integration.http_calls import PROMPT, check_problem, post
@@ -55,7 +55,7 @@ def two(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
-        patch.setattr("service.downloads.principal", named_too)
+        patch.setattr("service.downloads.responses.principal", named_too)
         with conftest.serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
             record = JobRecord(database_url)
             ann = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
@@ -69,7 +69,7 @@ def finished(api: Api, owner: str, content: bytes = b"result") -> str:
     """A job of an owner that has succeeded, with an artifact and a checkpoint."""
     from datetime import UTC, datetime
 
-    from meshdeform.jobs.models import Artifact
+    from meshdeform.record.models import Artifact
 
     file = replace_file(api, content)
     job = api.record.create(NewJob(JobRequest(prompt="a vase", metadata={"whose": "mine"}), file, owner_id=owner))

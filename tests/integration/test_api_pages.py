@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from meshdeform.settings import Settings
-from service.pages import PAGE_HEADERS
+from service.page.files import PAGE_HEADERS
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.integration.http_calls import check_problem
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem, post
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import JobState, NewJob
+from meshdeform.record.models import JobState, NewJob
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import Api, new_job, stored_file
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
 

@@ -13,9 +13,9 @@ import httpx
 import pytest
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.cleanup import remove_unreachable
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import uploads
+from meshdeform.record.cleanup import remove_unreachable
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import uploads
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import Api, serving
@@ -92,7 +92,7 @@ def test_a_piece_that_does_not_begin_where_the_upload_ends_is_told_where_that_is
 
 
 def test_a_body_that_breaks_off_leaves_what_came(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.uploads._BLOCK", 1000)
+    monkeypatch.setattr("service.uploads.receiving._BLOCK", 1000)
     upload = begin(api)
     host, port = api.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port))) as connection:
@@ -172,8 +172,8 @@ def test_completing_goes_on_wherever_it_stopped(api: Api, monkeypatch: pytest.Mo
     place = {
         "copy": "meshdeform.storage.ObjectStore.copy",
         "exists": "meshdeform.storage.ObjectStore.exists",
-        "recorded": "meshdeform.jobs.uploads.UploadLedger.complete",
-        "removed": "service.uploads.remove_upload",
+        "recorded": "meshdeform.record.uploads.UploadLedger.complete",
+        "removed": "service.uploads.receiving.remove_upload",
     }[point]
     with monkeypatch.context() as patch:
         patch.setattr(place, away)

@@ -14,11 +14,11 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from service.auth import _FAILURES, Gate
-from service.middleware import ACCESS_LOG
-from service.rate import RateLimiter
+from service.http.auth import _FAILURES, Gate
+from service.http.middleware import ACCESS_LOG
+from service.http.rate import RateLimiter
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving
 from tests.servers import free_port
 
@@ -114,7 +114,7 @@ def test_a_revoked_key_is_refused_once_the_cache_has_forgotten_it(
     assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
     record.keys.revoke(key.id)
     # What remembers is this process: let its 5 seconds be over.
-    monkeypatch.setattr("service.auth.time.monotonic", lambda: 1e12)
+    monkeypatch.setattr("service.http.auth.time.monotonic", lambda: 1e12)
     check_refused(http.get("/v1/jobs", headers=bearer(text)))
 
 
@@ -126,7 +126,7 @@ def test_a_key_that_was_just_seen_costs_no_look_at_the_record(
     verified = []
     real = type(record.keys).verify
     monkeypatch.setattr(type(record.keys), "verify", lambda ring, sent: verified.append(sent) or real(ring, sent))
-    monkeypatch.setattr("service.auth._KNOWN_FOR_S", 1e9)
+    monkeypatch.setattr("service.http.auth._KNOWN_FOR_S", 1e9)
     for _ in range(5):
         assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
     assert verified == [text]

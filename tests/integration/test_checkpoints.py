@@ -6,7 +6,7 @@ import hashlib
 from datetime import UTC, datetime
 from typing import Any
 
-from meshdeform.jobs.models import Artifact, JobState
+from meshdeform.record.models import Artifact, JobState
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import check_document, check_problem
 from tests.integration.streams import until

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.cleanup import remove_job, remove_unreachable
-from meshdeform.jobs.models import NewJob, Origin, OriginMode
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.cleanup import remove_job, remove_unreachable
+from meshdeform.record.models import NewJob, Origin, OriginMode
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import new_job, stored_file
 

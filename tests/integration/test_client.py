@@ -13,8 +13,8 @@ from typing import Any
 import httpx
 import pytest
 
+from meshdeform.api.jobs import JobView
 from meshdeform.client import Client
-from meshdeform.config import DeformParams, OutputOptions, Preset
 from meshdeform.errors import (
     AssetFormatError,
     ConflictError,
@@ -24,8 +24,8 @@ from meshdeform.errors import (
     UnavailableError,
     VocabularyError,
 )
-from meshdeform.jobs.models import Artifact, JobError, JobState, Progress
-from meshdeform.jobs.views import JobView
+from meshdeform.record.models import Artifact, JobError, JobState, Progress
+from meshdeform.requests.document import DeformParams, OutputOptions, Preset
 from tests.client_flavors import FLAVORS, opened
 from tests.integration.conftest import DEADLINE_S, Api, new_job
 from tests.servers import free_port

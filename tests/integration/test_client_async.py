@@ -15,7 +15,7 @@ import pytest
 
 from meshdeform.client import AsyncClient, Client, EventView, WaitTimeoutError
 from meshdeform.errors import NumericalError
-from meshdeform.jobs.models import JobState
+from meshdeform.record.models import JobState
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis, sum_after
 from tests.client_flavors import FLAVORS, opened
 from tests.servers import NotInstalledError

@@ -16,9 +16,9 @@ import anyio
 import pytest
 
 from meshdeform.client import AsyncClient, Client, EventView, uploads
-from meshdeform.client.retrying import Policy
+from meshdeform.client.retries import Policy
 from meshdeform.errors import NotFoundError, StaleAttemptError, UnavailableError
-from meshdeform.jobs.models import Artifact, JobState
+from meshdeform.record.models import Artifact, JobState
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis, until
 from tests.client_flavors import FLAVORS, opened
 from tests.fault_proxy import FaultProxy

@@ -13,10 +13,10 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs import database as module
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import jobs
+from meshdeform.record import database as module
+from meshdeform.record.models import JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import DEADLINE_S, new_job
 

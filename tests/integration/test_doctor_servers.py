@@ -11,11 +11,11 @@ import pytest
 import sqlalchemy as sa
 from typer.testing import CliRunner
 
-from meshdeform.cli import app
-from meshdeform.commands.diagnosis import machine
-from meshdeform.commands.diagnosis.checks import ok
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import HEAD
+from meshdeform.cli.app import app
+from meshdeform.cli.diagnosis import machine
+from meshdeform.cli.diagnosis.checks import ok
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import HEAD
 from tests.fault_proxy import FaultProxy
 
 

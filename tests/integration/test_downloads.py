@@ -12,9 +12,9 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import Artifact, JobState, NewJob
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Artifact, JobState, NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore, sign_path
 from tests.integration.conftest import DEADLINE_S, Api, serving, stored_file

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.estimates import Estimate, estimate
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.estimates import Estimate, estimate
+from meshdeform.record.models import JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from tests.integration.record_calls import at, claimed, posted
 
 QUEUE = "test"

@@ -17,7 +17,7 @@ import torch
 from PIL import Image
 from typer.testing import CliRunner, Result
 
-from meshdeform.cli import app
+from meshdeform.cli.app import app
 from meshdeform.evaluation.mesh_file import read_ply
 from meshdeform.evaluation.suite import SUITES
 

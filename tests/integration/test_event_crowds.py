@@ -15,12 +15,12 @@ import sqlalchemy as sa
 from fastapi import FastAPI
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.events import Head
-from meshdeform.jobs.models import TERMINAL_STATES, JobState
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.events import Head
+from meshdeform.record.models import TERMINAL_STATES, JobState
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from service import hub as hub_module
-from service.hub import Hub
+from service.events import broker as hub_module
+from service.events.broker import Hub
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.streams import STREAM, stream, until
 from tests.integration.test_api_process import api_process

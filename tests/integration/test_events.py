@@ -12,10 +12,10 @@ import httpx
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.jobs.models import TERMINAL_STATES, JobState
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import TERMINAL_STATES, JobState
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from service.routes import events as events_module
+from service.events import routes as events_module
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving_app
 from tests.integration.http_calls import check_document, check_problem
 from tests.integration.streams import STREAM, progress, recovered_run, stream

@@ -9,8 +9,8 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, UnavailableError
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import files
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import files
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 
 

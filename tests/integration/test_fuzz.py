@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bench import fuzz
+from meshdeform.assets import check_asset_subprocess
 from meshdeform.errors import MeshdeformError
-from meshdeform.gltf import check_asset_subprocess
 
 SEED = 20_260_101
 MUTANTS = 4000  # bench/fuzz.py makes as many as are asked for
@@ -56,7 +56,7 @@ def test_a_defect_is_found_and_the_fuzz_goes_on(
     (tmp_path / "sitecustomize.py").write_text(
         "import os, signal, sys\n"
         "if '--child' in sys.argv:\n"
-        "    import meshdeform.gltf.inspect as inspect\n"
+        "    import meshdeform.assets.inspect as inspect\n"
         "    real, calls = inspect.inspect_asset, []\n"
         "    def broken(*a):\n"
         "        calls.append(1)\n"

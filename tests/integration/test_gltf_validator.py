@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.gltf import load_asset
-from tests.unit.gltf.builders import QUAD_NORMALS, Builder
-from tests.unit.gltf.test_compressed import draco_asset, draco_stream, meshopt_asset
-from tests.unit.gltf.test_convert import OBJ, PLY, stl
-from tests.unit.gltf.test_fuzz import kitchen_sink
-from tests.unit.gltf.test_morph import with_targets
-from tests.unit.gltf.test_replace import rich
+from meshdeform.assets import load_asset
+from tests.unit.assets.builders import QUAD_NORMALS, Builder
+from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
+from tests.unit.assets.test_convert import OBJ, PLY, stl
+from tests.unit.assets.test_fuzz import kitchen_sink
+from tests.unit.assets.test_morph import with_targets
+from tests.unit.assets.test_replace import rich
 
 Validate = Callable[[bytes], dict[str, Any]]
 

@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import IdempotencyBusyError, IdempotencyMismatchError
-from meshdeform.jobs.idempotency import Claim
-from meshdeform.jobs.models import NewJob
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import idempotency
-from meshdeform.jobs.upkeep import IDEMPOTENCY_KEPT_S
+from meshdeform.record.idempotency import Claim
+from meshdeform.record.models import NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import idempotency
+from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import stored_file
 
 ANSWER = {"status": 202, "body": {"id": "job_1"}, "headers": {"Location": "/v1/jobs/job_1"}}

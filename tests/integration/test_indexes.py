@@ -11,13 +11,13 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy import event
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.cursors import encode_cursor
-from meshdeform.jobs.estimates import estimate
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.statistics import statistics
-from meshdeform.jobs.tables import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
+from meshdeform.record.cursors import encode_cursor
+from meshdeform.record.estimates import estimate
+from meshdeform.record.models import JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
+from meshdeform.record.statistics import statistics
+from meshdeform.requests.document import JobRequest
 from tests.integration.record_calls import LEASE_S, at, posted
 
 COUNT = 10_000

@@ -10,9 +10,9 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, NotFoundError, StaleAttemptError
-from meshdeform.jobs.models import EventType, Job, JobError, JobState
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import webhooks
+from meshdeform.record.models import EventType, Job, JobError, JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import webhooks
 from tests.integration.conftest import DEADLINE_S, new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, history, late, posted
 

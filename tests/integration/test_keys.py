@@ -10,11 +10,11 @@ import pytest
 import sqlalchemy as sa
 from typer.testing import CliRunner
 
-from meshdeform.cli import app
-from meshdeform.commands.servers import _guarded
+from meshdeform.cli.app import app
+from meshdeform.cli.servers import _guarded
 from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import api_keys
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import api_keys
 from meshdeform.settings import Settings
 
 

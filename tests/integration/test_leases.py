@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from meshdeform.errors import ConflictError, StaleAttemptError
-from meshdeform.jobs.models import Job, JobError, JobState, Progress
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import Job, JobError, JobState, Progress
+from meshdeform.record.repository import JobRecord
 from tests.integration.conftest import new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, posted
 

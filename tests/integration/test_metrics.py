@@ -8,8 +8,8 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.tables import metadata
+from meshdeform.record.models import JobState
+from meshdeform.record.schema import metadata
 from tests.integration.conftest import Api, new_job
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]

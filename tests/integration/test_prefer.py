@@ -14,8 +14,8 @@ import pytest
 from fastapi import FastAPI
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import JobState
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.http_calls import check_problem

@@ -11,7 +11,7 @@ from rq import Queue
 from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.jobs.queue import TASK, JobQueue
+from meshdeform.record.queue import TASK, JobQueue
 from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
 

@@ -12,10 +12,10 @@ import pytest
 import redis
 
 from meshdeform.errors import UnavailableError
-from meshdeform.jobs.models import JobState
-from meshdeform.jobs.queue import JobQueue
-from meshdeform.jobs.reconciler import Reconciler
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import JobState
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.reconciler import Reconciler
+from meshdeform.record.repository import JobRecord
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, at, claimed, ids, late, posted, set_to

@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, TooManyJobsError
-from meshdeform.jobs.models import EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted
 

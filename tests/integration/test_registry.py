@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import sqlalchemy as sa
 
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import workers
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import workers
 
 
 def silent_for(record: JobRecord, worker_id: str, seconds: float) -> None:

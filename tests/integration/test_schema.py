@@ -13,12 +13,12 @@ import alembic.config
 import pytest
 import sqlalchemy as sa
 
-import meshdeform.jobs
+import meshdeform.record
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.jobs.database import Database
-from meshdeform.jobs.models import EventType, JobState
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import HEAD, metadata
+from meshdeform.record.database import Database
+from meshdeform.record.models import EventType, JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import HEAD, metadata
 from tests.integration.conftest import DEADLINE_S
 from tests.integration.record_calls import LEASE_S, history, ids
 
@@ -92,7 +92,7 @@ Migrate = Callable[[str], None]
 def migrate(record: JobRecord, database_url: str) -> Iterator[Migrate]:
     """Bring the database, which is empty at first, up or down to a version."""
     config = alembic.config.Config()
-    config.set_main_option("script_location", str(Path(meshdeform.jobs.__file__).parent / "migrations"))
+    config.set_main_option("script_location", str(Path(meshdeform.record.__file__).parent / "migrations"))
 
     def to(version: str) -> None:
         with record.database.write() as connection:

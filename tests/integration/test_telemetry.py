@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from meshdeform import telemetry
+from meshdeform.support import telemetry
 from tests.collector import Collector
 
 

@@ -9,10 +9,10 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, StaleAttemptError
-from meshdeform.jobs.models import Job, JobState, NewJob
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import outbox
-from meshdeform.jobs.tallies import BUCKETS_S, Tallies
+from meshdeform.record.counters import BUCKETS_S, Tallies
+from meshdeform.record.models import Job, JobState, NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import outbox
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, claimed, history, ids, late, posted, set_to
 

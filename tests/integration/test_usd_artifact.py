@@ -14,12 +14,12 @@ import pytest
 
 pytest.importorskip("pxr", reason="needs usd-core (the extra usd)")
 
-from meshdeform.gltf import build_glb
-from meshdeform.kinds import text_deform
-from meshdeform.shapes import icosphere
+from meshdeform.assets import build_glb
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.runs import text_deform
 from tests.integration.conftest import Api
+from worker.context import Workplace
 from worker.runner import JobRunner
-from worker.workplace import Workplace
 
 
 def glb(height: float) -> bytes:

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
 from meshdeform.errors import NotFoundError, ParameterError, RequestError
-from meshdeform.jobs.models import NewJob
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import deliveries
-from meshdeform.jobs.webhooks import MAX_WEBHOOKS
+from meshdeform.record.models import NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import deliveries
+from meshdeform.record.webhooks import MAX_WEBHOOKS
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import new_job, stored_file

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import NewJob
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import deliveries
+from meshdeform.record.models import NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import deliveries
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import AT_ONCE, WebhookDelivery
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
@@ -23,7 +23,7 @@ from tests.unit.webhooks.receiver import Message, Receiver, receiving
 SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 SEND = """
 import sys
-from meshdeform.jobs.record import JobRecord
+from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
 WebhookDelivery(JobRecord(sys.argv[1]), Settings(webhook_networks=["127.0.0.0/8"])).run_once()

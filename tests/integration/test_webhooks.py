@@ -11,15 +11,15 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
+from meshdeform.api.webhooks import WebhookEvent
 from meshdeform.errors import ConflictError
-from meshdeform.jobs.deliveries import WEBHOOK_EVENTS
-from meshdeform.jobs.outgoing import RETRY_AFTER_S
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.tables import deliveries, delivery_attempts, webhooks
-from meshdeform.jobs.webhooks import Webhook
+from meshdeform.record.deliveries import WEBHOOK_EVENTS
+from meshdeform.record.outgoing import RETRY_AFTER_S
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
+from meshdeform.record.webhooks import Webhook
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
-from meshdeform.webhooks.views import WebhookEvent
 from tests.integration.conftest import DEADLINE_S, new_job
 from tests.servers import free_port
 from tests.unit.webhooks.receiver import Message, Receiver, receiving

@@ -10,10 +10,10 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.config import JobRequest
-from meshdeform.jobs.models import NewJob
-from meshdeform.jobs.record import JobRecord
-from meshdeform.jobs.webhooks import MAX_WEBHOOKS, TEST_EVENT
+from meshdeform.record.models import NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.webhooks import MAX_WEBHOOKS, TEST_EVENT
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving, stored_file
 from tests.unit.webhooks.receiver import Receiver, receiving

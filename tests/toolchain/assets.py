@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.unit.gltf.builders import Builder
+from tests.unit.assets.builders import Builder
 
 SIDES, RINGS = 16, 12
 TRIANGLES = 2 * SIDES * RINGS

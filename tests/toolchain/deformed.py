@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from meshdeform.config import JobRequest
-from meshdeform.shapes import icosphere
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.requests.document import JobRequest
 
 _REQUEST = JobRequest.model_validate(
     {"params": {"guidance": "target", "steps": 2, "learning_rate": 0.05, "seed": 3}, "output": {"morph": True}}
@@ -14,7 +14,7 @@ _REQUEST = JobRequest.model_validate(
 
 def deformed(asset: bytes, filename: str = "asset.glb") -> dict[str, bytes]:
     """Run two steps towards a sphere, the whole way of a job, and return its artifacts by name."""
-    from meshdeform.kinds.text_deform import start
+    from meshdeform.runs.text_deform import start
 
     run = start(asset=asset, filename=filename, request=_REQUEST, target=_sphere(), target_filename="sphere.obj")
     deque(run, maxlen=0)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from meshdeform.gltf import load_asset
-from meshdeform.shapes import icosphere
+from meshdeform.assets import load_asset
+from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 
 glb = pytest.importorskip("meshdeform_blender.glb")

@@ -16,8 +16,8 @@ import httpx
 import pytest
 import yaml
 
-from meshdeform.config import JobRequest
-from meshdeform.gltf import load_asset
+from meshdeform.assets import load_asset
+from meshdeform.requests.document import JobRequest
 from tests.acceptance.service import Service, until
 from tests.servers import free_port
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.gltf import load_asset
+from meshdeform.assets import load_asset
 from tests.toolchain.assets import ASSETS, TRIANGLES
 from tests.toolchain.conftest import Tool
 from tests.toolchain.deformed import deformed

@@ -16,8 +16,8 @@ import pytest
 import typer.main
 
 import meshdeform.errors
-from meshdeform.config import JobRequest
 from meshdeform.errors import MeshdeformError
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 
 ERRORS = sorted(
@@ -71,7 +71,7 @@ def shell_lines(repository: Path) -> list[tuple[str, str]]:
 
 def command(name: str) -> Any:
     """Return the click command behind `meshdeform name`."""
-    from meshdeform.cli import app
+    from meshdeform.cli.app import app
 
     return typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
 
@@ -157,7 +157,7 @@ def test_every_route_has_a_section(repository: Path) -> None:
 
 
 def test_every_command_and_flag_is_documented(repository: Path) -> None:
-    from meshdeform.cli import app
+    from meshdeform.cli.app import app
 
     documented = sections(repository / "docs/cli.md")
     for name, found in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]

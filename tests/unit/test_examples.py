@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.gltf import load_asset
-from meshdeform.weld import weld
+from meshdeform.assets import load_asset
+from meshdeform.geometry.weld import weld
 
 NAMES = ["capsule", "cube", "sphere", "vase"]
 

@@ -14,23 +14,23 @@ import pytest
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
 NUMPY_FREE = [
     "meshdeform.errors",
-    "meshdeform.config",
+    "meshdeform.requests.document",
     "meshdeform.settings",
-    "meshdeform.jobs",
+    "meshdeform.record",
     "meshdeform.storage",
     "meshdeform.webhooks",
     "meshdeform.client",
     "service",
 ]
 TORCH_FREE = [
-    "meshdeform.cli",
-    "meshdeform.stack",
-    "meshdeform.redis_server",
-    "meshdeform.gltf",
-    "meshdeform.kinds.*",
+    "meshdeform.cli.app",
+    "meshdeform.serving.stack",
+    "meshdeform.serving.redis_server",
+    "meshdeform.assets",
+    "meshdeform.runs.*",
     "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
-    "meshdeform.usd.*",
+    "meshdeform.assets.usd.*",
     "worker.health",
     "worker.process",
     "worker.supervisor",
@@ -87,7 +87,9 @@ def test_what_is_torch_free_loads_no_torch(module: str) -> None:
     assert loaded_by(module) & {"torch", "diffusers", "transformers"} == set()
 
 
-@pytest.mark.parametrize("module", ["meshdeform.client", "meshdeform.config", "meshdeform.settings", "meshdeform.cli"])
+@pytest.mark.parametrize(
+    "module", ["meshdeform.client", "meshdeform.requests.document", "meshdeform.settings", "meshdeform.cli.app"]
+)
 def test_the_base_install_is_enough_for_the_client(module: str, repository: Path) -> None:
     refused = ["numpy", *HEAVY, "fastapi", "starlette", "uvicorn", "sqlalchemy", "alembic", "redis", "rq", "obstore"]
     assert loaded_by(module, before=_REFUSE % refused)
@@ -99,7 +101,7 @@ def test_the_extra_deform_is_enough_to_deform(repository: Path, tmp_path: Path) 
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert packages["deform"][0] == "meshdeform[asset]"
     refused = [line.partition(">")[0] for line in packages["stack"]]
-    program = _REFUSE % refused + "from meshdeform.cli import main\nsys.argv[0] = 'meshdeform'\nmain()"
+    program = _REFUSE % refused + "from meshdeform.cli.app import main\nsys.argv[0] = 'meshdeform'\nmain()"
     arguments = ["run", str(repository / "examples/sphere.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
     done = subprocess.run(
         [sys.executable, "-c", program, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from meshdeform.cameras import CameraRange, fixed_cameras, sample_orthogonal_cameras
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shading import Renderer, combine_views
-from meshdeform.shapes import icosphere
+from meshdeform.rendering.cameras import CameraRange, fixed_cameras, sample_orthogonal_cameras
+from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.testing import FakePrior, build_tiny_stable_diffusion
 
 CAMERAS = fixed_cameras(0.0, 0.0)

@@ -53,7 +53,7 @@ def test_every_file_that_the_page_names_is_there() -> None:
 
 
 def test_the_examples_are_small_and_every_one_is_deformable() -> None:
-    from meshdeform.gltf import inspect_asset
+    from meshdeform.assets import inspect_asset
 
     files = sorted((WEB / "examples").glob("*.glb"))
     assert sum(path.stat().st_size for path in files) < 300_000

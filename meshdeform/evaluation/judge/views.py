@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import Cameras, fixed_cameras
 from meshdeform.errors import ShapeError
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shading import Renderer, RenderStyle
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.shading import Renderer, RenderStyle
 
 __all__ = ["NUM_VIEWS", "VIEW_SIZE", "draw_views", "framed", "judging_cameras", "training_cameras"]
 

@@ -21,7 +21,7 @@ __all__ = ["WEIGHTS", "read_judge", "vocabulary_hash", "write_judge"]
 WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
 _ADVICE = (
     "Install meshdeform again (the weights are part of the package), or train them: "
-    "python -m meshdeform.evaluation.judge.train."
+    "python -m meshdeform.evaluation.judge.training.train."
 )
 
 

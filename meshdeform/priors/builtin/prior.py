@@ -18,13 +18,13 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import NUM_VIEWS, Cameras
 from meshdeform.errors import ShapeError
-from meshdeform.priors.builtin.diffusion import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
-from meshdeform.priors.builtin.model import null_tokens
+from meshdeform.priors.builtin.network import null_tokens
+from meshdeform.priors.builtin.schedule import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
+from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
 __all__ = ["BuiltinPrior"]
 

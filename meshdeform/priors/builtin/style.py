@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from meshdeform.cameras import CameraRange
-from meshdeform.shading import RenderStyle
+from meshdeform.rendering.cameras import CameraRange
+from meshdeform.rendering.shading import RenderStyle
 
 __all__ = ["CAMERAS", "SINGLE_STYLE", "STYLE"]
 

@@ -15,14 +15,14 @@ from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
-from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 
 __all__ = ["WEIGHTS", "file_sha256", "read_network", "read_tensors", "vocabulary_hash", "write_weights"]
 
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
 _ADVICE = (
     "Install meshdeform again (the weights are part of the package), or train them: "
-    "python -m meshdeform.priors.builtin.train."
+    "python -m meshdeform.priors.builtin.training.train."
 )
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from meshdeform.gltf import load_asset
-from meshdeform.gltf.build import build_glb
-from meshdeform.shapes import box
-from tests.unit.gltf.builders import Builder, unpack
+from meshdeform.assets import load_asset
+from meshdeform.assets.build import build_glb
+from meshdeform.geometry.shapes import box
+from tests.unit.assets.builders import Builder, unpack
 
 GROWTH = 1.5
 _MESH = box(3, (1.0, 1.4, 0.8))
@@ -167,13 +167,13 @@ def morphing() -> Kind:
 
 
 def draco() -> Kind:
-    from tests.unit.gltf.test_compressed import draco_asset, draco_stream
+    from tests.unit.assets.test_compressed import draco_asset, draco_stream
 
     return kind(draco_asset(draco_stream()).glb())
 
 
 def meshopt() -> Kind:
-    from tests.unit.gltf.test_compressed import meshopt_asset
+    from tests.unit.assets.test_compressed import meshopt_asset
 
     return kind(meshopt_asset().glb())
 

@@ -11,10 +11,10 @@ import pytest
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import EventView, JobView, Limits, Validation, read
 from meshdeform.client.events import followed
-from meshdeform.client.retrying import Policy
-from meshdeform.config import DeformParams, OutputOptions
+from meshdeform.client.retries import Policy
 from meshdeform.errors import MeshdeformError, UnavailableError
-from meshdeform.jobs.models import EventType, JobState
+from meshdeform.record.models import EventType, JobState
+from meshdeform.requests.document import DeformParams, OutputOptions
 from tests.unit.client.worlds import World, answer
 
 JOB: dict[str, Any] = {

@@ -18,8 +18,8 @@ import httpx
 import pytest
 
 from meshdeform.client import AsyncClient, Client, JobView, Result, UploadView
-from meshdeform.client.creating import Order
 from meshdeform.client.sources import LocalFile, open_source
+from meshdeform.client.submitting import Order
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError, UnavailableError
 from tests.unit.client.test_documents import JOB
 

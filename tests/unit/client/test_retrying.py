@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from meshdeform.client.commands import Call
-from meshdeform.client.retrying import Policy, answered
+from meshdeform.client.retries import Policy, answered
 from meshdeform.errors import ConflictError, LimitError, MeshdeformError, RequestError, UnavailableError
 from tests.unit.client.worlds import World, answer
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import torch
 
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import NOUNS, parse
 
 

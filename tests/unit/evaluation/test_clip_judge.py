@@ -12,7 +12,7 @@ from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
 from meshdeform.evaluation.relaxed import geodesic_sphere
-from meshdeform.shapes import box
+from meshdeform.geometry.shapes import box
 from meshdeform.testing import build_tiny_stable_diffusion
 from tests.unit.evaluation.tiny_clip import build_tiny_clip
 
@@ -45,8 +45,8 @@ def test_the_best_prompt_is_a_hit_and_no_other(folder: Path) -> None:
 
 
 def test_the_picture_is_what_transformers_own_processor_makes_of_it(folder: Path) -> None:
-    from meshdeform.cameras import fixed_cameras
     from meshdeform.evaluation.picture import draw
+    from meshdeform.rendering.cameras import fixed_cameras
 
     judge, mesh = ClipJudge(folder), box(2)
     view = draw(mesh, fixed_cameras((0.0,), 20.0), 32)[0]

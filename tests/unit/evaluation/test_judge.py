@@ -13,13 +13,13 @@ from safetensors.torch import save_file
 
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.evaluation.judge import WEIGHTS, Judge
-from meshdeform.evaluation.judge.members import HELD_OUT, draw_member, seeded
+from meshdeform.evaluation.judge.training.members import HELD_OUT, draw_member, seeded
 from meshdeform.evaluation.judge.views import draw_views, framed, judging_cameras, training_cameras
-from meshdeform.mesh import TriangleMesh
-from meshdeform.priors.builtin.families import Part, member
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
-from meshdeform.shapes import box, icosphere
+from meshdeform.priors.builtin.training.families import Part, member
 
 KINDS = list(NOUNS)
 SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]

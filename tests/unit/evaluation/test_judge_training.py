@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.evaluation.judge.augment import augmented
-from meshdeform.evaluation.judge.measure import prompts_of, variants
-from meshdeform.evaluation.judge.members import (
+from meshdeform.evaluation.judge.network import JudgeNetwork, encoded
+from meshdeform.evaluation.judge.training.augment import augmented
+from meshdeform.evaluation.judge.training.measure import prompts_of, variants
+from meshdeform.evaluation.judge.training.members import (
     CALIBRATION,
     HELD_OUT,
     TRAINING,
@@ -20,8 +21,7 @@ from meshdeform.evaluation.judge.members import (
     roughened,
     seeded,
 )
-from meshdeform.evaluation.judge.network import JudgeNetwork, encoded
-from meshdeform.evaluation.judge.train import TrainConfig, Trainer, calibrate
+from meshdeform.evaluation.judge.training.train import TrainConfig, Trainer, calibrate
 from meshdeform.evaluation.judge.weights_file import read_judge, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.config import DeformParams, resolve
 from meshdeform.evaluation.listing import listing, outline
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.suite import PAPER_PROMPTS, find_suite
+from meshdeform.requests.document import DeformParams, resolve
 
 
 def plan(suite: str, model: str, *, judge: str = "none", **params: object) -> Plan:

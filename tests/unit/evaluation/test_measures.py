@@ -11,8 +11,8 @@ import torch
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.evaluation.measures import chamfer_distance, displacement, measures, surface_points
 from meshdeform.evaluation.relaxed import geodesic_sphere
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shapes import box, grid, join
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, grid, join
 
 
 def moved(mesh: TriangleMesh, matrix: list[list[float]] | torch.Tensor, by: float = 0.0) -> TriangleMesh:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
+from meshdeform.assets import load_asset
 from meshdeform.errors import AssetFormatError
 from meshdeform.evaluation.mesh_file import read_ply, write_ply
 from meshdeform.evaluation.relaxed import geodesic_sphere
-from meshdeform.gltf import load_asset
 
 
 def test_a_mesh_comes_back_bit_for_bit() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.config import DeformParams, resolve
 from meshdeform.errors import ParameterError
 from meshdeform.evaluation.plan import (
     Plan,
@@ -19,6 +18,7 @@ from meshdeform.evaluation.plan import (
     write_manifest,
 )
 from meshdeform.evaluation.suite import Suite
+from meshdeform.requests.document import DeformParams, resolve
 
 SUITE = Suite("tiny", ("sphere", "cube"), ("a fish",), (0, 1), "preview")
 PRIOR = {"id": "builtin", "revision": "", "sha256": "ab"}

@@ -9,7 +9,7 @@ import pytest
 from meshdeform.errors import ParameterError, VocabularyError
 from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.evaluation.retrieval import judgement, load_judge, ranked, wilson
-from meshdeform.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh
 from tests.unit.evaluation.stand_ins import HeightJudge
 
 # Newcombe 1998, Two-sided confidence intervals for the single proportion, table I, method 3 (score, no correction).

@@ -9,10 +9,10 @@ from meshdeform.errors import ParameterError
 from meshdeform.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
 from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh
 from meshdeform.evaluation.suite import SUITES, find_suite
-from meshdeform.intersections import intersecting_faces
-from meshdeform.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
+from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
+from meshdeform.geometry.quality import measure
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.quality import measure
 
 SINGLE = [name for name in SOURCES if name != "toy"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import Cameras
+from meshdeform.rendering.cameras import Cameras
 from meshdeform.testing import FakePrior
 
 

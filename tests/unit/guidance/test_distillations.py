@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import fixed_cameras
-from meshdeform.config import Distillation, NegativePrompt
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.requests.document import Distillation, NegativePrompt
 from tests.unit.guidance.pictures import PicturesPrior
 
 SIDE = 16

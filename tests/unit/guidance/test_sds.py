@@ -6,12 +6,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import Cameras, fixed_cameras
-from meshdeform.config import Distillation
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.residuals import rescaled
 from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.requests.document import Distillation
 from meshdeform.testing import FakePrior
 
 CAMERAS = fixed_cameras(0.0, 15.0)

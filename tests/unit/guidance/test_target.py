@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from meshdeform.cameras import fixed_cameras
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.mesh import TriangleMesh
-from meshdeform.shading import Renderer, RenderStyle, combine_views
-from meshdeform.shapes import icosphere
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 STYLE = RenderStyle(view_size=32, supersample=1, shading="normals")
 CONTEXT = StepContext(0, 10, fixed_cameras(20.0, 15.0), torch.Generator().manual_seed(0))

@@ -7,10 +7,10 @@ import math
 import pytest
 import torch
 
-from meshdeform.cameras import fixed_cameras
-from meshdeform.config import Distillation, NegativePrompt
 from meshdeform.errors import ParameterError
 from meshdeform.guidance.texts import VIEWS, Texts, view_name
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.requests.document import Distillation, NegativePrompt
 from meshdeform.testing import FakePrior
 
 FOUR = fixed_cameras(0.0, 15.0)

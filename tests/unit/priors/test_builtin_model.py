@@ -3,15 +3,15 @@ import math
 import pytest
 import torch
 
-from meshdeform.priors.builtin.diffusion import (
+from meshdeform.priors.builtin.grammar import parse, tokenise
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork, camera_map, null_tokens
+from meshdeform.priors.builtin.schedule import (
     NUM_TIMESTEPS,
     add_noise,
     cosine_alphas_cumprod,
     loss_weight,
     noise_from_clean,
 )
-from meshdeform.priors.builtin.grammar import parse, tokenise
-from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork, camera_map, null_tokens
 
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 

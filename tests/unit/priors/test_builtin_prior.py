@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.cameras import Cameras, fixed_cameras
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.priors.builtin import weights_file
-from meshdeform.priors.builtin.diffusion import add_noise
-from meshdeform.priors.builtin.families import member
-from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.builtin.schedule import add_noise
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.training.families import member
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
-from meshdeform.shading import Renderer, combine_views
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.shading import Renderer, combine_views
 from tests.unit.priors.combined import guided
 
 

@@ -5,18 +5,19 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from meshdeform.cameras import CameraRange, fixed_cameras
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin import dataset, sample, train, warm_start, weights_file
-from meshdeform.priors.builtin.dataset import PictureSet, draw_prompt, pictures, single_views
-from meshdeform.priors.builtin.families import member
+from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, parse, tokenise
-from meshdeform.priors.builtin.held_out import held_out_pairs, is_held_out
-from meshdeform.priors.builtin.model import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.train import TrainConfig, Trainer
+from meshdeform.priors.builtin.training import dataset, sample, train, warm_start
+from meshdeform.priors.builtin.training.dataset import PictureSet, draw_prompt, pictures, single_views
+from meshdeform.priors.builtin.training.families import member
+from meshdeform.priors.builtin.training.held_out import held_out_pairs, is_held_out
+from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
-from meshdeform.shading import Renderer, combine_views
+from meshdeform.rendering.cameras import CameraRange, fixed_cameras
+from meshdeform.rendering.shading import Renderer, combine_views
 
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from meshdeform.priors.builtin.families import FAMILIES, Part, member, parts
-from meshdeform.priors.builtin.families.traits import WHOLE
 from meshdeform.priors.builtin.grammar import ADJECTIVES, NOUNS, PARTS, Attribute
+from meshdeform.priors.builtin.training.families import FAMILIES, Part, member, parts
+from meshdeform.priors.builtin.training.families.traits import WHOLE
 
 
 def _volume(shape: Part) -> float:

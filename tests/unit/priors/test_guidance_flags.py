@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.config import DeformParams, ResolvedParams, resolve
-from meshdeform.deform import Deformation
+from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ParameterError
-from meshdeform.kinds.text_guidance import score_distillation
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
-from meshdeform.shapes import icosphere
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.runs.text_guidance import score_distillation
 
 STEPS = 3
 

@@ -2,7 +2,7 @@ import subprocess
 import sys
 
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, Attribute, ParsedPrompt, parse
-from meshdeform.priors.builtin.held_out import attributes_of, held_out_pairs, is_held_out, unseen_pairs
+from meshdeform.priors.builtin.training.held_out import attributes_of, held_out_pairs, is_held_out, unseen_pairs
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 
 
@@ -43,7 +43,7 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
 
 def test_it_needs_neither_torch_nor_numpy() -> None:
     code = (
-        "import sys, meshdeform.priors.builtin.held_out;"
+        "import sys, meshdeform.priors.builtin.training.held_out;"
         "sys.exit(any(name in sys.modules for name in ('torch', 'numpy')))"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

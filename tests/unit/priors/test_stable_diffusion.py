@@ -11,13 +11,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.cameras import fixed_cameras
 from meshdeform.errors import ModelError, PromptError, ShapeError
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
+from meshdeform.rendering.cameras import fixed_cameras
 from tests.unit.priors.combined import guided
 
 CAMERAS = fixed_cameras(0.0, 15.0)

@@ -8,7 +8,7 @@ import pytest
 from fastapi import Request
 
 from service.app import create_app
-from service.auth import _peer
+from service.http.auth import _peer
 
 KEY = [{"apiKey": []}]
 # What a URL permits that was signed for it, instead of a key or besides one; and what is open to everybody.

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from meshdeform.assets import Limits
 from meshdeform.errors import AssetError
-from meshdeform.gltf import Limits
-from service import checked
-from service.checked import CheckedAssets
-from service.multipart import ReceivedFile
+from service.http.multipart import ReceivedFile
+from service.jobs import checked_assets as checked
+from service.jobs.checked_assets import CheckedAssets
 
 
 def received(path: Path, data: bytes, filename: str) -> ReceivedFile:

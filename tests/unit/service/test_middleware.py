@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import AssetTooLargeError
-from service.middleware import ACCESS_LOG, MAX_BODY_BYTES, RequestFrame, add_header, request_id
+from service.http.middleware import ACCESS_LOG, MAX_BODY_BYTES, RequestFrame, add_header, request_id
 
 
 class Route:

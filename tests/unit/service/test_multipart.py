@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
-from service.multipart import ReceivedForm, receive_form
+from service.http.multipart import ReceivedForm, receive_form
 
 KIND = "multipart/form-data; boundary=edge"
 

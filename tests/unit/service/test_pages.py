@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from service.pages import PageFiles
+from service.page.files import PageFiles
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshdeform.errors import RangeError
-from service.ranges import ByteRange, matches, requested_range
+from service.http.ranges import ByteRange, matches, requested_range
 
 TAG = '"abc"'
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.rate import _MOST_BUCKETS, Buckets, Rate, RateLimiter
+from service.http.rate import _MOST_BUCKETS, Buckets, Rate, RateLimiter
 
 
 @pytest.mark.parametrize(

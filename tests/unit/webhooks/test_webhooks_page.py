@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from meshdeform.jobs.outgoing import RETRY_AFTER_S
+from meshdeform.api.webhooks import WebhookEvent
+from meshdeform.record.outgoing import RETRY_AFTER_S
 from meshdeform.webhooks.sender import signed_headers
-from meshdeform.webhooks.views import WebhookEvent
 
 SECRET = "whsec_" + base64.b64encode(b"s" * 32).decode()
 OTHER = "whsec_" + base64.b64encode(b"o" * 32).decode()

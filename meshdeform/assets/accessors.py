@@ -1,0 +1,118 @@
+"""Accessors as arrays: strided, sparse, quantized and normalized ones alike.
+
+Every length has been checked against the file by `storage.check_storage` before.
+Source: glTF 2.0 specification, sections 3.6.2 and 3.11 (normalized integers); KHR_mesh_quantization.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.scenegraph import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES
+from meshdeform.assets.storage import BYTE, FLOAT, SHORT, TYPE_COMPONENTS, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.topology import triangle_list
+from meshdeform.errors import AssetError
+
+__all__ = ["DTYPES", "read_accessor", "read_floats", "read_indices", "read_triangles", "refresh_bounds"]
+
+DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+
+
+def read_accessor(document: Document, accessor: int) -> NDArray[Any]:
+    """Return an accessor's elements as stored.
+
+    Returns
+    -------
+    (count, components) array of the accessor's component type.
+
+    Raises
+    ------
+    AssetError
+        Sparse indices out of range.
+    """
+    description = document.root["accessors"][accessor]
+    dtype = np.dtype(DTYPES[description["componentType"]])
+    shape = (description["count"], TYPE_COMPONENTS[description["type"]])
+    stored = "bufferView" in description
+    values: NDArray[Any] = _view(document, description, shape, dtype) if stored else np.zeros(shape, dtype)
+    if "sparse" in description:
+        values = _with_sparse(document, description["sparse"], values.copy(), f"accessors[{accessor}].sparse")
+    return values
+
+
+def _view(document: Document, holder: Json, shape: tuple[int, int], dtype: np.dtype[Any]) -> NDArray[Any]:
+    view = document.root["bufferViews"][holder["bufferView"]]
+    stride = view.get("byteStride", dtype.itemsize * shape[1])
+    data = document.view_bytes(holder["bufferView"])
+    return np.ndarray(shape, dtype, data, holder.get("byteOffset", 0), (stride, dtype.itemsize))
+
+
+def _packed(document: Document, holder: Json, shape: tuple[int, int], dtype: np.dtype[Any]) -> NDArray[Any]:
+    return np.ndarray(shape, dtype, document.view_bytes(holder["bufferView"]), holder.get("byteOffset", 0))
+
+
+def _with_sparse(document: Document, sparse: Json, values: NDArray[Any], where: str) -> NDArray[Any]:
+    count = sparse["count"]
+    index_type = np.dtype(DTYPES[sparse["indices"]["componentType"]])
+    rows = _packed(document, sparse["indices"], (count, 1), index_type)[:, 0]
+    if rows.max() >= len(values):
+        raise AssetError(f"{where} names element {rows.max()}, the accessor has {len(values)}.")
+    values[rows] = _packed(document, sparse["values"], (count, values.shape[1]), values.dtype)
+    return values
+
+
+def refresh_bounds(document: Document, accessor: int) -> None:
+    """Set an accessor's `min` and `max`, where it has them, to those of its data: what lossy decoding gives differs."""
+    description = document.root["accessors"][accessor]
+    if not {"min", "max"} & description.keys():
+        return
+    values = read_accessor(document, accessor)
+    for key, bound in (("min", values.min(axis=0)), ("max", values.max(axis=0))):
+        if key in description:
+            description[key] = bound.tolist()
+
+
+def read_floats(document: Document, accessor: int) -> NDArray[np.float32]:
+    """Return an accessor's elements as floats; normalized integers become -1..1 or 0..1.
+
+    Returns
+    -------
+    (count, components) float32, an array of its own.
+    """
+    values = read_accessor(document, accessor)
+    floats = values.astype(np.float32)
+    if values.dtype.kind != "f" and document.root["accessors"][accessor].get("normalized", False):
+        # Divide in float64: 1/127 and its like are not exact in float32.
+        floats = np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0).astype(np.float32)
+    return floats
+
+
+def read_indices(document: Document, accessor: int) -> NDArray[np.int64]:
+    """Return an index accessor's elements, (count,) int64."""
+    return read_accessor(document, accessor)[:, 0].astype(np.int64)
+
+
+def read_triangles(document: Document, primitive: Json, count: int, where: str) -> NDArray[np.int64]:
+    """Return the triangles of a primitive of `count` vertices, (T, 3) int64.
+
+    Raises
+    ------
+    AssetError
+        An index is out of range; `where` names the primitive.
+    """
+    mode, restart = primitive.get("mode", TRIANGLES), None
+    corners = np.arange(count)
+    if "indices" in primitive:
+        corners = read_indices(document, primitive["indices"])
+        component = document.root["accessors"][primitive["indices"]]["componentType"]
+        if mode in (TRIANGLE_STRIP, TRIANGLE_FAN):
+            restart = int(np.iinfo(DTYPES[component]).max)
+    triangles = triangle_list(corners, mode, restart)
+    if len(triangles) and triangles.max() >= count:
+        raise AssetError(f"{where} uses vertex {triangles.max()}, it has {count}.")
+    return triangles

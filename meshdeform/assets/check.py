@@ -1,0 +1,191 @@
+"""Decode an asset in a child process with bounded memory and time, and tell whether it can be deformed.
+
+The API calls `check_asset_subprocess`, which needs no numpy; the child is `python -m meshdeform.assets.check FILE`.
+What a broken file does to a decoder then costs a child, and nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import mmap
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.assets.inspect import AssetSummary, inspect_asset
+from meshdeform.assets.limits import CHECK_BASE_BYTES, CHECK_BYTES_PER_BYTE, Limits
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    DependencyError,
+    MeshdeformError,
+    UnavailableError,
+)
+
+if TYPE_CHECKING:
+    from meshdeform.assets.surface import Surface
+
+__all__ = ["bound_memory", "check_asset_subprocess", "check_memory", "has_area", "main"]
+
+
+def check_asset_subprocess(
+    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float | None = None
+) -> AssetSummary:
+    """Check a stored file from its JSON to its last vertex.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    filename : str
+        The name that the user gave it; its own unless given.
+    limits : Limits, optional
+        What is allowed.
+    timeout_s : float, optional
+        Seconds after which the file counts as too large; `limits.max_check_s` unless given.
+
+    Returns
+    -------
+    AssetSummary
+
+    Raises
+    ------
+    AssetError
+        One of its subclasses says what is wrong and what to do. A decoder that crashed is one, too.
+    DependencyError
+        A decoder is not installed.
+    UnavailableError
+        The machine cannot start a process now.
+    """
+    path = Path(path)
+    limits = limits or Limits()
+    timeout_s = limits.max_check_s if timeout_s is None else timeout_s
+    kind = _inspect_file(path, filename or path.name, limits).format
+    # The name may hold what no command line can; the child only has to know the format that was found.
+    command = [sys.executable, "-m", "meshdeform.assets.check", str(path.absolute()), "--filename", f"asset.{kind}"]
+    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    try:
+        child = subprocess.run(
+            [*command, "--limits", json.dumps(asdict(limits))],
+            env={**os.environ, **one_thread},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=timeout_s,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise AssetTooLargeError(
+            f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
+        ) from error
+    except OSError as error:
+        raise UnavailableError(f"The file cannot be checked now: {error.strerror}.") from error
+    verdict = _verdict(child.stdout)
+    if verdict is None:
+        raise _crash(child.returncode, path)
+    if not verdict["ok"]:
+        raise _error(verdict["error"])
+    return _summary(verdict["summary"])
+
+
+def check_memory(size: int) -> int:
+    """Address space, in bytes, that checking a file of `size` bytes may take."""
+    return CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size
+
+
+def _verdict(stdout: bytes) -> dict[str, Any] | None:
+    """Return what the child said, on its last line: a decoder may have printed something before it."""
+    try:
+        verdict = json.loads((stdout.splitlines() or [b""])[-1])
+    except ValueError:
+        return None
+    return verdict if isinstance(verdict, dict) and "ok" in verdict else None
+
+
+def _inspect_file(path: Path, filename: str, limits: Limits) -> AssetSummary:
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size == 0:
+            raise AssetTruncatedError("The file is empty.")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            return inspect_asset(data, filename, limits)
+
+
+def _crash(returncode: int, path: Path) -> AssetError:
+    if returncode == -signal.SIGKILL or returncode == 0:
+        return AssetTooLargeError("Checking the file took more memory than there is.")
+    name = signal.Signals(-returncode).name if returncode < 0 else f"exit status {returncode}"
+    return AssetError(f"The decoder crashed on this file of {path.stat().st_size} bytes ({name}).")
+
+
+def _error(verdict: dict[str, Any]) -> MeshdeformError:
+    kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), DependencyError]
+    kind = next((kind for kind in kinds if kind.code == verdict["code"]), AssetError)
+    return kind(verdict["detail"], advice=verdict["advice"], **verdict["extra"])
+
+
+def _summary(verdict: dict[str, Any]) -> AssetSummary:
+    return AssetSummary(**{**verdict, "extensions": tuple(verdict["extensions"]), "skipped": tuple(verdict["skipped"])})
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Check one file and print a JSON verdict: `{"ok": true, "summary": ...}` or `{"ok": false, "error": ...}`."""
+    parser = argparse.ArgumentParser(prog="python -m meshdeform.assets.check", description=main.__doc__)
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--filename", default="", help="the name that the user gave the file")
+    parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
+    options = parser.parse_args(arguments)
+    try:
+        verdict = {"ok": True, "summary": _decode(options.path, options.filename, Limits(**options.limits))}
+    except (AssetError, DependencyError) as error:
+        verdict = {"ok": False, "error": _as_json(error)}
+    except MemoryError:
+        verdict = {"ok": False, "error": _as_json(AssetTooLargeError("Decoding the file takes too much memory."))}
+    print(json.dumps(verdict))
+    return 0 if verdict["ok"] else 1
+
+
+def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+    bound_memory(limits.memory_bytes(path.stat().st_size))
+    from meshdeform.assets.asset import load_asset
+
+    asset = load_asset(path.read_bytes(), filename or path.name, limits)
+    if not has_area(asset.surface):
+        raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
+    return asdict(asset.summary)
+
+
+def has_area(surface: Surface) -> bool:
+    """Whether any triangle spans a plane; a mesh of lines and points only would be accepted and then fail."""
+    import numpy as np
+
+    a, b, c = (surface.positions[surface.triangles[:, corner]] for corner in range(3))
+    cross = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.maximum(((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1))
+    return bool((cross > 1e-12 * longest).any())
+
+
+def bound_memory(wanted: int) -> None:
+    """Bound this process's address space to so many bytes, and let it write no core file."""
+    try:
+        import resource
+    except ImportError:  # not on Windows; the limits on counts hold there all the same
+        return
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    if hard == resource.RLIM_INFINITY or hard > wanted:
+        resource.setrlimit(resource.RLIMIT_AS, (wanted, hard))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _as_json(error: MeshdeformError) -> dict[str, Any]:
+    return {"code": error.code, "detail": error.detail, "advice": error.advice_text, "extra": error.extra}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+"""OBJ, PLY and STL become a GLB through trimesh: same vertices and faces, with UVs and colours where there are any."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import Any
+
+import numpy as np
+
+from meshdeform.assets.build import Primitive, build_glb
+from meshdeform.assets.limits import Limits
+from meshdeform.assets.other_formats import inspect_foreign, is_ascii_stl
+from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError, DependencyError
+
+__all__ = ["convert_to_glb"]
+
+
+def convert_to_glb(data: bytes, kind: str, limits: Limits) -> bytes:
+    """Convert a mesh file.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    kind : str
+        `obj`, `ply` or `stl`.
+    limits : Limits
+        What is allowed.
+
+    Returns
+    -------
+    A GLB with one mesh per object. Vertices are not merged. Normals are written only where the file has them, and
+    materials by name and colour; what lies in other files (MTL libraries, textures) is not.
+
+    Raises
+    ------
+    AssetError
+        It cannot be parsed, holds nothing, or too much.
+    """
+    inspect_foreign(data, kind, limits)
+    primitives = [found for mesh in _parse(data, kind) if (found := _primitive(mesh)) is not None]
+    if not primitives:
+        raise AssetEmptyError("The file has no faces.")
+    faces = sum(len(primitive.faces) for primitive in primitives)
+    if faces > limits.max_triangles:
+        raise AssetTooLargeError(
+            f"The file has {faces} triangles; the limit is {limits.max_triangles} (MESHDEFORM_MAX_TRIANGLES)."
+        )
+    return build_glb(primitives)
+
+
+def _parse(data: bytes, kind: str) -> list[Any]:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise DependencyError(f"Reading {kind.upper()} files needs trimesh, which is not installed.") from error
+    file_type = "stl_ascii" if kind == "stl" and is_ascii_stl(data) else kind
+    options: dict[str, Any] = {"process": False}
+    if kind == "obj":
+        options |= {"skip_materials": True, "split_objects": True}  # the material library was not sent
+    try:
+        # numpy's and trimesh's remarks about odd numbers; the numbers themselves are checked below.
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=file_type, **options)
+            return list(scene.geometry.items())
+    except MemoryError:
+        raise
+    except Exception as error:  # trimesh raises whatever its parsers stumble on
+        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        raise AssetError(
+            f"The {kind.upper()} file cannot be parsed: {reason}.", advice="Export it again, best as .glb."
+        ) from error
+
+
+def _primitive(named: tuple[str, Any]) -> Primitive | None:
+    name, mesh = named
+    faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))))
+    if len(faces) == 0:
+        return None
+    verts = np.asarray(mesh.vertices, np.float64)
+    if not (np.abs(verts) <= np.finfo(np.float32).max).all():  # NaN compares false
+        raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
+    if faces.min() < 0 or faces.max() >= len(verts):
+        raise AssetError(f"A face uses vertex {faces.max()}, the file has {len(verts)}.")
+    uvs = getattr(mesh.visual, "uv", None) if mesh.visual.kind == "texture" else None
+    colors = mesh.visual.vertex_colors if mesh.visual.kind == "vertex" else None
+    return Primitive(
+        verts,
+        faces,
+        normals=_given_normals(mesh, len(verts)),
+        # OBJ and PLY count v upwards, glTF downwards.
+        uvs=None if uvs is None or len(uvs) != len(verts) else np.asarray(uvs) * [1.0, -1.0] + [0.0, 1.0],
+        colors=colors,
+        name=str(name),
+    )
+
+
+def _given_normals(mesh: Any, count: int) -> Any:
+    """Return the normals that the file gave; asking the mesh itself would make them up."""
+    normals = mesh._cache["vertex_normals"]
+    if normals is None or np.shape(normals) != (count, 3):
+        return None
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    # One that has no direction would make the file invalid: let every viewer compute them.
+    return normals / length if (length > 1e-12).all() else None

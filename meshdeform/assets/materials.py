@@ -1,0 +1,212 @@
+"""A read-only view of an asset's materials, textures and images: what another format needs to show the same look.
+
+Source: glTF 2.0 specification, section 3.9 (Materials) and 5.29 (Texture sampler); the KHR extensions named below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from meshdeform.assets.document import Document, decode_data_uri
+from meshdeform.assets.fields import extension, index, integer, member, numbers, objects, text
+from meshdeform.assets.json_text import Json
+from meshdeform.errors import AssetError
+
+__all__ = ["Image", "Material", "TextureUse", "read_image", "read_materials"]
+
+_WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+_IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
+_KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_unlit"}
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image as the file holds it.
+
+    Attributes
+    ----------
+    data : bytes
+    kind : str
+        `png`, `jpg` or `webp`, told from the bytes; "" for anything else.
+    """
+
+    data: bytes
+    kind: str
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """A texture where a material uses it.
+
+    Attributes
+    ----------
+    image : int
+        Index into the document's images.
+    texcoord : int
+        The set of texture coordinates.
+    wrap : tuple of 2 str
+        `repeat`, `clamp` or `mirror`, along u and v.
+    offset, scale : tuple of 2 floats
+    rotation : float
+        Radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), v downwards.
+    strength : float
+        `scale` of a normal texture, `strength` of an occlusion texture.
+    """
+
+    image: int
+    texcoord: int = 0
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: tuple[float, float] = (1.0, 1.0)
+    strength: float = 1.0
+
+
+@dataclass(frozen=True)
+class Material:
+    """A metallic-roughness material; the defaults are those of a primitive that names none.
+
+    Attributes
+    ----------
+    base_color : tuple of 4 floats
+        Linear RGBA.
+    emissive : tuple of 3 floats
+        Linear RGB, times the strength that KHR_materials_emissive_strength gives.
+    alpha_mode : str
+        `OPAQUE`, `MASK` or `BLEND`.
+    textures : dict of str to TextureUse
+        By `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`.
+    extensions : tuple of str
+        Those that this view does not tell of.
+    """
+
+    name: str = ""
+    base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 1.0
+    roughness: float = 1.0
+    emissive: tuple[float, ...] = (0.0, 0.0, 0.0)
+    ior: float = 1.5
+    unlit: bool = False
+    alpha_mode: str = "OPAQUE"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    textures: dict[str, TextureUse] = field(default_factory=dict)
+    extensions: tuple[str, ...] = ()
+
+
+def read_materials(document: Document) -> list[Material]:
+    """Read every material.
+
+    Raises
+    ------
+    AssetError
+        A member has the wrong type or an index is out of range.
+    """
+    return [
+        _material(document.root, item, f"materials[{i}]") for i, item in enumerate(objects(document.root, "materials"))
+    ]
+
+
+def _material(root: Json, item: Json, where: str) -> Material:
+    shading = member(item, "pbrMetallicRoughness", where)
+    strength = _number(extension(item, "KHR_materials_emissive_strength", where) or {}, "emissiveStrength", 1.0, where)
+    found = {
+        "base_color": _texture(root, shading, "baseColorTexture", "", where),
+        "metallic_roughness": _texture(root, shading, "metallicRoughnessTexture", "", where),
+        "normal": _texture(root, item, "normalTexture", "scale", where),
+        "occlusion": _texture(root, item, "occlusionTexture", "strength", where),
+        "emissive": _texture(root, item, "emissiveTexture", "", where),
+    }
+    return Material(
+        name=text(item, "name", where) or "",
+        base_color=tuple(numbers(shading, "baseColorFactor", 4, where) or (1.0,) * 4),
+        metallic=_number(shading, "metallicFactor", 1.0, where),
+        roughness=_number(shading, "roughnessFactor", 1.0, where),
+        emissive=tuple(strength * value for value in numbers(item, "emissiveFactor", 3, where) or (0.0,) * 3),
+        ior=_number(extension(item, "KHR_materials_ior", where) or {}, "ior", 1.5, where),
+        unlit=extension(item, "KHR_materials_unlit", where) is not None,
+        alpha_mode=text(item, "alphaMode", where) or "OPAQUE",
+        alpha_cutoff=_number(item, "alphaCutoff", 0.5, where),
+        double_sided=item.get("doubleSided") is True,
+        textures={slot: use for slot, use in found.items() if use is not None},
+        extensions=tuple(sorted(member(item, "extensions", where).keys() - _KNOWN_EXTENSIONS)),
+    )
+
+
+def _number(parent: Json, key: str, default: float, where: str) -> float:
+    value = numbers({key: [parent[key]]}, key, 1, where) if key in parent else None
+    return default if value is None else value[0]
+
+
+def _pair(parent: Json, key: str, default: float, where: str) -> tuple[float, float]:
+    first, second = numbers(parent, key, 2, where) or (default, default)
+    return first, second
+
+
+def _texture(root: Json, parent: Json, key: str, strength: str, where: str) -> TextureUse | None:
+    if key not in parent:
+        return None
+    info, where = member(parent, key, where), f"{where}.{key}"
+    textures, samplers = objects(root, "textures"), objects(root, "samplers")
+    at = index(info, "index", len(textures), where)
+    if at is None:
+        raise AssetError(f"{where}.index is missing.")
+    image = _source(root, textures[at], f"textures[{at}]")
+    if image is None:
+        return None
+    sampler = index(textures[at], "sampler", len(samplers), f"textures[{at}]")
+    modes = {} if sampler is None else samplers[sampler]
+    move = extension(info, "KHR_texture_transform", where) or {}
+    texcoord = integer(info, "texCoord", where, default=0)
+    return TextureUse(
+        image=image,
+        texcoord=integer(move, "texCoord", where, default=texcoord),
+        wrap=(_wrap(modes, "wrapS", where), _wrap(modes, "wrapT", where)),
+        offset=_pair(move, "offset", 0.0, where),
+        rotation=_number(move, "rotation", 0.0, where),
+        scale=_pair(move, "scale", 1.0, where),
+        strength=_number(info, strength, 1.0, where) if strength else 1.0,
+    )
+
+
+def _wrap(sampler: Json, key: str, where: str) -> str:
+    return _WRAPS.get(integer(sampler, key, where, default=10497), "repeat")
+
+
+def _source(root: Json, texture: Json, where: str) -> int | None:
+    """Return a texture's image: the plain one that all can read where there is one, else what an extension names."""
+    images = objects(root, "images")
+    plain = index(texture, "source", len(images), where)
+    if plain is not None:
+        return plain
+    for name in _IMAGE_EXTENSIONS:
+        other = extension(texture, name, where)
+        if other is not None:
+            return index(other, "source", len(images), f"{where}.extensions.{name}")
+    return None
+
+
+def read_image(document: Document, at: int) -> Image:
+    """Read an image's bytes.
+
+    Raises
+    ------
+    AssetError
+        It has no data.
+    """
+    image = document.root["images"][at]
+    if "uri" in image:
+        data = decode_data_uri(image["uri"], f"images[{at}]")
+    elif "bufferView" in image:
+        data = bytes(document.view_bytes(image["bufferView"]))
+    else:
+        raise AssetError(f"images[{at}] has neither a uri nor a bufferView.")
+    return Image(data, _kind(data))
+
+
+def _kind(data: bytes) -> str:
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return "png"
+    if data.startswith(b"\xff\xd8\xff"):
+        return "jpg"
+    return "webp" if data[:4] == b"RIFF" and data[8:12] == b"WEBP" else ""

@@ -1,0 +1,103 @@
+"""Decode the buffer views of a document that exist only compressed, and make it a plain one.
+
+A view whose buffer has real data is read as it stands: that is what core glTF says it means. Views into a placeholder
+buffer are decoded and appended; the placeholders go, with the extension.
+"""
+
+from __future__ import annotations
+
+from meshdeform.assets.accessors import refresh_bounds
+from meshdeform.assets.document import Document
+from meshdeform.assets.draco import drop_extension
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.meshopt.attributes import decode_attributes
+from meshdeform.assets.meshopt.filters import apply_filter
+from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
+from meshdeform.assets.storage import MESHOPT_EXTENSIONS, CompressedView, compressed_view, is_placeholder
+from meshdeform.errors import AssetError
+
+__all__ = ["decode_meshopt", "decode_view"]
+
+
+def decode_view(data: bytes, view: CompressedView) -> bytes:
+    """Decode one compressed view.
+
+    Raises
+    ------
+    AssetError
+        The stream is not valid.
+    """
+    if view.mode == "ATTRIBUTES":
+        return apply_filter(view.filter, decode_attributes(data, view.count, view.stride)).tobytes()
+    decode = decode_triangles if view.mode == "TRIANGLES" else decode_indices
+    return decode(data, view.count).astype("<u2" if view.stride == 2 else "<u4").tobytes()
+
+
+def decode_meshopt(document: Document) -> None:
+    """Decode every view that has no plain data, in place."""
+    root = document.root
+    if not any(name in root.get("extensionsUsed", []) for name in MESHOPT_EXTENSIONS) and not _mentions(root):
+        return
+    placeholders = {i for i in range(len(root.get("buffers", []))) if is_placeholder(root, i, document.binary_length)}
+    filtered = set()
+    for i, view in enumerate(root.get("bufferViews", [])):
+        if view["buffer"] in placeholders and _decode_in_place(document, i, view) != "NONE":
+            filtered.add(i)
+    for i, accessor in enumerate(root.get("accessors", [])):
+        if accessor.get("bufferView") in filtered:
+            refresh_bounds(document, i)
+    for buffer in placeholders:
+        _drop(root["buffers"][buffer])
+    _remove_buffers(root, placeholders - {0})
+    for name in MESHOPT_EXTENSIONS:
+        if not any(name in item.get("extensions", {}) for item in root.get("bufferViews", [])):
+            drop_extension(root, name)
+
+
+def _mentions(root: Json) -> bool:
+    return any(
+        name in view.get("extensions", {}) for view in root.get("bufferViews", []) for name in MESHOPT_EXTENSIONS
+    )
+
+
+def _decode_in_place(document: Document, i: int, view: Json) -> str:
+    """Make one view plain; return the filter that was applied, which is lossy."""
+    found = compressed_view(document.root, i)
+    assert found is not None  # checked: a view into a placeholder is compressed
+    name, compressed = found
+    start = compressed.offset
+    data = bytes(document.buffer_bytes(compressed.buffer)[start : start + compressed.length])
+    try:
+        plain = decode_view(data, compressed)
+    except AssetError as error:
+        raise AssetError(f"bufferViews[{i}]: {error.detail}", advice=error.advice_text) from error
+    view["buffer"], view["byteOffset"] = 0, document.append_bytes(plain)
+    _drop(view, name)
+    return compressed.filter
+
+
+def _drop(holder: Json, *names: str) -> None:
+    extensions = holder.get("extensions")
+    for name in names or MESHOPT_EXTENSIONS:
+        if isinstance(extensions, dict) and name in extensions:
+            del extensions[name]
+    if extensions == {}:
+        del holder["extensions"]
+
+
+def _remove_buffers(root: Json, gone: set[int]) -> None:
+    """Remove buffers that nothing refers to any more and count the others anew."""
+    if not gone:
+        return
+    kept = [i for i in range(len(root["buffers"])) if i not in gone]
+    number = {old: new for new, old in enumerate(kept)}
+    root["buffers"] = [root["buffers"][i] for i in kept]
+    holders = list(root.get("bufferViews", []))
+    holders += [
+        view["extensions"][name]
+        for view in holders
+        for name in MESHOPT_EXTENSIONS
+        if name in view.get("extensions", {})
+    ]
+    for holder in holders:
+        holder["buffer"] = number[holder["buffer"]]

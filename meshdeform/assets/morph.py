@@ -1,0 +1,181 @@
+"""Write a new shape as one more morph target, with an animation from the source to it.
+
+The target is the last one, so weights that exist keep their places. Everything that must have one value per target
+grows with it: the targets of the mesh's other primitives, the weights of meshes and nodes, and the outputs of existing
+animations of the weights (which hold the new one at 1, so that they show the deformed asset).
+
+Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Animations).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.surface import Block
+
+if TYPE_CHECKING:
+    from meshdeform.assets.writer import LocalShape
+
+__all__ = ["ANIMATION_NAME", "add_morph_targets"]
+
+ANIMATION_NAME = "deform"
+_DURATION_S = 1.0
+_POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
+
+
+def add_morph_targets(
+    document: Document, blocks: list[Block], shapes: list[LocalShape], owners: dict[int, int]
+) -> None:
+    """Add the shapes as a morph target to the deformed meshes, weighted 1 and animated from 0 to 1.
+
+    Parameters
+    ----------
+    document : Document
+        Changed in place.
+    blocks, shapes : lists of the same length
+        What is deformed, and its new vertices.
+    owners : dict
+        The mesh of each deformed node; no two nodes share one.
+    """
+    meshes = document.root["meshes"]
+    before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}
+    targets: dict[int, dict[int, Json]] = {node: {} for node in owners}
+    for block, shape in zip(blocks, shapes, strict=True):
+        target = _target(document, block, shape)
+        targets[block.node] |= dict.fromkeys(block.primitives, target)
+    for node, mesh in owners.items():
+        _add_target(document, meshes[mesh], targets[node], before[node])
+        _grow_weights(document.root["nodes"][node], meshes[mesh], before[node])
+    _grow_animations(document, owners, before)
+    _add_animation(document, owners)
+
+
+def _target_count(mesh: Json) -> int:
+    return max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
+
+
+def _target(document: Document, block: Block, shape: LocalShape) -> Json:
+    """Append a block's displacements; they are what is added to the base, tangents without their handedness."""
+    target: Json = {"POSITION": document.append_accessor(shape.positions - block.positions, bounds=True)}
+    if shape.normals is not None and block.normals is not None:
+        target["NORMAL"] = document.append_accessor(shape.normals - block.normals)
+    if shape.tangents is not None and block.tangents is not None:
+        target["TANGENT"] = document.append_accessor((shape.tangents - block.tangents)[:, :3])
+    return target
+
+
+def _add_target(document: Document, mesh: Json, targets: dict[int, Json], count: int) -> None:
+    """Add one target to each primitive: all of a mesh must have the same number, those that do not move get zeros."""
+    for p, primitive in enumerate(mesh["primitives"]):
+        if "POSITION" not in primitive.get("attributes", {}):
+            continue
+        own = primitive.setdefault("targets", [])
+        vertices = document.root["accessors"][primitive["attributes"]["POSITION"]]["count"]
+        while len(own) < count + (p not in targets):
+            own.append({"POSITION": document.append_zeros(vertices)})
+        if p in targets:
+            own.append(dict(targets[p]))
+
+
+def _grow_weights(node: Json, mesh: Json, count: int) -> None:
+    weights = mesh.get("weights", [])
+    mesh["weights"] = [*weights[:count], *[0.0] * (count - len(weights)), 1.0]
+    if "weights" in node:
+        own = node["weights"]
+        node["weights"] = [*own[:count], *[0.0] * (count - len(own)), 1.0]
+    # Importers take the names of targets from here; it is a list of one name for each.
+    extras = mesh.setdefault("extras", {})
+    if isinstance(extras, dict):
+        names = extras.get("targetNames", [])
+        if isinstance(names, list) and len(names) == count:
+            extras["targetNames"] = [*names, ANIMATION_NAME]
+        elif not extras:
+            del mesh["extras"]
+
+
+def _grow_animations(document: Document, owners: dict[int, int], before: dict[int, int]) -> None:
+    """Give the existing animations of deformed nodes' weights a column for the new target."""
+    grown: dict[tuple[int, int, int], int] = {}
+    outputs: dict[tuple[str, str, int], int | None] = {}
+    by_mesh = {mesh: node for node, mesh in owners.items()}
+    for a, animation in enumerate(document.root.get("animations", [])):
+        samplers, channels = animation.get("samplers"), animation.get("channels")
+        if not isinstance(samplers, list) or not isinstance(channels, list):
+            continue
+        for channel in channels:
+            node = _weights_node(channel, owners, by_mesh)
+            sampler = channel.get("sampler") if isinstance(channel, dict) else None
+            if node is None or before[node] == 0 or not _is_index(sampler, samplers):
+                continue
+            key = (a, sampler, before[node])
+            if key not in grown:
+                # Samplers that share an output go on sharing it.
+                source = samplers[sampler]
+                made = (str(source.get("output")), str(source.get("interpolation")), before[node])
+                if made not in outputs:
+                    outputs[made] = _grown_output(document, source, before[node])
+                output = outputs[made]
+                if output is None:
+                    continue
+                samplers.append({**samplers[sampler], "output": output})
+                grown[key] = len(samplers) - 1
+            channel["sampler"] = grown[key]
+
+
+def _is_index(value: object, array: list[Json]) -> TypeGuard[int]:
+    return isinstance(value, int) and 0 <= value < len(array) and isinstance(array[value], dict)
+
+
+def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, int]) -> int | None:
+    """Return the deformed node whose weights a channel moves, by name or by KHR_animation_pointer."""
+    target = channel.get("target") if isinstance(channel, dict) else None
+    if not isinstance(target, dict):
+        return None
+    if target.get("path") == "weights":
+        node = target.get("node")
+        return node if isinstance(node, int) and not isinstance(node, bool) and node in owners else None
+    extensions = target.get("extensions")
+    pointer = extensions.get("KHR_animation_pointer") if isinstance(extensions, dict) else None
+    match = _POINTER.fullmatch(str(pointer.get("pointer"))) if isinstance(pointer, dict) else None
+    if match is None:
+        return None
+    kind, index = match.group(1), int(match.group(2))
+    if kind == "nodes":
+        return index if index in owners else None
+    return by_mesh.get(index)
+
+
+def _grown_output(document: Document, sampler: Json, count: int) -> int | None:
+    """Append a sampler's output with one weight more per key; None where it cannot be what it should be."""
+    output, accessors = sampler.get("output"), document.items("accessors")
+    if not _is_index(output, accessors) or accessors[output]["type"] != "SCALAR":
+        return None
+    values = read_floats(document, output)[:, 0]
+    if len(values) % count:
+        return None
+    rows = values.reshape(-1, count)
+    column = np.ones(len(rows), np.float32)
+    if sampler.get("interpolation") == "CUBICSPLINE":  # in-tangent, value, out-tangent of each key
+        column[0::3] = column[2::3] = 0.0
+    wider: NDArray[np.float32] = np.column_stack([rows, column]).reshape(-1)
+    return document.append_accessor(wider, like=accessors[output], vertex=False)
+
+
+def _add_animation(document: Document, owners: dict[int, int]) -> None:
+    times = document.append_accessor(np.array([0.0, _DURATION_S], np.float32), bounds=True, vertex=False)
+    samplers: list[Json] = []
+    channels: list[Json] = []
+    for node, mesh in owners.items():
+        base = document.root["nodes"][node].get("weights", document.root["meshes"][mesh]["weights"])
+        keys = np.array([[*base[:-1], 0.0], [*base[:-1], 1.0]], np.float32).reshape(-1)
+        output = document.append_accessor(keys, vertex=False)
+        samplers.append({"input": times, "interpolation": "LINEAR", "output": output})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": "weights"}})
+    document.items("animations").append({"name": ANIMATION_NAME, "channels": channels, "samplers": samplers})

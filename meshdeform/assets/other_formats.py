@@ -1,0 +1,82 @@
+"""OBJ, PLY and STL before they are decoded: what their own counts say, and whether the bytes are there. Pure Python."""
+
+from __future__ import annotations
+
+import re
+
+from meshdeform.assets.container import Data
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetFormatError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+)
+
+__all__ = ["inspect_foreign", "is_ascii_stl"]
+
+_MAX_PLY_HEADER = 64 * 1024
+_OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
+_OBJ_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]")
+_STL_FACET = re.compile(rb"\bfacet\b[^\r\n]*", re.IGNORECASE)
+
+
+def inspect_foreign(data: Data, kind: str, limits: Limits) -> tuple[int, int]:
+    """Return the vertices and faces that a mesh file declares, and refuse it where that is too many or not there."""
+    vertices, faces = {"obj": _obj_counts, "ply": _ply_counts, "stl": _stl_counts}[kind](data)
+    if faces > limits.max_triangles or vertices > limits.max_vertices:
+        raise AssetTooLargeError(
+            f"The file has {faces} faces and {vertices} vertices; the limits are {limits.max_triangles} "
+            f"(MESHDEFORM_MAX_TRIANGLES) and {limits.max_vertices}."
+        )
+    if faces == 0:
+        raise AssetEmptyError("The file has no faces.")
+    return vertices, faces
+
+
+def _obj_counts(data: Data) -> tuple[int, int]:
+    if b"\0" in bytes(data[:4096]):
+        raise AssetFormatError("The file is named .obj, its content is binary.")
+    return sum(1 for _ in _OBJ_VERTEX.finditer(data)), sum(1 for _ in _OBJ_FACE.finditer(data))
+
+
+def _ply_counts(data: Data) -> tuple[int, int]:
+    head = bytes(data[:_MAX_PLY_HEADER])
+    end = head.find(b"end_header")
+    if end < 0:
+        raise AssetTruncatedError("The PLY file has no end_header.")
+    counts = {"vertex": 0, "face": 0}
+    declared = 0
+    for line in head[:end].split(b"\n"):
+        words = line.split()
+        if len(words) >= 3 and words[0] == b"element":
+            if not words[2].isdigit() or len(words[2]) > 15:
+                raise AssetFormatError("An element of the PLY header has no count.")
+            declared += int(words[2])
+            counts[words[1].decode("ascii", "replace")] = int(words[2])
+    if declared > len(data):  # every element takes at least one byte, in each of PLY's encodings
+        raise AssetTruncatedError(f"The PLY header declares {declared} elements, the file has {len(data)} bytes.")
+    return counts["vertex"], counts["face"]
+
+
+def is_ascii_stl(data: Data) -> bool:
+    """Whether an STL file is text: some binary ones start with `solid`, too."""
+    return bytes(data[:5]).lower() == b"solid" and not _binary_stl_fits(data)
+
+
+def _binary_stl_fits(data: Data) -> bool:
+    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(bytes(data[80:84]), "little")
+
+
+def _stl_counts(data: Data) -> tuple[int, int]:
+    if is_ascii_stl(data):
+        faces = sum(1 for found in _STL_FACET.finditer(data) if b"normal" in found.group().lower())
+        return 3 * faces, faces
+    if len(data) < 84:
+        raise AssetTruncatedError("A binary STL file has at least 84 bytes.")
+    faces = int.from_bytes(bytes(data[80:84]), "little")
+    if len(data) < 84 + 50 * faces:
+        raise AssetTruncatedError(
+            f"The STL file declares {faces} triangles; {len(data) - 84} bytes are there for them."
+        )
+    return 3 * faces, faces

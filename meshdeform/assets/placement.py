@@ -1,0 +1,84 @@
+"""Where an instance's vertices lie in the world, as one affine matrix that can be inverted.
+
+A node's mesh lies at the product of the node transforms above it. A skinned mesh ignores its node; it is deformed
+in its bind pose, where every joint moves the vertices by the same matrix, `joint_world @ inverse_bind`. In a file
+whose nodes stand in another pose the joints disagree; then the joint that agrees best with all others places the
+mesh, and the skin keeps bending the result as it bent the source.
+
+Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.scenegraph import Instance
+
+__all__ = ["is_invertible", "local_matrix", "placement_matrix", "world_matrices"]
+
+Matrix = NDArray[np.float64]
+
+
+def local_matrix(node: Json) -> Matrix:
+    """Return a node's own transform, (4, 4) float64, for column vectors."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = _unit(np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64))
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), np.float64)
+    matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return matrix
+
+
+def _unit(rotation: Matrix) -> Matrix:
+    length = np.linalg.norm(rotation)
+    if length < 1e-12:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    # A rotation that is already of unit length within float32 stays as it is, so that identity stays exact.
+    return rotation if abs(length - 1.0) < 1e-12 else rotation / length
+
+
+def world_matrices(nodes: list[Json]) -> list[Matrix]:
+    """Return every node's transform into the world, (4, 4) float64 each; the hierarchy has been checked."""
+    parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
+    worlds: dict[int, Matrix] = {}
+    for start in range(len(nodes)):
+        path, at = [start], start
+        while at not in worlds and at in parents:
+            at = parents[at]
+            path.append(at)
+        for i in reversed(path):
+            if i not in worlds:
+                local = local_matrix(nodes[i])
+                worlds[i] = worlds[parents[i]] @ local if i in parents else local
+    return [worlds[i] for i in range(len(nodes))]
+
+
+def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix]) -> Matrix:
+    """Return the matrix that takes an instance's vertices to where they are deformed, (4, 4) float64."""
+    if instance.skin is None:
+        return worlds[instance.node]
+    skin = document.root["skins"][instance.skin]
+    joints = np.stack([worlds[joint] for joint in skin["joints"]])
+    if "inverseBindMatrices" in skin:
+        inverse_binds = read_floats(document, skin["inverseBindMatrices"])[: len(joints)].astype(np.float64)
+        joints = joints @ inverse_binds.reshape(-1, 4, 4).transpose(0, 2, 1)
+    distance = np.abs(joints - joints.mean(axis=0)).sum(axis=(1, 2))
+    return np.asarray(joints[int(np.argmin(distance))])
+
+
+def is_invertible(matrix: Matrix) -> bool:
+    """Whether what the matrix flattened could be taken back: finite, and no axis lost against the others."""
+    if not np.isfinite(matrix).all():
+        return False
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[2] > 1e-9 * stretches[0] and stretches[0] > 0.0)

@@ -1,0 +1,198 @@
+"""Checks of nodes, scenes, meshes and skins, and the list of what the default scene shows. Pure Python.
+
+Source: glTF 2.0 specification, sections 3.5 (Scenes) and 3.7 (Geometry).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from meshdeform.assets.fields import extension, index, indices, integer, member, numbers, objects
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.storage import (
+    BYTE,
+    FLOAT,
+    MESHOPT_EXTENSIONS,
+    SHORT,
+    UNSIGNED_BYTE,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
+)
+from meshdeform.errors import AssetError, AssetUnsupportedError
+
+__all__ = ["DRACO", "GPU_INSTANCING", "Instance", "check_extensions", "check_meshes", "check_nodes", "instances_of"]
+
+DRACO = "KHR_draco_mesh_compression"
+GPU_INSTANCING = "EXT_mesh_gpu_instancing"
+POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
+MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
+
+# Required extensions that we read, or that change neither positions nor their meaning.
+_READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_node_"),
+    *("EXT_texture_", "EXT_lights_", "EXT_materials_", "MSFT_texture_", "VRMC_", "VRM", "EXT_structural_metadata"),
+    *("EXT_mesh_features", "EXT_instance_features", "CESIUM_primitive_outline", "CESIUM_RTC", "GODOT_", "AGI_"),
+)
+_POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One node of the default scene that shows a mesh."""
+
+    node: int
+    mesh: int
+    skin: int | None
+
+
+def check_extensions(root: Json) -> None:
+    """Refuse an asset that requires an extension which may change the geometry in a way we do not know.
+
+    Raises
+    ------
+    AssetUnsupportedError
+        It names the extension.
+    """
+    required = root.get("extensionsRequired", [])
+    if not isinstance(required, list) or not all(isinstance(name, str) for name in required):
+        raise AssetError("extensionsRequired must be an array of names.")
+    for name in required:
+        if name not in _READ and not name.startswith(_HARMLESS):
+            raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}.")
+
+
+def check_nodes(root: Json) -> None:
+    """Check nodes, scenes and skins: indices in range, finite transforms, and a hierarchy that is a forest."""
+    nodes, meshes, skins = objects(root, "nodes"), objects(root, "meshes"), objects(root, "skins")
+    parents: dict[int, int] = {}
+    for i, node in enumerate(nodes):
+        where = f"nodes[{i}]"
+        index(node, "mesh", len(meshes), where)
+        index(node, "skin", len(skins), where)
+        for key, length in (("matrix", 16), ("translation", 3), ("rotation", 4), ("scale", 3)):
+            numbers(node, key, length, where)
+        numbers(node, "weights", None, where)
+        extension(node, GPU_INSTANCING, where)
+        for child in indices(node, "children", len(nodes), where):
+            if parents.setdefault(child, i) != i:
+                raise AssetError(f"nodes[{child}] is a child of two nodes.")
+    _refuse_cycles(parents, len(nodes))
+    scenes, accessors = objects(root, "scenes"), objects(root, "accessors")
+    for i, scene in enumerate(scenes):
+        indices(scene, "nodes", len(nodes), f"scenes[{i}]")
+    index(root, "scene", len(scenes), "the document")
+    for i, skin in enumerate(skins):
+        joints = indices(skin, "joints", len(nodes), f"skins[{i}]")
+        if not joints:
+            raise AssetError(f"skins[{i}] has no joints.")
+        matrices = index(skin, "inverseBindMatrices", len(accessors), f"skins[{i}]")
+        if matrices is not None and not (
+            accessors[matrices]["type"] == "MAT4"
+            and accessors[matrices]["componentType"] == FLOAT
+            and accessors[matrices]["count"] >= len(joints)
+        ):
+            raise AssetError(f"skins[{i}].inverseBindMatrices must be a MAT4 of floats for each joint.")
+
+
+def _refuse_cycles(parents: dict[int, int], count: int) -> None:
+    rooted = [False] * count
+    for start in range(count):
+        path, node = [], start
+        while not rooted[node]:
+            path.append(node)
+            if len(path) > count:
+                raise AssetError(f"nodes[{start}] is its own ancestor.")
+            if node not in parents:
+                break
+            node = parents[node]
+        for step in path:
+            rooted[step] = True
+
+
+def check_meshes(root: Json) -> tuple[set[int], set[int]]:
+    """Check meshes and their primitives.
+
+    Returns
+    -------
+    The accessors that only a Draco stream fills, and those of morph targets alone, which are never read.
+    """
+    accessors, views, from_draco = objects(root, "accessors"), objects(root, "bufferViews"), set[int]()
+    of_targets, read = set[int](), set[int]()
+    for m, mesh in enumerate(objects(root, "meshes")):
+        numbers(mesh, "weights", None, f"meshes[{m}]")
+        for p, primitive in enumerate(objects(mesh, "primitives", f"meshes[{m}].")):
+            where = f"meshes[{m}].primitives[{p}]"
+            attributes = member(primitive, "attributes", where)
+            used = [index(attributes, name, len(accessors), f"{where}.attributes") for name in attributes]
+            used.append(index(primitive, "indices", len(accessors), where))
+            read |= {at for at in used if at is not None}
+            integer(primitive, "mode", where, default=TRIANGLES, maximum=6)
+            targets = objects(primitive, "targets", f"{where}.")
+            for t, target in enumerate(targets):
+                for name in target:
+                    of_targets.add(index(target, name, len(accessors), f"{where}.targets[{t}]") or 0)
+            draco = extension(primitive, DRACO, where)
+            if draco is not None:
+                where = f"{where}.extensions.{DRACO}"
+                if index(draco, "bufferView", len(views), where) is None:
+                    raise AssetError(f"{where}.bufferView is missing.")
+                ids = member(draco, "attributes", where)
+                for name in ids:
+                    integer(ids, name, where, maximum=2**32)
+                from_draco |= {
+                    at for at in used if at is not None and not {"bufferView", "sparse"} & accessors[at].keys()
+                }
+    return from_draco, of_targets - read
+
+
+def check_geometry(root: Json) -> None:
+    """Check what primitives take their accessors for; the accessors themselves have been checked."""
+    accessors = objects(root, "accessors")
+    for m, mesh in enumerate(objects(root, "meshes")):
+        for p, primitive in enumerate(objects(mesh, "primitives")):
+            where = f"meshes[{m}].primitives[{p}]"
+            attributes = member(primitive, "attributes", where)
+            if "POSITION" not in attributes:
+                continue
+            count = accessors[attributes["POSITION"]]["count"]
+            for name, kind in (("POSITION", "VEC3"), ("NORMAL", "VEC3"), ("TANGENT", "VEC4")):
+                if name not in attributes:
+                    continue
+                accessor = accessors[attributes[name]]
+                if accessor["type"] != kind or accessor["componentType"] not in _POSITION_TYPES:
+                    raise AssetError(f"{where}: {name} must be a {kind} of floats or quantized integers.")
+                if accessor["count"] != count:
+                    raise AssetError(f"{where}: {name} has {accessor['count']} elements, POSITION has {count}.")
+            if "indices" in primitive:
+                accessor = accessors[primitive["indices"]]
+                if accessor["type"] != "SCALAR" or accessor["componentType"] not in (
+                    UNSIGNED_BYTE,
+                    UNSIGNED_SHORT,
+                    UNSIGNED_INT,
+                ):
+                    raise AssetError(f"{where}: indices must be scalars of an unsigned integer type.")
+
+
+def instances_of(root: Json) -> list[Instance]:
+    """List the nodes of the default scene that show a mesh, depth first.
+
+    The default scene is `scene`, else the first one; in a document without scenes it is every root node.
+    """
+    nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
+    if scenes:
+        start = indices(scenes[root.get("scene", 0)], "nodes", len(nodes), "scene")
+    else:
+        children = {child for node in nodes for child in node.get("children", [])}
+        start = [i for i in range(len(nodes)) if i not in children]
+    found, seen, stack = [], set[int](), start[::-1]
+    while stack:
+        at = stack.pop()
+        if at in seen:
+            continue
+        seen.add(at)
+        node = nodes[at]
+        if "mesh" in node:
+            found.append(Instance(at, node["mesh"], node.get("skin")))
+        stack.extend(reversed(node.get("children", [])))
+    return found

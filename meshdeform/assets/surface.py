@@ -1,0 +1,215 @@
+"""The one surface that all instances of all triangle primitives make in the world, and the way back into the file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
+from meshdeform.assets.scenegraph import (
+    GPU_INSTANCING,
+    MODE_NAMES,
+    POINTS,
+    TRIANGLES,
+    Instance,
+    instances_of,
+)
+from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
+
+__all__ = ["Block", "Surface", "read_surface"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the optimisation sees: one triangle soup in world space, +Y up.
+
+    Attributes
+    ----------
+    positions : (N, 3) float64
+        Vertices as the file has them, split at seams, in the file's units.
+    triangles : (T, 3) int64
+        Counter-clockwise from outside; mirrored nodes have been taken into account.
+    normals : (N, 3) float64
+        Unit length, or NaN where the file has none.
+    tangents : (N, 4) float64
+        Unit length with a handedness of +1 or -1, or NaN where the file has none.
+    instance_of_vertex : (N,) int64
+        Which instance of a mesh a vertex belongs to.
+    skipped : list of dict
+        What is left as it is, and why.
+    """
+
+    positions: Floats
+    triangles: NDArray[np.int64]
+    normals: Floats
+    tangents: Floats
+    instance_of_vertex: NDArray[np.int64]
+    skipped: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Vertices that one node shows through one set of accessors: the unit that is written back.
+
+    Primitives of a mesh that share their accessors share a block, so they go on sharing afterwards.
+    """
+
+    node: int
+    mesh: int
+    primitives: tuple[int, ...]
+    accessors: tuple[int, int | None, int | None]  # POSITION, NORMAL, TANGENT
+    rows: slice
+    placement: Matrix
+    positions: NDArray[np.float32]  # in the mesh's own space, as the file has them
+    normals: NDArray[np.float32] | None
+    tangents: NDArray[np.float32] | None
+
+
+def read_surface(document: Document) -> tuple[Surface, list[Block]]:
+    """Gather the default scene's surface.
+
+    Raises
+    ------
+    AssetNotFiniteError
+        A position is NaN or infinite.
+    AssetEmptyError
+        There is no triangle.
+    AssetError
+        An index is out of range.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and is told as that
+        return _read_surface(document)
+
+
+def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
+    worlds = world_matrices(document.root.get("nodes", []))
+    blocks: list[Block] = []
+    triangles: list[NDArray[np.int64]] = []
+    owner: list[int] = []
+    skipped: list[dict[str, Any]] = []
+    start = 0
+    for number, instance in enumerate(instances_of(document.root)):
+        placement = placement_matrix(document, instance, worlds)
+        reason = _reason_to_leave(document.root["nodes"][instance.node], placement)
+        if reason:
+            skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": reason})
+            continue
+        for accessors, primitives in _groups(document, instance, skipped).items():
+            block = _read_block(document, instance, accessors, primitives, placement, start)
+            count = len(block.positions)
+            faces = [_faces(document, block, p, count, skipped) for p in primitives]
+            flip = np.linalg.det(placement[:3, :3]) < 0.0
+            triangles += [start + (part[:, ::-1] if flip else part) for part in faces]
+            blocks.append(block)
+            owner.append(number)
+            start += count
+    joined = np.concatenate(triangles) if triangles else np.empty((0, 3), np.int64)
+    if len(joined) == 0:
+        reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
+        raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
+    return _join(blocks, joined, owner, skipped), blocks
+
+
+def _reason_to_leave(node: Json, placement: Matrix) -> str | None:
+    if GPU_INSTANCING in node.get("extensions", {}):
+        return f"{GPU_INSTANCING} draws its mesh many times"
+    return None if is_invertible(placement) else "its transform flattens the mesh and cannot be inverted"
+
+
+def _groups(
+    document: Document, instance: Instance, skipped: list[dict[str, Any]]
+) -> dict[tuple[int, int | None, int | None], list[int]]:
+    groups: dict[tuple[int, int | None, int | None], list[int]] = {}
+    for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
+        attributes, mode = primitive.get("attributes", {}), primitive.get("mode", TRIANGLES)
+        reason = None
+        if POINTS <= mode < TRIANGLES:
+            reason = f"{MODE_NAMES[mode]} are not deformed"
+        elif "POSITION" not in attributes:
+            reason = "no POSITION attribute"
+        if reason:
+            skipped.append({"node": instance.node, "mesh": instance.mesh, "primitive": p, "reason": reason})
+            continue
+        key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"))
+        groups.setdefault(key, []).append(p)
+    return groups
+
+
+def _read_block(
+    document: Document,
+    instance: Instance,
+    accessors: tuple[int, int | None, int | None],
+    primitives: list[int],
+    placement: Matrix,
+    start: int,
+) -> Block:
+    position, normal, tangent = accessors
+    positions = read_floats(document, position)
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        raise AssetNotFiniteError(
+            f"accessors[{position}] (POSITION of mesh {instance.mesh}) has {len(bad)} positions that are not finite, "
+            f"the first at {bad[0]}."
+        )
+    return Block(
+        instance.node,
+        instance.mesh,
+        tuple(primitives),
+        accessors,
+        slice(start, start + len(positions)),
+        placement,
+        positions,
+        None if normal is None else read_floats(document, normal),
+        None if tangent is None else read_floats(document, tangent),
+    )
+
+
+def _faces(document: Document, block: Block, p: int, count: int, skipped: list[dict[str, Any]]) -> NDArray[np.int64]:
+    primitive = document.root["meshes"][block.mesh]["primitives"][p]
+    faces = read_triangles(document, primitive, count, f"meshes[{block.mesh}].primitives[{p}]")
+    corners = document.root["accessors"][primitive["indices"]]["count"] if "indices" in primitive else count
+    if primitive.get("mode", TRIANGLES) == TRIANGLES and corners % 3:
+        reason = f"the last {corners % 3} indices make no whole triangle"
+        skipped.append({"node": block.node, "mesh": block.mesh, "primitive": p, "reason": reason})
+    return faces
+
+
+def _join(
+    blocks: list[Block], triangles: NDArray[np.int64], owner: list[int], skipped: list[dict[str, Any]]
+) -> Surface:
+    total = blocks[-1].rows.stop
+    positions = np.empty((total, 3))
+    normals, tangents = np.full((total, 3), np.nan), np.full((total, 4), np.nan)
+    instances = np.empty(total, np.int64)
+    for block, number in zip(blocks, owner, strict=True):
+        linear = block.placement[:3, :3]
+        instances[block.rows] = number
+        positions[block.rows] = block.positions @ linear.T + block.placement[:3, 3]
+        if block.normals is not None:
+            normals[block.rows] = unit_rows(block.normals @ np.linalg.inv(linear))
+        if block.tangents is not None:
+            tangents[block.rows, :3] = unit_rows(block.tangents[:, :3] @ linear.T)
+            tangents[block.rows, 3] = handedness(block.tangents[:, 3], linear)
+    if not np.isfinite(positions).all():
+        raise AssetNotFiniteError("The node transforms take positions past what a number can hold.")
+    return Surface(positions, triangles, normals, tangents, instances, skipped)
+
+
+def unit_rows(vectors: Floats) -> Floats:
+    """Return rows of unit length; rows that have no direction become NaN."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0))
+
+
+def handedness(w: NDArray[Any], linear: Matrix) -> Floats:
+    """Return +1 or -1 per tangent; a mirror turns the sign."""
+    mirror = -1.0 if np.linalg.det(linear) < 0.0 else 1.0
+    return np.where(np.asarray(w) < 0.0, -mirror, mirror)

@@ -1,0 +1,67 @@
+"""The images of an asset as files of a package: PNG and JPEG as they are, WebP as PNG; USDZ allows no others."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from PIL import Image as Picture
+
+from meshdeform.assets.materials import Image
+from meshdeform.assets.scene import SceneView
+from meshdeform.errors import AssetError
+
+__all__ = ["Textures"]
+
+_MAX_PIXELS = 8192 * 8192
+
+
+class Textures:
+    """Writes each image that is asked for once.
+
+    Parameters
+    ----------
+    scene : SceneView
+    folder : Path
+        Where the layer lies; textures go to `textures/` in it.
+    """
+
+    def __init__(self, scene: SceneView, folder: Path) -> None:
+        self._scene, self._folder = scene, folder
+        self._paths: dict[int, str | None] = {}
+        self.written: list[str] = []
+        self.left_out = 0
+
+    def path(self, image: int) -> str | None:
+        """Return the path of an image, relative to the layer; None where it is of a kind that USDZ does not allow."""
+        if image not in self._paths:
+            self._paths[image] = self._write(image)
+        return self._paths[image]
+
+    def _write(self, number: int) -> str | None:
+        try:
+            image = self._scene.image(number)
+        except AssetError:  # the deformation does not read images: no reason to fail after it
+            image = Image(b"", "")
+        data, kind = (_png(image), "png") if image.kind == "webp" else (image.data, image.kind)
+        if not data or not kind:
+            self.left_out += 1
+            return None
+        (self._folder / "textures").mkdir(exist_ok=True)
+        path = f"textures/image{number}.{kind}"
+        (self._folder / path).write_bytes(data)
+        self.written.append(path)
+        return path
+
+
+def _png(image: Image) -> bytes:
+    """Return a WebP image as a PNG, or nothing where it is broken or too large."""
+    try:
+        with Picture.open(io.BytesIO(image.data), formats=["WEBP"]) as picture:
+            if picture.width * picture.height > _MAX_PIXELS:
+                return b""
+            written = io.BytesIO()
+            picture.save(written, "PNG")
+            return written.getvalue()
+    except (OSError, ValueError, SyntaxError, Picture.DecompressionBombError, Picture.DecompressionBombWarning):
+        return b""

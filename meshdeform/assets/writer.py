@@ -1,0 +1,132 @@
+"""Write a new shape into a document: each deformed primitive gets accessors of its own, in its mesh's own space."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json, clone
+from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
+from meshdeform.errors import NumericalError, ShapeError
+
+__all__ = ["Deformation", "LocalShape", "write_shape"]
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """A new shape beside the old one, both in the world; rows as in `Surface`."""
+
+    surface: Surface
+    positions: Floats
+    normals: Floats | None
+    tangents: Floats | None
+
+    @classmethod
+    def checked(cls, surface: Surface, positions: Floats, normals: Floats | None, tangents: Floats | None) -> Self:
+        """Check shapes and that positions are finite."""
+        count = len(surface.positions)
+        for name, array, columns in (("positions", positions, 3), ("normals", normals, 3), ("tangents", tangents, 4)):
+            if array is not None and np.shape(array) != (count, columns):
+                raise ShapeError(f"{name} must have shape ({count}, {columns}), not {np.shape(array)}")
+        if not np.isfinite(positions).all():
+            raise NumericalError("The new positions are not all finite.")
+        optional = [None if array is None else np.asarray(array, np.float64) for array in (normals, tangents)]
+        return cls(surface, np.asarray(positions, np.float64), *optional)
+
+
+@dataclass(frozen=True)
+class LocalShape:
+    """A block's new vertices in its mesh's own space, as they are stored."""
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32] | None
+    tangents: NDArray[np.float32] | None
+
+
+def local_shape(block: Block, shape: Deformation) -> LocalShape:
+    """Take a block's new vertices back into its mesh's own space.
+
+    What did not move in the world keeps the very bits it had: positions are written as the source plus the
+    displacement, directions only where they changed.
+    """
+    linear = block.placement[:3, :3]
+    moved = shape.positions[block.rows] - shape.surface.positions[block.rows]
+    with np.errstate(over="ignore"):
+        positions = (block.positions + moved @ np.linalg.inv(linear).T).astype(np.float32)
+    if not np.isfinite(positions).all():
+        raise NumericalError("The new positions are too large for the 32-bit floats of a glTF file.")
+    normals = tangents = None
+    if block.normals is not None and shape.normals is not None:
+        new = unit_rows(shape.normals[block.rows] @ linear)
+        normals = _where_changed(block.normals, new, shape.normals[block.rows], shape.surface.normals[block.rows])
+    if block.tangents is not None and shape.tangents is not None:
+        world = shape.tangents[block.rows]
+        new = np.column_stack([unit_rows(world[:, :3] @ np.linalg.inv(linear).T), handedness(world[:, 3], linear)])
+        tangents = _where_changed(block.tangents, new, world, shape.surface.tangents[block.rows])
+    return LocalShape(positions, normals, tangents)
+
+
+def _where_changed(
+    source: NDArray[np.float32], new: Floats, world: Floats, world_before: Floats
+) -> NDArray[np.float32]:
+    changed = (world != world_before).any(axis=1) & np.isfinite(new).all(axis=1)
+    return np.where(changed[:, None], new, source).astype(np.float32)
+
+
+def write_shape(document: Document, blocks: list[Block], shape: Deformation, *, morph: bool) -> bytes:
+    """Write a new shape into the document and return it as a GLB; `Asset.replace` documents the rest."""
+    owners = own_meshes(document, blocks)
+    locals_ = [local_shape(block, shape) for block in blocks]
+    if morph:
+        from meshdeform.assets.morph import add_morph_targets
+
+        add_morph_targets(document, blocks, locals_, owners)
+    else:
+        for block, local in zip(blocks, locals_, strict=True):
+            _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    return document.to_bytes()
+
+
+def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
+    """Give every deformed node a mesh of its own; return the mesh of each node.
+
+    The first of a mesh's nodes keeps the original, unless a node that is not deformed (of another scene, or drawn by
+    GPU instancing) shows it too: then that one keeps it.
+    """
+    nodes, meshes = document.root["nodes"], document.items("meshes")
+    deformed: dict[int, list[int]] = defaultdict(list)
+    for block in blocks:
+        if not deformed[block.mesh] or deformed[block.mesh][-1] != block.node:  # a node's blocks follow each other
+            deformed[block.mesh].append(block.node)
+    shown: dict[int, set[int]] = defaultdict(set)
+    for i, node in enumerate(nodes):
+        if "mesh" in node:
+            shown[node["mesh"]].add(i)
+    owners: dict[int, int] = {}
+    for mesh, shown_by in deformed.items():
+        others = shown[mesh] - set(shown_by)
+        for node in shown_by if others else shown_by[1:]:
+            meshes.append(clone(meshes[mesh]))
+            nodes[node]["mesh"] = len(meshes) - 1
+        owners |= {node: nodes[node]["mesh"] for node in shown_by}
+    return owners
+
+
+def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) -> None:
+    accessors = document.root["accessors"]
+    new: dict[str, int] = {}
+    for name, old, values in zip(
+        ("POSITION", "NORMAL", "TANGENT"),
+        block.accessors,
+        (local.positions, local.normals, local.tangents),
+        strict=True,
+    ):
+        if old is not None and values is not None:
+            new[name] = document.append_accessor(values, like=accessors[old], bounds=name == "POSITION")
+    for p in block.primitives:
+        mesh["primitives"][p]["attributes"].update(new)

@@ -1,0 +1,109 @@
+"""The command line: `meshdeform COMMAND`, one module of `meshdeform.cli` for each.
+
+Nothing heavy is imported before a command needs it, so `--help` answers at once. Every expected error is one line and
+its advice on standard error; the exit code says what kind it was (`meshdeform.cli.exits`).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from meshdeform.cli.batch import batch
+from meshdeform.cli.cancel import cancel
+from meshdeform.cli.doctor import doctor
+from meshdeform.cli.evaluate import evaluate
+from meshdeform.cli.exits import ExitCode, OutcomeError, report
+from meshdeform.cli.fetch import fetch
+from meshdeform.cli.jobs import jobs
+from meshdeform.cli.keys import keys
+from meshdeform.cli.models import models
+from meshdeform.cli.run import run
+from meshdeform.cli.servers import api, serve, worker
+from meshdeform.cli.submit import submit
+from meshdeform.cli.version import version
+from meshdeform.cli.waiting import wait, watch
+
+__all__ = ["app", "main"]
+
+# Of the click that typer brings, whichever that is.
+_UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
+_CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This machine"
+
+
+def _message(error: Exception) -> str:
+    say = getattr(error, "format_message", None)
+    return str(say() if say else error)
+
+
+class _Commands(TyperGroup):
+    """The commands; with --json wrong usage is a problem document on standard error like every other error."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run the command that the arguments name, and exit."""
+        given = sys.argv[1:] if args is None else list(args)
+        as_json = standalone_mode and "--json" in given
+        try:
+            code = super().main(
+                args, prog_name, complete_var, standalone_mode and not as_json, windows_expand_args, **extra
+            )
+        except _UsageError as error:
+            if not as_json:
+                raise
+            advice = "The same command with --help instead says what it takes."
+            report(
+                OutcomeError(ExitCode.USAGE, "usage", _message(error), advice),
+                as_json=True,
+            )
+            code = ExitCode.USAGE
+        if as_json:
+            sys.exit(int(code or 0))
+        return code
+
+
+app = typer.Typer(
+    name="meshdeform",
+    cls=_Commands,
+    help="Deform 3D assets by text: a GLB and a prompt go in, the same asset with a new shape comes out.\n\n"
+    'Here and now: meshdeform run examples/sphere.glb "a mushroom". '
+    "As a service: meshdeform serve, then submit, watch and fetch. Something is wrong: meshdeform doctor.",
+    epilog="Exit codes: 0 done, 1 internal error, 2 wrong usage, 3 bad input, 4 something needed is missing, "
+    "5 the job failed, 6 it was canceled or expired, 7 waited long enough, 8 some of a batch failed, 9 not authorised, "
+    "10 over a limit, 130 interrupted.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(rich_help_panel=_MACHINE)(run)
+app.command(rich_help_panel=_MACHINE)(batch)
+app.command("eval", rich_help_panel=_MACHINE)(evaluate)
+app.command(rich_help_panel=_MACHINE)(models)
+app.command(rich_help_panel=_MACHINE)(doctor)
+app.command(rich_help_panel=_MACHINE)(version)
+app.command(rich_help_panel=_CLIENT)(submit)
+app.command(rich_help_panel=_CLIENT)(watch)
+app.command(rich_help_panel=_CLIENT)(wait)
+app.command(rich_help_panel=_CLIENT)(fetch)
+app.command(rich_help_panel=_CLIENT)(cancel)
+app.command(rich_help_panel=_CLIENT)(jobs)
+app.command(rich_help_panel=_SERVICE)(serve)
+app.command(rich_help_panel=_SERVICE)(api)
+app.command(rich_help_panel=_SERVICE)(worker)
+app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
+
+
+def main() -> None:
+    """Run the command that the arguments name, and exit."""
+    app()

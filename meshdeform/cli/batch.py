@@ -1,0 +1,182 @@
+"""`meshdeform batch`: many deformations, here or by a service, that can be left and taken up again at any time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
+from meshdeform.cli.options import (
+    ApiKeyFileOption,
+    ApiKeyOption,
+    JsonOption,
+    ModelOption,
+    QuietOption,
+    SetOption,
+    UrlOption,
+)
+from meshdeform.cli.output import emit, note, table
+from meshdeform.cli.request import merge_params
+from meshdeform.requests.choices import Preset
+
+if TYPE_CHECKING:
+    from meshdeform.cli.batches.manifest import Wish
+    from meshdeform.requests.document import JobRequest
+
+__all__ = ["batch"]
+
+_WHAT, _METHOD, _HOW = "What", "Method", "How"
+_AT_SERVICE = 8
+
+
+@clean_errors
+def batch(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MANIFEST|FOLDER", help="A .csv, .tsv or .jsonl of rows, or a folder of assets.", exists=True
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The folder of the batch.", file_okay=False, show_default=False)
+    ],
+    prompt: Annotated[
+        list[str] | None,
+        typer.Option(help="With a folder: what each asset shall become; repeatable.", rich_help_panel=_WHAT),
+    ] = None,
+    prompts_file: Annotated[
+        Path | None,
+        typer.Option(help="The same, a line each.", exists=True, dir_okay=False, rich_help_panel=_WHAT),
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Do each row with so many seeds.", rich_help_panel=_WHAT)
+    ] = None,
+    morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
+    usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
+    preset: Annotated[
+        Preset | None, typer.Option(help="Where a row names none.", rich_help_panel=_METHOD, show_default=False)
+    ] = None,
+    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="The seed, or the first of --seeds; default: 0.", rich_help_panel=_METHOD)
+    ] = None,
+    model: ModelOption = None,
+    settings: SetOption = None,
+    parallel: Annotated[
+        int | None,
+        typer.Option(min=1, help="Rows at the same time; default: 1 here, 8 at a service.", rich_help_panel=_HOW),
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="Here: auto, cpu, cuda or cuda:N.", rich_help_panel=_HOW)] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=0, help="Here: CPU threads of a row; default: its share.", rich_help_panel=_HOW)
+    ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Try rows again that failed before.", rich_help_panel=_HOW)
+    ] = False,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Deform many assets.
+
+    The same command again does exactly what is missing, whatever stopped it. By a service where --url or
+    MESHDEFORM_URL names one, else on this machine.
+
+    meshdeform batch assets/ --prompt "a vase" --prompt "a mushroom" --seeds 3 -o out
+
+    meshdeform batch rows.csv -o out --retry-failed
+    """
+    from meshdeform.cli.batches.rows import make_rows
+    from meshdeform.cli.batches.session import Session
+
+    wishes = _wishes(source, prompt or [], prompts_file)
+    defaults = merge_params(settings or [], preset=preset, model=model, steps=steps, seed=seed)
+    first = int(defaults.get("seed", 0))
+    with Session(output, as_json=as_json, quiet=quiet) as session:
+        rows, repeated = make_rows(
+            wishes,
+            defaults=defaults,
+            seeds=range(first, first + seeds) if seeds else (),
+            morph=morph,
+            usd=usd,
+            known_names=session.ledger.known_names(),
+            check=(lambda _request, _has_target: None) if url else _checker(),
+        )
+        if repeated:
+            note(f"Asked for twice, done once: {'; '.join(repeated)}", quiet=quiet)
+        if url:
+            from meshdeform.cli.batches.remote import ServiceRunner
+            from meshdeform.cli.connection import connect
+
+            at_once = parallel or _AT_SERVICE
+            client = connect(url, api_key, api_key_file)
+            session.run(rows, ServiceRunner(client, session.ledger, output), at_once, retry_failed=retry_failed)
+        else:
+            from meshdeform.cli.batches.local import LocalRunner
+
+            at_once = min(parallel or 1, len(rows))
+            share = {"device": device, "threads": threads if threads is not None else _share(at_once)}
+            session.run(rows, LocalRunner(output, share), at_once, retry_failed=retry_failed)
+        counts, files = session.finish(rows)
+    if as_json:
+        emit({"event": "summary", "folder": str(output), "files": files, **counts})
+    else:
+        typer.echo(table(tuple(counts), [tuple(str(number) for number in counts.values())]))
+        typer.echo("\n".join(files.values()))
+    if counts["failed"]:
+        raise OutcomeError(
+            ExitCode.SOME_FAILED,
+            "batch_incomplete",
+            f"{counts['failed']} of {counts['rows']} rows failed.",
+            f"{output / 'summary.csv'} says why. Once mended: the same command with --retry-failed.",
+            **counts,
+        )
+
+
+def _wishes(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> list[Wish]:
+    from meshdeform.cli.batches.manifest import TABLE_SUFFIXES, read_prompts, read_table, wishes_of_assets
+
+    every = [*prompts, *(read_prompts(prompts_file) if prompts_file else [])]
+    if source.is_file() and source.suffix.lower() in TABLE_SUFFIXES:
+        if every:
+            raise typer.BadParameter("a manifest has its own prompts", param_hint="--prompt")
+        return read_table(source)
+    return wishes_of_assets(source, every)
+
+
+def _checker() -> Any:
+    """What refuses a row that could not run here; torch is not imported for it."""
+    require("torch", "deform")
+    from meshdeform.assets.usd import require_usd
+    from meshdeform.runs import text_deform_check
+
+    settings = load_settings()
+
+    def check(request: JobRequest, has_target: bool) -> None:
+        if request.output.usd:
+            require_usd()
+        named = request.params.model
+        text_deform_check.check(
+            request,
+            default_model=settings.model,
+            allowed_models=[named] if named else [],
+            revision=settings.model_revision,
+            has_target=has_target,
+        )
+
+    return check
+
+
+def _share(parallel: int) -> int | None:
+    """CPU threads of each of so many rows; None: as the settings say."""
+    if parallel == 1:
+        return None
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores // parallel)

@@ -1,0 +1,120 @@
+"""The process behind a local slot of a batch: orders on standard input, answers on standard output, a line each."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+from typing import IO, Any
+
+from meshdeform.errors import CheckpointError, MeshdeformError
+
+__all__ = ["main"]
+
+_TICK_EVERY_S = 0.25
+
+
+def main() -> None:
+    """Do one order after the other until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Whatever a library prints must not be taken for an answer.
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    orders: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(orders,), name="orders", daemon=True).start()
+    while True:
+        order = orders.get()
+        try:
+            done = _do(order, _Ticks(answers))
+        except MeshdeformError as error:
+            done = {"event": "failed", "error": _error(error.code, error.detail, error.advice_text)}
+        except Exception as error:  # a bug costs its row, and is told
+            traceback.print_exc()
+            done = {"event": "failed", "error": _error("internal", f"{type(error).__name__}: {error}", "Report this.")}
+        print(json.dumps(done), file=answers, flush=True)
+
+
+def _read(orders: queue.SimpleQueue[dict[str, Any]]) -> None:
+    for line in sys.stdin:
+        orders.put(json.loads(line))
+    # The parent is gone, perhaps in the middle of a row: nobody will write down that it is done.
+    os._exit(0)
+
+
+def _error(code: str, detail: str, advice: str) -> dict[str, str]:
+    return {"code": code, "detail": detail, "advice": advice}
+
+
+class _Ticks:
+    """Passes steps on, not every one."""
+
+    def __init__(self, answers: IO[str]) -> None:
+        self._answers, self._last = answers, 0.0
+
+    def phase(self, name: str) -> None:
+        """Nobody is told."""
+
+    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:  # noqa: ARG002
+        now = time.monotonic()
+        if step == total_steps or now - self._last >= _TICK_EVERY_S:
+            self._last = now
+            tick = {"event": "step", "step": step, "total_steps": total_steps, "loss": loss}
+            print(json.dumps(tick), file=self._answers, flush=True)
+
+
+def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
+    from meshdeform.cli.environment import load_settings
+    from meshdeform.cli.local_job import LocalJob, Outputs
+    from meshdeform.requests.document import JobRequest
+
+    folder, state = Path(order["folder"]), Path(order["state"])
+    request = JobRequest.model_validate(order["request"])
+    outputs = Outputs(
+        result=folder / "result.glb",
+        report=folder / "report.json",
+        preview=folder / "preview.png",
+        morph=folder / "morph.glb" if request.output.morph else None,
+        usd=folder / "result.usdz" if request.output.usd else None,
+        checkpoint=state,
+    )
+
+    def job(resume: Path | None) -> LocalJob:
+        target = Path(order["target"]) if order["target"] else None
+        settings = load_settings(**order["settings"])
+        return LocalJob(
+            Path(order["asset"]), request, settings, outputs, target=target, resume=resume, load=_prior_loader()
+        )
+
+    try:
+        summary = job(state if state.exists() else None).run(ticks)
+    except CheckpointError:
+        # Of another version, or torn by the disk: the row is done from its beginning.
+        state.unlink(missing_ok=True)
+        summary = job(None).run(ticks)
+    state.unlink(missing_ok=True)
+    return {"event": "done", **summary, "files": _digests(folder)}
+
+
+@functools.cache
+def _prior_loader() -> Any:
+    from meshdeform.priors import load_prior
+
+    return functools.lru_cache(maxsize=1)(load_prior)
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    from meshdeform.runs.report import sha256_hex
+
+    names = ("result.glb", "report.json", "preview.png", "morph.glb", "result.usdz")
+    return {name: sha256_hex((folder / name).read_bytes()) for name in names if (folder / name).exists()}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Rows done by a service: submitted once, followed through whatever happens, fetched."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshdeform.cli.batches.ledger import Ledger
+from meshdeform.cli.batches.rows import Row
+from meshdeform.cli.batches.work import Outcome, Tick
+from meshdeform.cli.fetch import fetched
+from meshdeform.cli.following import Deadline, follow
+from meshdeform.errors import AssetError, ConflictError, LimitError, ModelError, NotFoundError, RequestError
+
+if TYPE_CHECKING:
+    from meshdeform.api.jobs import EventView, JobView
+    from meshdeform.client import Client
+
+__all__ = ["ServiceRunner"]
+
+_LIMIT_PAUSE_S = 5.0
+_LIMIT_PATIENCE_S = 3600.0
+
+
+class ServiceRunner:
+    """Rows as jobs of a service.
+
+    A row's Idempotency-Key is made of the batch, the row's digest and how often it has failed. A process that dies
+    between the service's answer and the ledger's line therefore asks for the same job again, not for a second one.
+
+    Parameters
+    ----------
+    client : Client
+    ledger : Ledger
+    folder : Path
+    """
+
+    def __init__(self, client: Client, ledger: Ledger, folder: Path) -> None:
+        self._client, self._ledger, self._folder = client, ledger, folder
+        self._stop = threading.Event()
+
+    def do(self, row: Row, told: Callable[[Tick], None]) -> Outcome:
+        """Find the row's job, or make it; wait; fetch what it made."""
+        start = time.monotonic()
+        try:
+            job = self._found(row) or self._submit(row)
+            if not job.state.terminal:
+                job = follow(self._client, job.id, partial(_pass_on, told), deadline=Deadline(None))
+            return self._outcome(row, job, start)
+        except (AssetError, RequestError, ModelError, NotFoundError, ConflictError) as error:
+            # The service takes other rows; this one it does not, or somebody has deleted it meanwhile.
+            refused = {"code": error.code, "detail": error.detail, "advice": error.advice_text}
+            return Outcome("failed", round(time.monotonic() - start, 3), error=refused)
+
+    def close(self) -> None:
+        """Close the connections; jobs go on, and the same command finds them again."""
+        self._stop.set()
+        self._client.close()
+
+    def _found(self, row: Row) -> JobView | None:
+        line = self._ledger.last.get(row.key, {})
+        if line.get("event") not in ("submitted", "done") or not line.get("job_id"):
+            return None
+        try:
+            return self._client.get(line["job_id"])
+        except NotFoundError:
+            # Deleted, or of another service: the old Idempotency-Key would name the old job.
+            self._ledger.append("failed", row.key, row.name, job_id=line["job_id"], error={"code": "not_found"})
+            return None
+
+    def _submit(self, row: Row) -> JobView:
+        tries = self._ledger.tries.get(row.key, 0)
+        deadline = time.monotonic() + _LIMIT_PATIENCE_S
+        while True:
+            try:
+                job = self._client.submit(
+                    row.asset,
+                    row.request.prompt,
+                    params=row.request.params,
+                    output=row.request.output,
+                    target=row.target,
+                    metadata={"batch": self._ledger.batch_id, "row": row.name},
+                    idempotency_key=f"batch-{self._ledger.batch_id}-{row.key}-{tries}",
+                )
+            except LimitError:
+                # Rows of this batch that are over make room for it.
+                if time.monotonic() > deadline or self._stop.wait(_LIMIT_PAUSE_S):
+                    raise
+            else:
+                self._ledger.append("submitted", row.key, row.name, job_id=job.id, **{"try": tries})
+                return job
+
+    def _outcome(self, row: Row, job: JobView, start: float) -> Outcome:
+        if job.state.value != "succeeded":
+            error = {"code": f"job_{job.state.value}", "detail": f"The job is {job.state.value}.", "advice": ""}
+            if job.error is not None:
+                error = {"code": job.error.code, "detail": job.error.detail, "advice": job.error.advice}
+            return Outcome(job.state.value, round(time.monotonic() - start, 3), job.id, error=error)
+        files = fetched(self._client, job.id, self._folder / row.name)
+        seconds = time.monotonic() - start
+        if job.finished_at is not None:
+            seconds = (job.finished_at - job.created_at).total_seconds()
+        digests = {str(file["name"]): str(file["sha256"]) for file in files}
+        return Outcome("succeeded", round(seconds, 3), job.id, digests, dict(job.progress.losses))
+
+
+def _pass_on(told: Callable[[Tick], None], event: EventView) -> None:
+    if event.type.value == "progress" and (total := int(event.data.get("total_steps", 0))):
+        loss = (event.data.get("losses") or {}).get("total", math.nan)
+        told(Tick(int(event.data.get("step", 0)), total, loss, event.data.get("eta_s")))

@@ -1,0 +1,117 @@
+"""One run of a batch: which rows are left, doing them, and the summary at the end, also where Ctrl-C came before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from meshdeform.cli.batches.display import BatchView, show_batch
+from meshdeform.cli.batches.ledger import Ledger
+from meshdeform.cli.batches.rows import Row
+from meshdeform.cli.batches.summary import count_states, record_of, write_summary
+from meshdeform.cli.batches.work import Outcome, Runner, do_rows
+from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.output import emit, note
+from meshdeform.errors import UnavailableError
+
+__all__ = ["Session"]
+
+
+class Session:
+    """A batch's folder while this process works on it. A context manager.
+
+    Parameters
+    ----------
+    folder : Path
+    as_json : bool
+        Whether each row that ends is a line on standard output.
+    quiet : bool
+    """
+
+    def __init__(self, folder: Path, *, as_json: bool, quiet: bool) -> None:
+        self.folder, self._as_json, self._quiet = folder, as_json, quiet
+        self.ledger = Ledger(folder)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.ledger.__exit__(kind, error, trace)
+
+    def left(self, rows: Sequence[Row], *, retry_failed: bool) -> list[Row]:
+        """The rows that are not done, or whose result is gone; those that failed only with `retry_failed`."""
+        return [row for row in rows if self._is_left(row, retry_failed=retry_failed)]
+
+    def run(self, rows: Sequence[Row], runner: Runner, parallel: int, *, retry_failed: bool) -> None:
+        """Do what is left.
+
+        Raises
+        ------
+        OutcomeError
+            Ctrl-C came; the summary is written.
+        MeshdeformError
+            The batch cannot go on: the service or the disk is away.
+        """
+        todo = self.left(rows, retry_failed=retry_failed)
+        if len(todo) < len(rows):
+            note(f"{len(rows) - len(todo)} of {len(rows)} rows are over already.", quiet=self._quiet)
+        try:
+            with show_batch(len(rows), len(rows) - len(todo), quiet=self._quiet) as view:
+                do_rows(
+                    todo,
+                    runner,
+                    parallel=parallel,
+                    on_start=view.start,
+                    on_tick=view.tick,
+                    on_end=lambda row, outcome: self._end(row, outcome, view),
+                )
+        except KeyboardInterrupt:
+            counts, _ = self.finish(rows)
+            raise OutcomeError(
+                ExitCode.INTERRUPTED,
+                "interrupted",
+                f"Interrupted: {counts['succeeded']} of {counts['rows']} rows are done.",
+                "The same command does what is missing.",
+                **counts,
+            ) from None
+        finally:
+            runner.close()
+
+    def finish(self, rows: Sequence[Row]) -> tuple[dict[str, int], dict[str, str]]:
+        """Write the summary; how many rows are in which state, and where the files are.
+
+        Raises
+        ------
+        UnavailableError
+            They cannot be written.
+        """
+        records = [record_of(row, self.ledger.last.get(row.key), self.folder) for row in rows]
+        try:
+            files = write_summary(self.folder, self.ledger.batch_id, records)
+        except OSError as error:
+            raise UnavailableError(
+                f"The summary cannot be written: {error}.", advice="Make room, then give the same command again."
+            ) from error
+        return count_states(records), files
+
+    def _is_left(self, row: Row, *, retry_failed: bool) -> bool:
+        line = self.ledger.last.get(row.key, {})
+        if line.get("event") == "failed":
+            return retry_failed
+        return line.get("event") != "done" or not (self.folder / row.name / "result.glb").exists()
+
+    def _end(self, row: Row, outcome: Outcome, view: BatchView) -> None:
+        more: dict[str, Any] = {"state": outcome.state, "seconds": outcome.seconds, "losses": outcome.losses}
+        if outcome.job_id is not None:
+            more["job_id"] = outcome.job_id
+        if outcome.state == "succeeded":
+            self.ledger.append("done", row.key, row.name, files=outcome.files, **more)
+        else:
+            self.ledger.append("failed", row.key, row.name, error=outcome.error, **more)
+        view.end(row, outcome)
+        if self._as_json:
+            emit({"event": "row", **record_of(row, self.ledger.last[row.key], self.folder)})

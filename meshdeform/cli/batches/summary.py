@@ -1,0 +1,109 @@
+"""What became of a batch: `summary.csv` for tables, `summary.json` for programs, `sheet.png` for the eye."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from meshdeform.cli.batches.rows import Row
+from meshdeform.support.atomic_files import write_files
+
+__all__ = ["count_states", "record_of", "write_summary"]
+
+_QUALITY = ("flipped_faces", "self_intersecting_faces_after", "symmetric_dirichlet_p99", "volume_ratio")
+_COLUMNS = (
+    *("name", "state", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),
+    *_QUALITY,
+    *("job_id", "error_code", "error", "result"),
+)
+
+
+def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[str, Any]:
+    """All that is known about a row: what was asked, what became of it, and how good it is by its report.
+
+    Parameters
+    ----------
+    row : Row
+    line : mapping, optional
+        The ledger's newest about it.
+    folder : Path
+        The batch's.
+    """
+    line, request = line or {}, row.request
+    done = line.get("event") == "done"
+    state = "succeeded" if done else line.get("state", "failed") if line.get("event") == "failed" else "pending"
+    report = _report(folder / row.name / "report.json") if done else {}
+    params, quality = report.get("params", {}), report.get("quality", {})
+    error = line.get("error") or {}
+    return {
+        "name": row.name,
+        "state": state,
+        "asset": str(row.asset),
+        "prompt": request.prompt,
+        "target": str(row.target) if row.target else None,
+        "preset": request.params.preset.value,
+        "seed": request.params.seed,
+        "model": params.get("model", request.params.model),
+        "steps": params.get("steps", request.params.steps),
+        "seconds": line.get("seconds"),
+        "loss": (line.get("losses") or {}).get("total"),
+        **{name: quality.get(name) for name in _QUALITY},
+        "job_id": line.get("job_id"),
+        "error_code": error.get("code"),
+        "error": error.get("detail"),
+        "result": str(folder / row.name / "result.glb") if done else None,
+    }
+
+
+def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """How many rows are `succeeded`, `failed` (also canceled and expired) and `pending`."""
+    found = Counter(record["state"] for record in records)
+    good, waiting = found["succeeded"], found["pending"]
+    return {"rows": len(records), "succeeded": good, "failed": len(records) - good - waiting, "pending": waiting}
+
+
+def write_summary(folder: Path, batch_id: str, records: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Write the files, all or none; where they are, by name. Without Pillow there is no sheet.
+
+    Raises
+    ------
+    OSError
+        They cannot be written.
+    """
+    document = {"batch": batch_id, **count_states(records), "rows_detail": list(records)}
+    files = {
+        folder / "summary.csv": _table(records).encode(),
+        folder / "summary.json": (json.dumps(document, indent=1) + "\n").encode(),
+    }
+    if find_spec("PIL") is not None and (sheet := _sheet(folder, records)):
+        files[folder / "sheet.png"] = sheet
+    write_files(files)
+    return {path.name: str(path) for path in files}
+
+
+def _sheet(folder: Path, records: Sequence[Mapping[str, Any]]) -> bytes | None:
+    from meshdeform.cli.batches.sheet import contact_sheet
+
+    return contact_sheet(folder, records)
+
+
+def _table(records: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def _report(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

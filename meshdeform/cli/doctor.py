@@ -1,0 +1,118 @@
+"""`meshdeform doctor`: what works on this machine, what does not, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshdeform.cli.connection import service_url
+from meshdeform.cli.environment import load_settings
+from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
+from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
+from meshdeform.cli.output import emit, plain
+
+if TYPE_CHECKING:
+    from meshdeform.cli.diagnosis.checks import Check, Finding, Patient
+
+__all__ = ["doctor"]
+
+_COLOURS = {"ok": "green", "skip": None, "warn": "yellow", "fail": "red"}
+
+
+@clean_errors
+def doctor(
+    data_dir: Annotated[
+        Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
+    ] = None,
+    host: Annotated[str, typer.Option(help="Where `serve` shall listen.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Its port.")] = 8765,
+    timeout: Annotated[float, typer.Option(min=0.1, help="Seconds that one server may take to answer.")] = 5.0,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Look at everything that Meshdeform needs.
+
+    Exit code 0 if it works, 4 if something does not; each finding says what to do. Nothing is changed or downloaded.
+
+    meshdeform doctor
+
+    meshdeform doctor --url http://127.0.0.1:8765 --json
+    """
+    from meshdeform.cli.connection import read_key
+    from meshdeform.cli.diagnosis.checks import Patient
+
+    patient = Patient(
+        settings=load_settings(data_dir=data_dir),
+        host=host,
+        port=port,
+        url=service_url(url) if url else None,
+        api_key=read_key(api_key, api_key_file),
+        timeout_s=timeout,
+    )
+    findings = _findings(patient, (lambda _: None) if as_json else _print)
+    count = {status: sum(finding.status == status for finding in findings) for status in _COLOURS}
+    if as_json:
+        members = [
+            {"name": each.name, "status": each.status.value, "detail": each.detail, "advice": each.advice or None}
+            for each in findings
+        ]
+        emit({"healthy": not count["fail"], "counts": count, "checks": members})
+    if count["fail"]:
+        names = ", ".join(finding.name for finding in findings if finding.status == "fail")
+        detail = f"{count['fail']} of {len(findings)} checks failed: {names}."
+        raise OutcomeError(ExitCode.UNAVAILABLE, "unhealthy", detail, "Each failed check says what to do.")
+    if not as_json:
+        typer.echo(f"All is well{', with warnings' if count['warn'] else ''}.")
+
+
+def _findings(patient: Patient, told: Callable[[Finding], None]) -> list[Finding]:
+    from meshdeform.cli.diagnosis import machine
+    from meshdeform.cli.diagnosis.checks import run_checks
+
+    found = []
+    for finding in run_checks(_checks(patient)):
+        found.append(finding)
+        told(finding)
+    # The clock is compared with those that the others have asked.
+    for finding in machine.check_clock(patient):
+        found.append(finding)
+        told(finding)
+    return found
+
+
+def _checks(patient: Patient) -> Sequence[Check]:
+    from meshdeform.cli.diagnosis import machine, models, packages, servers, service
+    from meshdeform.cli.diagnosis.checks import Check
+
+    def check(name: str, ask: Callable[..., Iterable[Finding]], *arguments: object, takes_s: float = 0.0) -> Check:
+        return Check(name, partial(ask, *arguments), takes_s or 3 * patient.timeout_s)
+
+    return [
+        check("python", packages.check_python),
+        check("packages", packages.check_packages),
+        check("settings", packages.check_variables, set(type(patient.settings).model_fields)),
+        check("gpu", machine.check_gpu, patient, takes_s=machine.GPU_TIMEOUT_S),
+        check("builtin prior", models.check_builtin),
+        check("model", models.check_model, patient),
+        check("disk", machine.check_disk, patient),
+        check("data directory", machine.check_data_dir, patient),
+        check("port", machine.check_port, patient),
+        check("redis", servers.check_redis, patient),
+        check("database", servers.check_database, patient),
+        check("object store", servers.check_store, patient),
+        check("workers", servers.check_workers, patient),
+        check("service", service.check_service, patient, takes_s=5 * patient.timeout_s),
+    ]
+
+
+def _print(finding: Finding) -> None:
+    mark = typer.style(f"{finding.status.value:<5}", fg=_COLOURS[finding.status.value])
+    typer.echo(f"{mark} {finding.name:<14} {plain(finding.detail)}")
+    if finding.advice:
+        typer.echo(f"{'':<21}-> {plain(finding.advice)}")

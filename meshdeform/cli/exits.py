@@ -1,0 +1,152 @@
+"""Errors as one clean line and its advice, and the exit code that tells a script what kind it was.
+
+===  =========================================================================================
+0    done
+1    an internal error: a bug, with its traceback
+2    wrong usage: an unknown option, a file that does not exist
+3    bad input: the asset, the prompt, a parameter or an id is not valid
+4    something that is needed is not there: a model, a package, a program, a port, a service
+5    the job failed
+6    the job was canceled, or it expired
+7    the time to wait is over; the job goes on
+8    some rows of a batch failed
+9    not authorised: no API key, or not a valid one
+10   refused for a limit: too many requests or too many jobs; later it works
+130  interrupted with Ctrl-C
+===  =========================================================================================
+
+With ``--json`` the error is one line of JSON on standard error, the last one there: a problem document as the HTTP API
+answers it, with `exit_code` in it.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, ParamSpec
+
+import typer
+
+from meshdeform.cli.output import plain
+from meshdeform.errors import (
+    AssetError,
+    CheckpointError,
+    ConflictError,
+    DependencyError,
+    ForbiddenError,
+    LimitError,
+    MeshdeformError,
+    ModelError,
+    NotFoundError,
+    RangeError,
+    RequestError,
+    RequestTimeoutError,
+    UnauthorizedError,
+    UnavailableError,
+)
+
+__all__ = ["ExitCode", "OutcomeError", "clean_errors", "exit_code", "problem", "report"]
+
+P = ParamSpec("P")
+
+
+class ExitCode(IntEnum):
+    """What the process ends with."""
+
+    DONE = 0
+    INTERNAL = 1
+    USAGE = 2
+    BAD_INPUT = 3
+    UNAVAILABLE = 4
+    JOB_FAILED = 5
+    JOB_ENDED = 6
+    TIMED_OUT = 7
+    SOME_FAILED = 8
+    UNAUTHORIZED = 9
+    LIMITED = 10
+    INTERRUPTED = 130
+
+
+_KINDS: tuple[tuple[tuple[type[MeshdeformError], ...], ExitCode], ...] = (
+    ((AssetError, RequestError, CheckpointError, NotFoundError, ConflictError, RangeError), ExitCode.BAD_INPUT),
+    ((ModelError, DependencyError, UnavailableError, RequestTimeoutError), ExitCode.UNAVAILABLE),
+    ((UnauthorizedError, ForbiddenError), ExitCode.UNAUTHORIZED),
+    ((LimitError,), ExitCode.LIMITED),
+)
+
+
+class OutcomeError(Exception):
+    """A command did what it was asked to and has to say that the outcome is not a good one.
+
+    Parameters
+    ----------
+    code : ExitCode
+    name : str
+        Stable, for programs: the problem document's `code`.
+    detail, advice : str
+        What happened, and what to do about it.
+    **extra
+        Further members of the problem document.
+    """
+
+    def __init__(self, code: ExitCode, name: str, detail: str, advice: str, **extra: Any) -> None:
+        super().__init__(detail)
+        self.exit_code, self.name, self.detail, self.advice, self.extra = code, name, detail, advice, extra
+
+
+def exit_code(error: MeshdeformError) -> ExitCode:
+    """The exit code of an expected error."""
+    return next((code for kinds, code in _KINDS if isinstance(error, kinds)), ExitCode.INTERNAL)
+
+
+def problem(error: MeshdeformError | OutcomeError) -> dict[str, Any]:
+    """The problem document of an error, as the HTTP API writes it, with the exit code."""
+    if isinstance(error, OutcomeError):
+        name, code, status, title = error.name, error.exit_code, None, error.name.replace("_", " ").capitalize()
+        advice = error.advice
+    else:
+        name, code, status, title, advice = error.code, exit_code(error), error.status, error.title, error.advice_text
+    return {
+        **error.extra,
+        "type": f"urn:meshdeform:problem:{name}",
+        "title": title,
+        **({"status": status} if status is not None else {}),
+        "code": name,
+        "detail": error.detail,
+        "advice": advice,
+        "exit_code": int(code),
+    }
+
+
+def report(error: MeshdeformError | OutcomeError, *, as_json: bool) -> None:
+    """Say an error on standard error: for people, or as one line of JSON."""
+    document = problem(error)
+    if as_json:
+        typer.echo(json.dumps(document), err=True)
+        return
+    if document["exit_code"] == ExitCode.INTERRUPTED:
+        typer.echo(plain(document["detail"]), err=True)
+    else:
+        typer.secho(f"Error: {plain(document['detail'])}", err=True, fg="red", bold=True)
+    typer.echo(plain(document["advice"]), err=True)
+
+
+def clean_errors(command: Callable[P, None]) -> Callable[P, None]:
+    """Print an expected error as a line and its advice; everything else is a bug and keeps its traceback."""
+
+    @functools.wraps(command)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
+        as_json = bool(kwargs.get("as_json", False))
+        try:
+            command(*args, **kwargs)
+        except (MeshdeformError, OutcomeError) as error:
+            report(error, as_json=as_json)
+            raise typer.Exit(problem(error)["exit_code"]) from None
+        except KeyboardInterrupt:
+            detail, advice = "Interrupted; nothing was written.", "The same command starts over."
+            report(OutcomeError(ExitCode.INTERRUPTED, "interrupted", detail, advice), as_json=as_json)
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
+
+    return guarded

@@ -1,0 +1,106 @@
+"""`meshdeform fetch`: what a job made, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from meshdeform.cli.connection import connect
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import (
+    ApiKeyFileOption,
+    ApiKeyOption,
+    JobIdArgument,
+    JsonOption,
+    QuietOption,
+    UrlOption,
+)
+from meshdeform.cli.output import emit, note, plain
+from meshdeform.errors import NotFoundError, UnavailableError
+
+if TYPE_CHECKING:
+    from meshdeform.client import Client
+
+__all__ = ["fetch", "fetched", "fetched_lines"]
+
+_NAMES = ("result.glb", "report.json", "preview.png", "morph.glb", "result.usdz")
+
+
+def _complete_names(incomplete: str) -> list[str]:
+    return [name for name in _NAMES if name.startswith(incomplete)]
+
+
+@clean_errors
+def fetch(
+    job_id: JobIdArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The folder; default: one named like the job.", file_okay=False, show_default=False
+        ),
+    ] = None,
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Only this one; repeatable. Default: all.", autocompletion=_complete_names, show_default=False
+        ),
+    ] = None,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Save what a job made.
+
+    Each file is compared with its SHA-256 before it appears; what is there already is not sent again.
+
+    meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --name result.glb
+    """
+    folder = output or Path(job_id)
+    with connect(url, api_key, api_key_file) as client:
+        job = client.get(job_id)
+        if not job.state.terminal:
+            note(f"The job is {job.state}: it may make more.", quiet=quiet)
+        files = fetched(client, job_id, folder, name)
+    if as_json:
+        emit({"job_id": job_id, "files": files})
+    else:
+        typer.echo("\n".join(fetched_lines(files)))
+
+
+def fetched(client: Client, job_id: str, folder: Path, names: list[str] | None = None) -> list[dict[str, Any]]:
+    """Save a job's artifacts into a folder; name, path, size in bytes and SHA-256 of each.
+
+    Raises
+    ------
+    NotFoundError
+        It has none of such a name.
+    UnavailableError
+        The folder cannot be written, or the service is away.
+    """
+    known = {artifact.name: artifact for artifact in client.artifacts(job_id)}
+    if missing := [name for name in names or [] if name not in known]:
+        has = f"It has {', '.join(known)}." if known else "It has none; it may not be over."
+        raise NotFoundError(f"The job {job_id} has no {', '.join(missing)}.", advice=has)
+    if not known:
+        raise NotFoundError(f"The job {job_id} has no artifacts.", advice="Only a job that succeeded has results.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = client.fetch(job_id, folder, names)
+    except OSError as error:
+        raise UnavailableError(
+            f"{folder} cannot be written: {error.strerror or error}.", advice="Choose another place with -o."
+        ) from error
+    return [
+        {"name": path.name, "path": str(path), "size": known[path.name].size, "sha256": known[path.name].sha256}
+        for path in paths
+        if path.name in known
+    ]
+
+
+def fetched_lines(files: list[dict[str, Any]]) -> list[str]:
+    """A line for each file."""
+    return [plain(file["path"]) for file in files]

@@ -1,0 +1,61 @@
+"""`meshdeform jobs`: what a service has, newest first."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from itertools import islice
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshdeform.cli.connection import connect
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption, complete_states
+from meshdeform.cli.output import ago, duration, emit, table
+
+if TYPE_CHECKING:
+    from meshdeform.api.jobs import JobView
+
+__all__ = ["jobs"]
+
+_PAGE = 100
+
+
+@clean_errors
+def jobs(
+    state: Annotated[
+        str | None,
+        typer.Option(
+            help="Only those in this state, e.g. running.", autocompletion=complete_states, show_default=False
+        ),
+    ] = None,
+    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the jobs of a service, newest first.
+
+    meshdeform jobs --state running
+    """
+    if state is not None and state not in (known := complete_states("")):
+        raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
+    with connect(url, api_key, api_key_file) as client:
+        found = list(islice(client.jobs(state=state, limit=min(limit, _PAGE)), limit))
+    if as_json:
+        emit({"jobs": [job.as_json() for job in found]})
+        return
+    titles = ("ID", "STATE", "PROGRESS", "LEFT", "CREATED", "ASSET", "PROMPT")
+    now = datetime.now(UTC)
+    typer.echo(table(titles, [_row(job, now) for job in found]))
+
+
+def _row(job: JobView, now: datetime) -> tuple[str, ...]:
+    progress = job.progress
+    left = "" if progress.eta_s is None or job.state.terminal else duration(progress.eta_s)
+    created = ago((now - job.created_at).total_seconds())
+    # A job that was canceled half way did not do it all, however far the number went.
+    share = f"{progress.fraction:.0%}" if progress.total_steps else ""
+    wanted = job.prompt or (f"like {job.target.filename}" if job.target else "")
+    return job.id, job.state.value, share, left, created, job.asset.filename, wanted

@@ -1,0 +1,211 @@
+"""The job behind `meshdeform run`: the worker's run without record, queue and store. Imports torch."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from meshdeform.assets import Limits
+from meshdeform.cli.progress import ProgressView
+from meshdeform.errors import AssetTooLargeError, UnavailableError
+from meshdeform.priors import load_prior
+from meshdeform.priors.base import Prior
+from meshdeform.requests.document import GuidanceKind, JobRequest, resolve
+from meshdeform.runs import text_deform
+from meshdeform.runs.base import ArtifactData, JobRun
+from meshdeform.runs.devices import resolve_device, use_threads
+from meshdeform.settings import Settings
+from meshdeform.support.atomic_files import write_files
+
+__all__ = ["LocalJob", "Outputs"]
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where everything goes."""
+
+    result: Path
+    report: Path
+    preview: Path
+    morph: Path | None = None
+    usd: Path | None = None
+    checkpoint: Path | None = None
+
+
+class LocalJob:
+    """One deformation in this process.
+
+    Parameters
+    ----------
+    asset : Path
+    request : JobRequest
+    settings : Settings
+        Model, device, threads and limits.
+    outputs : Outputs
+    target : Path, optional
+        The mesh of `params.guidance = target`.
+    resume : Path, optional
+        A checkpoint of the same request to go on from.
+    load : callable
+        Gives the prior; one that keeps what it gave saves the time from job to job.
+    """
+
+    def __init__(
+        self,
+        asset: Path,
+        request: JobRequest,
+        settings: Settings,
+        outputs: Outputs,
+        *,
+        target: Path | None = None,
+        resume: Path | None = None,
+        load: Callable[..., Prior] = load_prior,
+    ) -> None:
+        self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
+        self._target, self._resume, self._load = target, resume, load
+        self._last_losses: dict[str, float] = {}
+
+    def run(self, progress: ProgressView) -> dict[str, Any]:
+        """Run it to its end and write the outputs; all of them or none.
+
+        Returns
+        -------
+        dict
+            Where the outputs lie, how many steps ran, the last losses and the seconds it took.
+
+        Raises
+        ------
+        MeshdeformError
+            What is wrong and what to do about it.
+        KeyboardInterrupt
+            At Ctrl-C, between two steps; the checkpoint is written where one was asked for.
+        """
+        start = time.perf_counter()
+        progress.phase("loading")
+        self._check_places()
+        run = self._start()
+        first = run.step
+        progress.phase("optimizing")
+        self._optimize(run, progress)
+        progress.phase("writing")
+        self._write(run.finish())
+        return {
+            "result": str(self._outputs.result),
+            "report": str(self._outputs.report),
+            "preview": str(self._outputs.preview),
+            "morph": str(self._outputs.morph) if self._outputs.morph else None,
+            "usd": str(self._outputs.usd) if self._outputs.usd else None,
+            "steps": run.step,
+            "resumed_from": first or None,
+            "losses": self._last_losses,
+            "elapsed_s": round(time.perf_counter() - start, 3),
+        }
+
+    def _check_places(self) -> None:
+        """Make the folders and try them: nobody shall learn after the last step that there is no place for it."""
+        outputs = self._outputs
+        with _writing():
+            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):
+                _try_folder(path)
+        if outputs.checkpoint is not None:
+            with _writing("The checkpoint", "--checkpoint"):
+                _try_folder(outputs.checkpoint)
+
+    def _start(self) -> JobRun:
+        limits = Limits.from_settings(self._settings)
+        asset = _read(self._asset, limits)
+        use_threads(self._settings.threads)
+        device = resolve_device(self._settings.device)
+        params = resolve(self._request.params, default_model=self._settings.model)
+        prior = None
+        if params.guidance is GuidanceKind.SDS:
+            revision = self._settings.model_revision if params.model == self._settings.model else ""
+            prior = self._load(params.model, device=device, revision=revision)
+        return text_deform.start(
+            asset=asset,
+            filename=self._asset.name,
+            request=self._request,
+            prior=prior,
+            target=_read(self._target, limits) if self._target else None,
+            target_filename=self._target.name if self._target else "",
+            checkpoint=self._resume.read_bytes() if self._resume else None,
+            default_model=self._settings.model,
+            limits=limits,
+            device=device,
+        )
+
+    def _optimize(self, run: JobRun, progress: ProgressView) -> None:
+        path, every = self._outputs.checkpoint, self._request.params.checkpoint_every_steps
+        with _ctrl_c_between_steps() as interrupted:
+            for report in run:
+                self._last_losses = report.losses
+                progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
+                stop = interrupted()
+                if path is not None and (stop or report.step % every == 0):
+                    with _writing("The checkpoint", "--checkpoint"):
+                        write_files({path: run.checkpoint()})
+                if stop:
+                    raise KeyboardInterrupt
+
+    def _write(self, artifacts: dict[str, ArtifactData]) -> None:
+        places = {
+            "result.glb": self._outputs.result,
+            "report.json": self._outputs.report,
+            "preview.png": self._outputs.preview,
+            "morph.glb": self._outputs.morph,
+            "result.usdz": self._outputs.usd,
+        }
+        files = {path: artifacts[name].data for name, path in places.items() if path is not None}
+        with _writing():
+            write_files(files)
+
+
+@contextmanager
+def _writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UnavailableError(
+            f"{what} cannot be written: {error}.", advice=f"Choose another place with {option}."
+        ) from error
+
+
+def _try_folder(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path.parent):
+        pass
+
+
+def _read(path: Path, limits: Limits) -> bytes:
+    size = path.stat().st_size
+    if size > limits.max_bytes:
+        raise AssetTooLargeError(
+            f"{path.name} has {size} bytes; the limit is {limits.max_bytes}.",
+            advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or send a smaller file.",
+        )
+    return path.read_bytes()
+
+
+@contextmanager
+def _ctrl_c_between_steps() -> Iterator[Any]:
+    """Let the first Ctrl-C wait for the end of the step, so that the state is whole; the second one does not wait."""
+    came = False
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            raise KeyboardInterrupt
+        came = True
+
+    previous = signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: came
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,87 @@
+"""`meshdeform models`: which priors can be asked for, and which words the builtin one knows."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+import typer
+
+from meshdeform.cli.connection import connect
+from meshdeform.cli.environment import load_settings
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption, complete_models
+from meshdeform.cli.output import emit, table
+from meshdeform.errors import ModelError
+
+__all__ = ["models"]
+
+_STATES = {True: "available", False: "missing", None: "unknown"}
+
+
+@clean_errors
+def models(
+    model: Annotated[
+        str | None,
+        typer.Argument(help="Only this one, with its words.", autocompletion=complete_models, show_default=False),
+    ] = None,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the models.
+
+    Those of the service that --url or MESHDEFORM_URL names, else those of this machine.
+
+    meshdeform models
+
+    meshdeform models builtin
+    """
+    if url:
+        with connect(url, api_key, api_key_file) as client:
+            answer: Any = client.models()
+        document = answer if isinstance(answer, dict) else answer.model_dump(mode="json")
+    else:
+        document = _local()
+    found = [entry for entry in document["models"] if model in (None, entry["id"])]
+    if not found:
+        known = ", ".join(entry["id"] for entry in document["models"])
+        raise ModelError(f"There is no model {model!r} here.", advice=f"There are: {known}.")
+    if as_json:
+        emit({**document, "models": found})
+        return
+    if model is not None:
+        typer.echo(_described(found[0]))
+        return
+    rows = [
+        (
+            entry["id"],
+            "default" if entry["id"] == document["default"] else "",
+            _STATES.get(entry["available"], ""),
+            entry.get("title") or "",
+        )
+        for entry in found
+    ]
+    typer.echo(table(("MODEL", "", "STATE", "TITLE"), rows))
+
+
+def _local() -> dict[str, Any]:
+    from meshdeform.priors.catalogue import list_models
+
+    settings = load_settings()
+    found = list_models(settings.model, settings.allowed_models, settings.model_revision)
+    return {"default": settings.model, "models": [asdict(entry) for entry in found]}
+
+
+def _described(entry: dict[str, Any]) -> str:
+    lines = [entry["id"], *filter(None, [entry.get("title"), entry.get("description")])]
+    words = entry.get("vocabulary") or {}
+    if entry.get("problem"):
+        lines.append(entry["problem"])
+    for name in ("nouns", "attributes", "examples"):
+        if words.get(name):
+            lines.append(f"{name}: {', '.join(words[name])}")
+    if not words:
+        lines.append("Takes any words.")
+    return "\n".join(lines)

@@ -1,0 +1,140 @@
+"""Options that several commands share, and what the shell completes for them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+__all__ = [
+    "ApiKeyFileOption",
+    "ApiKeyOption",
+    "JobIdArgument",
+    "JobIdsArgument",
+    "JsonOption",
+    "ModelOption",
+    "QuietOption",
+    "SetOption",
+    "UrlOption",
+    "complete_job_ids",
+    "complete_models",
+    "complete_parameters",
+    "complete_states",
+]
+
+_SERVICE = "Service"
+_COMPLETION_TIMEOUT_S = 1.0
+
+
+def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
+    """The models that these settings know by name."""
+    from meshdeform.cli.environment import load_settings
+    from meshdeform.errors import MeshdeformError
+
+    found = {"builtin": "the demonstration prior that ships with Meshdeform"}
+    with contextlib.suppress(MeshdeformError):
+        settings = load_settings()
+        for name in (settings.model, *settings.allowed_models):
+            found.setdefault(name, "from the settings")
+    yield from ((name, text) for name, text in found.items() if name.startswith(incomplete))
+
+
+def complete_states(incomplete: str) -> list[str]:
+    """The states of a job."""
+    from meshdeform.record.models import JobState
+
+    return [state.value for state in JobState if state.value.startswith(incomplete)]
+
+
+def complete_parameters(incomplete: str) -> Iterator[str]:
+    """Names of parameters up to the `=`; then the values, where there are only so many."""
+    from meshdeform.requests.document import DeformParams
+
+    schemas = DeformParams.model_json_schema()
+    name, equals, value = incomplete.partition("=")
+    if not equals:
+        yield from (f"{known}=" for known in DeformParams.model_fields if known.startswith(name))
+        return
+    schema = schemas["properties"].get(name, {})
+    for kind in (schema, *schema.get("anyOf", ())):
+        choices = schemas.get("$defs", {}).get(kind.get("$ref", "").rpartition("/")[2], {}).get("enum", ())
+        yield from (f"{name}={choice}" for choice in choices if str(choice).startswith(value))
+
+
+def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """The newest jobs of the service, where it answers within a second; a shell must never hang."""
+    from itertools import islice
+
+    from meshdeform.cli.connection import connect
+    from meshdeform.cli.output import plain
+
+    given = ctx.params
+    with contextlib.suppress(Exception):
+        places = (given.get("url"), given.get("api_key"), given.get("api_key_file"))
+        with connect(*places, timeout_s=_COMPLETION_TIMEOUT_S, max_retries=0) as client:
+            jobs = list(islice(client.jobs(limit=50), 50))
+        return [(job.id, plain(f"{job.state} {job.prompt}")) for job in jobs if job.id.startswith(incomplete)]
+    return []
+
+
+def _set_option(**more: Any) -> Any:
+    return typer.Option(
+        "--set",
+        "--param",
+        metavar="NAME=VALUE",
+        help="Any other parameter (docs/parameters.md); repeatable.",
+        autocompletion=complete_parameters,
+        **more,
+    )
+
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing about how it goes.")]
+UrlOption = Annotated[
+    str | None,
+    typer.Option(
+        envvar="MESHDEFORM_URL",
+        metavar="URL",
+        help="The service; default: http://127.0.0.1:8765.",
+        rich_help_panel=_SERVICE,
+        show_default=False,
+    ),
+]
+ApiKeyOption = Annotated[
+    str | None,
+    typer.Option(
+        envvar="MESHDEFORM_API_KEY",
+        # Else it would stand in the help of whoever has set it.
+        show_envvar=True,
+        show_default=False,
+        metavar="KEY",
+        help="API key, where the service wants one. Others on this machine can see it: better the variable or a file.",
+        rich_help_panel=_SERVICE,
+    ),
+]
+ApiKeyFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE, show_default=False
+    ),
+]
+ModelOption = Annotated[
+    str | None,
+    typer.Option(
+        help="`builtin`, or a Stable Diffusion checkpoint by hub id or folder.",
+        rich_help_panel="Method",
+        autocompletion=complete_models,
+        show_default=False,
+    ),
+]
+SetOption = Annotated[list[str] | None, _set_option(rich_help_panel="Method", show_default=False)]
+JobIdArgument = Annotated[
+    str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids, show_default=False)
+]
+JobIdsArgument = Annotated[
+    list[str],
+    typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids, show_default=False),
+]

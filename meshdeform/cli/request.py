@@ -1,0 +1,91 @@
+"""A job's request from what stands on the command line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from meshdeform.errors import ParameterError
+
+if TYPE_CHECKING:
+    from meshdeform.requests.document import JobRequest
+
+__all__ = ["make_request", "make_settings", "merge_params"]
+
+
+def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
+    """Parameters written as NAME=VALUE; values are JSON where they can be, else text.
+
+    Raises
+    ------
+    typer.BadParameter
+        There is no `=`.
+    """
+    parameters: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint=option)
+        try:
+            parameters[name.strip()] = json.loads(value)
+        except ValueError:
+            parameters[name.strip()] = value
+    return parameters
+
+
+def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
+    """Parameters from `--set`, with the options that were given on top."""
+    return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
+
+
+def make_request(
+    prompt: str,
+    params: Mapping[str, Any],
+    *,
+    morph: bool = False,
+    usd: bool = False,
+    more: Mapping[str, Any] | None = None,
+    place: str = "The request",
+) -> JobRequest:
+    """The checked request; parameters that are None count as left out.
+
+    Parameters
+    ----------
+    prompt : str
+    params : mapping
+        As in docs/parameters.md.
+    morph, usd : bool
+        Whether to write the morph, and the result as USDZ, as well.
+    more : mapping, optional
+        Further members of the document, such as `priority`.
+    place : str
+        What the error calls it.
+
+    Raises
+    ------
+    ParameterError
+        Something is unknown or out of range.
+    """
+    from pydantic import ValidationError
+
+    from meshdeform.requests.document import JobRequest
+
+    document = {
+        "prompt": prompt,
+        "params": {name: value for name, value in params.items() if value is not None},
+        "output": {name: True for name, wanted in (("morph", morph), ("usd", usd)) if wanted},
+        **{name: value for name, value in (more or {}).items() if value is not None},
+    }
+    try:
+        return JobRequest.model_validate(document)
+    except ValidationError as error:
+        found = [{"loc": list(e["loc"]), "msg": e["msg"], "type": e["type"]} for e in error.errors()]
+        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in error.errors()]
+        raise ParameterError(
+            f"{place} is not valid: {'; '.join(sentences)}.",
+            advice="docs/parameters.md has every parameter with its bounds.",
+            errors=found,
+        ) from error

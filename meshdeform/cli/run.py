@@ -1,0 +1,134 @@
+"""`meshdeform run`: one deformation here and now, without a server."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, SetOption
+from meshdeform.cli.output import emit
+from meshdeform.cli.request import make_request, merge_params
+from meshdeform.requests.choices import Preset
+
+__all__ = ["run"]
+
+_OUTPUTS, _METHOD, _RESUME = "Outputs", "Method", "Interrupt and go on"
+
+
+def _file(text: str, panel: str, *, exists: bool = False) -> Any:
+    return typer.Option(help=text, rich_help_panel=panel, dir_okay=False, exists=exists, show_default=False)
+
+
+@clean_errors
+def run(
+    asset: Annotated[
+        Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False, readable=True)
+    ],
+    prompt: Annotated[
+        str, typer.Argument(help='What it shall become, e.g. "a mushroom". Not needed with --target.')
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The GLB to write. Default: ASSET-deformed.glb in this folder.", show_default=False
+        ),
+    ] = None,
+    report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).", _OUTPUTS)] = None,
+    preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).", _OUTPUTS)] = None,
+    morph: Annotated[
+        bool,
+        typer.Option(help="Also write a morph.glb that moves from source to result.", rich_help_panel=_OUTPUTS),
+    ] = False,
+    usd: Annotated[
+        bool,
+        typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
+    ] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            help="The parameters to start from; default: balanced.", rich_help_panel=_METHOD, show_default=False
+        ),
+    ] = None,
+    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of every random draw; default: 0.", rich_help_panel=_METHOD)
+    ] = None,
+    model: ModelOption = None,
+    guidance_scale: Annotated[
+        float | None, typer.Option(help="Classifier-free guidance.", rich_help_panel=_METHOD)
+    ] = None,
+    learning_rate: Annotated[float | None, typer.Option(help="Adam's step size.", rich_help_panel=_METHOD)] = None,
+    target: Annotated[Path | None, _file("A mesh to become like, instead of a prompt.", _METHOD, exists=True)] = None,
+    param: SetOption = None,
+    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=0, help="CPU threads; 0: all cores.", rich_help_panel=_METHOD)
+    ] = None,
+    checkpoint: Annotated[
+        Path | None, _file("Keep the state here, every so many steps and at Ctrl-C.", _RESUME)
+    ] = None,
+    resume: Annotated[Path | None, _file("Go on from such a state.", _RESUME, exists=True)] = None,
+) -> None:
+    """Deform ASSET until it looks like PROMPT, here and now.
+
+    meshdeform run examples/sphere.glb "a mushroom" -o mushroom.glb
+
+    meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
+    """
+    require("torch", "deform")
+    settings = load_settings(device=device, threads=threads)
+    output = output or Path(f"{asset.stem}-deformed.glb")
+    if output.suffix.lower() != ".glb":
+        raise typer.BadParameter(f"the result is a GLB; {output.name} does not end in .glb", param_hint="--output")
+    params = merge_params(
+        param or [],
+        preset=preset,
+        guidance="target" if target else None,
+        model=model,
+        steps=steps,
+        seed=seed,
+        guidance_scale=guidance_scale,
+        learning_rate=learning_rate,
+    )
+    request = make_request(prompt, params, morph=morph, usd=usd)
+    if usd:
+        from meshdeform.assets.usd import require_usd
+
+        require_usd()
+    from meshdeform.runs import text_deform_check
+
+    # Before torch is imported, which takes seconds: a word that the prior does not know is told at once.
+    text_deform_check.check(
+        request,
+        default_model=settings.model,
+        allowed_models=[request.params.model] if request.params.model else [],
+        revision=settings.model_revision,
+        has_target=target is not None,
+    )
+    from meshdeform.cli.local_job import LocalJob, Outputs
+    from meshdeform.cli.progress import show_progress
+
+    outputs = Outputs(
+        result=output,
+        report=report or output.with_suffix(".report.json"),
+        preview=preview or output.with_suffix(".png"),
+        morph=output.with_suffix(".morph.glb") if morph else None,
+        usd=output.with_suffix(".usdz") if usd else None,
+        checkpoint=checkpoint,
+    )
+    job = LocalJob(asset, request, settings, outputs, target=target, resume=resume)
+    with show_progress(quiet=quiet) as progress:
+        summary = job.run(progress)
+    if as_json:
+        emit(summary)
+        return
+    names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
+    for name, title in names.items():
+        if summary[name] is not None:
+            typer.echo(f"{title:<10} {summary[name]}")

@@ -1,0 +1,204 @@
+"""`meshdeform serve`, and its parts apart: `meshdeform api`, `meshdeform worker`."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shlex
+import signal
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import JsonOption
+from meshdeform.cli.output import emit
+from meshdeform.errors import ParameterError
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["api", "serve", "worker"]
+
+# The same as in meshdeform.serving.stack, which a command imports when it runs.
+_HOST, _PORT = "127.0.0.1", 8765
+_API_GRACE_S = 10
+_KEEP_ALIVE_S = 75
+_ACCESS_LOG = "service.access"  # service.http.middleware, which the library does not import
+
+_HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
+_PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
+_NoAuthOption = Annotated[
+    bool, typer.Option("--no-auth", help="Need no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
+]
+
+
+@clean_errors
+def serve(
+    host: _HostOption = _HOST,
+    port: _PortOption = _PORT,
+    data_dir: Annotated[
+        Path | None,
+        typer.Option(help="Folder for everything that is kept (MESHDEFORM_DATA_DIR; default: meshdeform-data)."),
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="Diffusion prior where a job names none.")] = None,
+    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,
+    threads: Annotated[int | None, typer.Option(min=0, help="CPU threads of the worker; 0: all cores.")] = None,
+    no_auth: _NoAuthOption = False,
+    open_page: Annotated[
+        bool, typer.Option("--open", help="Open the web page in the browser when it is ready.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Run the whole service: API, worker and queue.
+
+    Ctrl-C stops all of it; the next start goes on where it stopped.
+
+    meshdeform serve --data-dir meshdeform-data --port 8765
+    """
+    from meshdeform.serving.stack import Stack
+
+    settings = load_settings(
+        data_dir=data_dir, model=model, device=device, threads=threads, auth="off" if no_auth else None
+    )
+    require("fastapi", "service")
+    require("torch", "worker")
+    require("rq", "worker")
+
+    def announce(url: str) -> None:
+        page = f"{url}/" if settings.web == "on" else f"{url}/docs"
+        if as_json:
+            emit({"event": "ready", "url": url, "page": page, "docs": f"{url}/docs", "pid": os.getpid()})
+        else:
+            typer.echo(f"Meshdeform is ready: {page} (API: {url}/docs, stop: Ctrl-C)")
+        if open_page:
+            _open_in_browser(page)
+
+    stack = Stack(
+        _guarded(settings, host, data_dir),
+        host=host,
+        port=port,
+        announce=announce,
+        log=lambda line: typer.echo(line, err=True),
+    )
+    stack.run()
+
+
+@clean_errors
+def api(
+    host: _HostOption = _HOST,
+    port: _PortOption = _PORT,
+    access_log: Annotated[
+        bool | None, typer.Option(help="Log every request; the default where MESHDEFORM_LOG_FORMAT is json.")
+    ] = None,
+    no_auth: _NoAuthOption = False,
+    as_json: JsonOption = False,
+    fd: Annotated[int | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Run the HTTP API alone; MESHDEFORM_REDIS_URL says where the queue is."""
+    require("fastapi", "service")
+    import uvicorn
+
+    from meshdeform.serving.stack import listen
+    from meshdeform.support.logs import configure_logging
+
+    _require_redis()
+    settings = load_settings(auth="off" if no_auth else None)
+    if fd is None:
+        settings = _guarded(settings, host, None)
+        listening = listen(host, port)
+    else:
+        listening = socket.socket(fileno=fd)
+    # The application reads its settings from the environment.
+    os.environ["MESHDEFORM_AUTH"] = settings.auth
+    configure_logging(settings)
+    if as_json:
+        address, taken = listening.getsockname()[:2]
+        emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
+    if not (settings.log_format == "json" if access_log is None else access_log):
+        logging.getLogger(_ACCESS_LOG).setLevel(logging.WARNING)
+    config = uvicorn.Config(
+        "service.app:create_app",
+        factory=True,
+        log_config=None,
+        # uvicorn's own has query strings in it, which may hold signatures.
+        access_log=False,
+        server_header=False,
+        # Longer than clients and proxies keep idle connections: they close them, and no request meets a closed one.
+        timeout_keep_alive=_KEEP_ALIVE_S,
+        timeout_graceful_shutdown=_API_GRACE_S,
+    )
+    # uvicorn raises the signal that stopped it once more when it is done; a clean stop shall be exit code 0.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    uvicorn.Server(config).run(sockets=[listening])
+
+
+@clean_errors
+def worker(as_json: JsonOption = False) -> None:
+    """Run a worker alone, one for each GPU; MESHDEFORM_REDIS_URL says where the queue is."""
+    from meshdeform.serving.processes import python_command
+
+    _require_redis()
+    require("torch", "worker")
+    require("rq", "worker")
+    command = python_command("worker")
+    if as_json:
+        emit({"event": "starting", "queue": load_settings().queue, "pid": os.getpid()})
+    os.execv(command[0], command)  # noqa: S606 - signals must reach the supervisor itself
+
+
+def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
+    """The settings, with `auth` decided by the address that the API shall listen on.
+
+    Raises
+    ------
+    ParameterError
+        Requests need a key, and there is none.
+    """
+    from meshdeform.serving.access import needs_keys
+
+    if not needs_keys(settings.auth, host):
+        return settings
+    require("sqlalchemy", "service")
+    from meshdeform.record.database import Database
+    from meshdeform.record.keys import KeyRing
+
+    database = Database(settings.resolved_database_url)
+    try:
+        found = KeyRing(database).any_active()
+    finally:
+        database.close()
+    if not found:
+        place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
+        reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"
+        raise ParameterError(
+            f"{reason}, so requests need an API key, and there is none.",
+            advice=f"Make one: meshdeform keys create --owner me{place}. "
+            "Where something in front of the service decides who may ask: --no-auth, or MESHDEFORM_AUTH=off.",
+        )
+    # On for every connection, also for those that come in over loopback.
+    return settings.model_copy(update={"auth": "on"})
+
+
+def _open_in_browser(url: str) -> None:
+    """Open a page without waiting: some browsers return only when they are closed, and `serve` has parts to tend."""
+    import threading
+    import webbrowser
+
+    def show() -> None:
+        if not webbrowser.open(url):
+            typer.echo(f"No browser could be opened here. The page is at {url}", err=True)
+
+    threading.Thread(target=show, daemon=True).start()
+
+
+def _require_redis() -> None:
+    if not load_settings().redis_url:
+        raise ParameterError(
+            "MESHDEFORM_REDIS_URL is not set.",
+            advice="Set it to the Redis of the queue, or run everything at once with `meshdeform serve`.",
+        )

@@ -1,0 +1,161 @@
+"""`meshdeform submit`: a job for a service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from meshdeform.cli.connection import again, connect
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.fetch import fetched, fetched_lines
+from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
+from meshdeform.cli.options import (
+    ApiKeyFileOption,
+    ApiKeyOption,
+    JsonOption,
+    ModelOption,
+    QuietOption,
+    SetOption,
+    UrlOption,
+)
+from meshdeform.cli.output import emit, note
+from meshdeform.cli.progress import show_progress
+from meshdeform.cli.request import make_request, merge_params
+from meshdeform.requests.choices import Preset
+
+__all__ = ["submit"]
+
+_METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
+
+
+@clean_errors
+def submit(
+    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False)],
+    prompt: Annotated[
+        str, typer.Argument(help='What it shall become, e.g. "a mushroom". Not needed with --target.')
+    ] = "",
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            help="The parameters to start from; default: balanced.", rich_help_panel=_METHOD, show_default=False
+        ),
+    ] = None,
+    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of every random draw; default: 0.", rich_help_panel=_METHOD)
+    ] = None,
+    model: ModelOption = None,
+    guidance_scale: Annotated[
+        float | None, typer.Option(help="Classifier-free guidance.", rich_help_panel=_METHOD)
+    ] = None,
+    learning_rate: Annotated[float | None, typer.Option(help="Adam's step size.", rich_help_panel=_METHOD)] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            help="A mesh to become like, instead of a prompt.",
+            exists=True,
+            dir_okay=False,
+            rich_help_panel=_METHOD,
+            show_default=False,
+        ),
+    ] = None,
+    settings: SetOption = None,
+    morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
+    usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TEXT", help="A label of your own; repeatable.", rich_help_panel=_JOB),
+    ] = None,
+    priority: Annotated[
+        int | None, typer.Option(help="Of all queued jobs the greatest goes first.", rich_help_panel=_JOB)
+    ] = None,
+    deadline_s: Annotated[
+        float | None, typer.Option(help="Seconds after which it expires.", rich_help_panel=_JOB)
+    ] = None,
+    idempotency_key: Annotated[
+        str | None,
+        typer.Option(help="The same key again within a day: the same job.", rich_help_panel=_JOB, show_default=False),
+    ] = None,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until it is over.", rich_help_panel=_WAIT)] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Wait, then put everything it made into this folder.",
+            file_okay=False,
+            rich_help_panel=_WAIT,
+            show_default=False,
+        ),
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(min=0.0, help="Wait at most so many seconds.", rich_help_panel=_WAIT)
+    ] = None,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Hand a job to a service and print its id.
+
+    meshdeform submit examples/sphere.glb "a mushroom" --preset preview
+
+    meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
+    """
+    params = merge_params(
+        settings or [],
+        preset=preset,
+        guidance="target" if target else None,
+        model=model,
+        steps=steps,
+        seed=seed,
+        guidance_scale=guidance_scale,
+        learning_rate=learning_rate,
+    )
+    more = {"metadata": _labels(label or []), "priority": priority, "deadline_s": deadline_s}
+    # What is out of range is told here, before the asset travels.
+    request = make_request(prompt, params, morph=morph, usd=usd, more=more)
+    with connect(url, api_key, api_key_file) as client:
+        job = client.submit(
+            asset,
+            request.prompt,
+            params=request.params,
+            output=request.output,
+            metadata=request.metadata,
+            target=target,
+            priority=request.priority,
+            deadline_s=request.deadline_s,
+            idempotency_key=idempotency_key,
+        )
+        if not (wait or output):
+            if as_json:
+                emit(job.as_json())
+            else:
+                typer.echo(job.id)
+                note(f"Follow it: {again(f'watch {job.id}', url)}", quiet=quiet)
+            return
+        note(f"{job.id}  (Ctrl-C leaves it running)", quiet=quiet)
+        with show_progress(quiet=quiet) as view:
+            ended = follow(client, job.id, lambda event: show_event(event, view), deadline=Deadline(timeout), url=url)
+        if failure := outcome_failure(ended):
+            if as_json:
+                emit(ended.as_json())
+            raise failure
+        files = fetched(client, job.id, output) if output else []
+    if as_json:
+        emit({**ended.as_json(), **({"files": files} if output else {})})
+    else:
+        typer.echo("\n".join([job.id, *fetched_lines(files)]))
+
+
+def _labels(pairs: list[str]) -> dict[str, Any]:
+    labels = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
+        labels[name.strip()] = text
+    return labels

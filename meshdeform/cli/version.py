@@ -1,0 +1,21 @@
+"""`meshdeform version`."""
+
+from __future__ import annotations
+
+import platform
+
+import typer
+
+import meshdeform
+from meshdeform.cli.options import JsonOption
+from meshdeform.cli.output import emit
+
+__all__ = ["version"]
+
+
+def version(as_json: JsonOption = False) -> None:
+    """Print the version."""
+    if as_json:
+        emit({"meshdeform": meshdeform.__version__, "python": platform.python_version()})
+        return
+    typer.echo(meshdeform.__version__)

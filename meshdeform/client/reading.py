@@ -1,0 +1,180 @@
+"""Look at what the service has: jobs, their results and checkpoints, limits, models. And wait, cancel, delete."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from meshdeform.client.commands import Answer, Call, Emit, Operation, Pause, Tell
+from meshdeform.client.documents import (
+    ArtifactList,
+    ArtifactView,
+    CheckpointList,
+    CheckpointView,
+    EventView,
+    JobList,
+    JobView,
+    Limits,
+    ModelList,
+    SignedUrl,
+    read,
+)
+from meshdeform.client.events import followed
+from meshdeform.client.paths import JobLike, identity, job_path
+from meshdeform.client.problems import WaitTimeoutError, job_failure
+from meshdeform.client.retries import Patience, Policy, answered, pace
+from meshdeform.errors import ConflictError
+from meshdeform.record.models import JobState
+
+__all__ = [
+    "artifacts",
+    "canceled",
+    "checkpoints",
+    "deleted",
+    "got",
+    "identity",
+    "limits",
+    "listed",
+    "models",
+    "signed_url",
+    "succeeded",
+    "waited",
+]
+
+_HELD_S = 30
+_LEAST_PACE_S, _MOST_PACE_S = 0.05, 30.0
+
+
+def got(job: JobLike, policy: Policy) -> Operation[JobView]:
+    """A job as it is now."""
+    answer = yield from answered(Call("GET", job_path(job)), policy)
+    return read(JobView, answer.json(), answer.url)
+
+
+def listed(state: str | None, metadata: dict[str, str], limit: int, policy: Policy) -> Operation[None]:
+    """Emit jobs, newest first, a page at a time."""
+    query: dict[str, str | int] = {"limit": limit} | {f"metadata[{name}]": text for name, text in metadata.items()}
+    if state is not None:
+        query["state"] = str(state)
+    while True:
+        answer = yield from answered(Call("GET", "/v1/jobs", query=query), policy)
+        page = read(JobList, answer.json(), answer.url)
+        for job in page.jobs:
+            yield Emit(job)
+        if page.next_cursor is None:
+            return
+        query["cursor"] = page.next_cursor
+
+
+def canceled(job: JobLike, policy: Policy) -> Operation[JobView]:
+    """Ask for a job to be canceled."""
+    answer = yield from answered(Call("POST", job_path(job, "cancel")), policy)
+    return read(JobView, answer.json(), answer.url)
+
+
+def deleted(job: JobLike, policy: Policy) -> Operation[None]:
+    """Delete a job that is over."""
+    yield from answered(Call("DELETE", job_path(job)), policy)
+
+
+def artifacts(job: JobLike, policy: Policy) -> Operation[list[ArtifactView]]:
+    """A job's results."""
+    answer = yield from answered(Call("GET", job_path(job, "artifacts")), policy)
+    return read(ArtifactList, answer.json(), answer.url).artifacts
+
+
+def checkpoints(job: JobLike, policy: Policy) -> Operation[list[CheckpointView]]:
+    """Where a job can go on from."""
+    answer = yield from answered(Call("GET", job_path(job, "checkpoints")), policy)
+    return read(CheckpointList, answer.json(), answer.url).checkpoints
+
+
+def signed_url(job: JobLike, name: str, policy: Policy) -> Operation[SignedUrl]:
+    """A URL of an artifact that needs no key."""
+    answer = yield from answered(Call("POST", job_path(job, "artifacts", name, "url")), policy)
+    return read(SignedUrl, answer.json(), answer.url)
+
+
+def limits(policy: Policy) -> Operation[Limits]:
+    """Everything that a caller controls, with its limit."""
+    answer = yield from answered(Call("GET", "/v1/limits"), policy)
+    return read(Limits, answer.json(), answer.url)
+
+
+def models(policy: Policy) -> Operation[ModelList]:
+    """The models that jobs may name."""
+    answer = yield from answered(Call("GET", "/v1/models"), policy)
+    return read(ModelList, answer.json(), answer.url)
+
+
+def waited(
+    job: JobLike,
+    policy: Policy,
+    *,
+    timeout_s: float | None = None,
+    on_change: Callable[[JobView], Any] | None = None,
+    on_event: Callable[[EventView], Any] | None = None,
+    check: bool = True,
+) -> Operation[JobView]:
+    """Wait until a job is over; see `Client.wait`."""
+    deadline = None if timeout_s is None else time.monotonic() + timeout_s
+    job_id = identity(job)
+    if on_event is not None:
+        told = on_event
+        yield from followed(job_id, 0, policy, lambda event: Tell(told, event), deadline=deadline)
+        if on_change is None:
+            found = yield from got(job_id, policy)
+            return succeeded(found) if check else found
+    found = yield from _polled(job_id, policy, deadline, on_change)
+    return succeeded(found) if check else found
+
+
+def succeeded(job: JobView) -> JobView:
+    """Return a job that succeeded.
+
+    Raises
+    ------
+    MeshdeformError
+        What it failed with; `ConflictError` where it ended otherwise.
+    """
+    if job.state is JobState.SUCCEEDED:
+        return job
+    if job.error is not None:
+        raise job_failure(job.error.code, job.error.status, job.error.detail, job.error.advice, job.id)
+    raise ConflictError(f"The job {job.id} is {job.state}.", advice="Post it again, or retry it.", job_id=job.id)
+
+
+def _polled(
+    job_id: str, policy: Policy, deadline: float | None, on_change: Callable[[JobView], Any] | None
+) -> Operation[JobView]:
+    """Ask again and again; an unchanged job costs a 304. Without `on_change` the answer is held back."""
+    tag, retries = "", None if policy.max_retries else 0
+    while True:
+        left = math.inf if deadline is None else deadline - time.monotonic()
+        held_s = 0 if on_change is not None else int(min(_HELD_S, max(left, 0.0)))
+        headers = {"If-None-Match": tag} if tag else {}
+        if held_s:
+            headers["Prefer"] = f"wait={held_s}"
+        call = Call("GET", job_path(job_id), headers=headers, read_timeout_s=policy.timeout_s + held_s)
+        asked = time.monotonic()
+        patience = Patience(policy, retries=retries, seconds=min(policy.reconnect_s, max(left, 0.0)))
+        answer: Answer = yield from answered(call, policy, patience)
+        if answer.status != 304:
+            job = read(JobView, answer.json(), answer.url)
+            tag = answer.headers.get("etag", "")
+            if on_change is not None:
+                yield Tell(on_change, job)
+            if job.state.terminal:
+                return job
+        pause = pace(answer, 1.0, _LEAST_PACE_S, _MOST_PACE_S)
+        if held_s and time.monotonic() - asked >= 0.5 * held_s:
+            pause = 0.0  # it was held back: the pause is over
+        if deadline is not None:
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise WaitTimeoutError(f"The job {job_id} is not over in time.", job_id=job_id)
+            pause = min(pause, left)
+        if pause:
+            yield Pause(pause)

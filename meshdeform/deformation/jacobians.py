@@ -1,0 +1,73 @@
+"""Per-face Jacobians of the piecewise-linear map rest -> deformed.
+
+A map of a surface says how edges go, not what happens along the normal. The map's own Jacobian sends the rest normal to
+zero; the optimisation's variables are full 3x3 matrices of which the Poisson solve reads the tangential part; and what
+carries normals back into the asset is completed to full rank.
+
+Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
+"""
+
+from __future__ import annotations
+
+import torch
+from scipy import sparse
+from torch import Tensor
+
+from meshdeform.errors import ShapeError
+from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals
+from meshdeform.geometry.operators import effective_face_areas, gradient_operator, sparse_product
+
+__all__ = ["completed_jacobians", "identity_jacobians", "jacobians_from_verts"]
+
+
+def identity_jacobians(n_faces: int) -> Tensor:
+    """The Jacobians of the map that moves nothing, (F, 3, 3) float64."""
+    return torch.eye(3, dtype=torch.float64).repeat(n_faces, 1, 1)
+
+
+def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
+    """Per-face Jacobians of the piecewise-linear map rest -> verts.
+
+    Parameters
+    ----------
+    gradient_operator : sparse (3F, V) float64
+        Gradient of the *rest* mesh, 1 / object unit.
+    verts : (V, 3) float64
+        Deformed positions, object units. May require gradients.
+
+    Returns
+    -------
+    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. The map says nothing
+    along the rest normal, where ``J @ n = 0``; `completed_jacobians` fills that direction. Of a collapsed face, only
+    the longest edge is mapped.
+
+    Raises
+    ------
+    ShapeError
+        `verts` has not as many rows as the operator has columns.
+    """
+    if verts.shape != (gradient_operator.shape[1], 3):
+        raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
+    return sparse_product(gradient_operator, verts).view(-1, 3, 3).mT.contiguous()
+
+
+def completed_jacobians(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> Tensor:
+    """Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
+
+    ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
+    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. The identity where a face is
+    collapsed at rest; without a normal part where it has no area any more.
+
+    Parameters
+    ----------
+    rest_verts, verts : (V, 3) float64
+    faces : (F, 3) int64
+    """
+    rest = TriangleMesh(rest_verts, faces)
+    tangential = jacobians_from_verts(gradient_operator(rest), verts)
+    area_old = torch.from_numpy(effective_face_areas(rest))
+    solid = area_old > 0
+    stretch = (face_areas(verts, faces) / torch.where(solid, area_old, 1.0)).sqrt()
+    n_old, n_new = face_normals(rest_verts, faces), face_normals(verts, faces)
+    normal_part = (stretch[:, None] * n_new)[:, :, None] * n_old[:, None, :]
+    return torch.where(solid[:, None, None], tangential + normal_part, torch.eye(3, dtype=torch.float64))

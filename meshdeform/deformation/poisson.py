@@ -1,0 +1,191 @@
+"""The Poisson solve: from per-face Jacobians to vertices, factored once, differentiable, one gauge a component.
+
+    min_v  sum_f |f| ||grad_f(v) - J_f||^2     <=>     L v = G^T M J,   L = G^T M G
+
+L's kernel are the constants on each connected component: one vertex of each is grounded for the factorisation and the
+component is then moved so that its centre of mass is the rest mesh's. The matrix is symmetric, so the backward pass
+reuses the same factor. Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
+
+Collapsed faces (`operators.COLLAPSED_SHAPE`) have no weight, for their cotangents would drown the rest in float64. So
+that they still hold together what they connect, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
+w = 1e-6 longest edge / |e|: without unit, like cotangents. Springs agree with every true deformation, and a vertex
+that lies within a collapsed face's long edge follows that edge linearly. Where the factorisation fails even so, the
+shape below which a face counts as collapsed is raised thirtyfold, twice.
+
+The factor is QDLDL's (Apache-2.0), the triangular solves are our own for all three coordinates at once;
+`bench/poisson.py` compares them with SuperLU.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from torch import Tensor
+from torch.autograd.function import FunctionCtx, once_differentiable
+
+from meshdeform.deformation.ldl import Factor, factorise, multiply
+from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.mesh import TriangleMesh, connected_components
+from meshdeform.geometry.operators import COLLAPSED_SHAPE, effective_face_areas, gradient_operator, vertex_areas
+
+__all__ = ["PoissonSystem"]
+
+_SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
+_SPRING = 1e-6
+_SHORTEST = 1e-3
+"""An edge of a collapsed face counts as no shorter than this share of its longest one."""
+
+_Floats = NDArray[np.float64]
+
+
+class PoissonSystem:
+    """The factored system of one rest mesh.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Any input: open, non-manifold, of several components, with unused vertices (they keep their place) and faces
+        without area (they have no weight).
+
+    Attributes
+    ----------
+    components : (V,) int64
+        Component of each vertex, as faces connect them.
+    num_components : int
+        Unused vertices are components of their own.
+    vertex_areas : (V,) float64
+        Weights of the centre of mass.
+    collapsed : (F,) bool
+        Faces without weight.
+
+    Raises
+    ------
+    NumericalError
+        The matrix could not be factored.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+        self.components = connected_components(mesh.faces, mesh.verts.shape[0])
+        self.num_components = int(self.components.max()) + 1 if self.components.numel() else 0
+        self._labels = self.components.numpy()
+        areas = vertex_areas(mesh)
+        self.vertex_areas = torch.from_numpy(areas)
+        # A component without area weighs its vertices alike.
+        share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
+        self._shares = (share / self._sums(share)[self._labels])[:, None]
+        # Solved around the origin and at unit size, whatever the object's own unit.
+        rest = mesh.verts.numpy()
+        self._scale = float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
+        self._scale = self._scale if self._scale > 0 else 1.0
+        self._rest_centres = self._sums(self._shares * rest)
+        unit = TriangleMesh(
+            (mesh.verts - torch.from_numpy(self._rest_centres)[self.components]) / self._scale, mesh.faces
+        )
+        self._factor, self._divergence, self.collapsed = _prepare(unit, _ungrounded(self._labels))
+        self._divergence_t = self._divergence.T.tocsr()
+
+    def solve(self, jacobians: Tensor) -> Tensor:
+        """Vertices whose gradients fit the Jacobians best, each component's centre of mass where it was at rest.
+
+        Parameters
+        ----------
+        jacobians : (F, 3, 3) float64
+            ``edge_new = J @ edge_old``.
+
+        Returns
+        -------
+        (V, 3) float64, object units. Differentiable once in `jacobians`. The same input gives the same bits.
+
+        Raises
+        ------
+        ShapeError
+            One Jacobian a face is needed.
+        NumericalError
+            A Jacobian is not finite.
+        """
+        if jacobians.shape != (self.mesh.faces.shape[0], 3, 3) or jacobians.dtype != torch.float64:
+            raise ShapeError(
+                f"expected jacobians ({self.mesh.faces.shape[0]}, 3, 3) float64, "
+                f"got {tuple(jacobians.shape)} {jacobians.dtype}"
+            )
+        result: Tensor = _Solve.apply(self, jacobians)  # type: ignore[no-untyped-call]
+        return result
+
+    def _forward(self, jacobians: _Floats) -> _Floats:
+        field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
+        verts: _Floats = self._scale * self._factor.solve(multiply(self._divergence, field))
+        if not np.isfinite(verts).all():
+            raise NumericalError("The Jacobians are not finite, or too large to solve for.")
+        verts += (self._rest_centres - self._sums(self._shares * verts))[self._labels]
+        return verts
+
+    def _backward(self, gradient: _Floats) -> _Floats:
+        pulled = gradient - self._shares * self._sums(gradient)[self._labels]
+        field = multiply(self._divergence_t, self._factor.solve(self._scale * pulled))
+        return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
+
+    def _sums(self, values: _Floats) -> _Floats:
+        """Sum over each component, (C,) of (V,) or (C, 3) of (V, 3), always in the order of the vertices."""
+        if values.ndim == 1:
+            return np.bincount(self._labels, values, self.num_components).astype(np.float64)
+        return np.stack([np.bincount(self._labels, column, self.num_components) for column in values.T], 1)
+
+
+class _Solve(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: FunctionCtx, system: PoissonSystem, jacobians: Tensor) -> Tensor:
+        ctx.system = system  # type: ignore[attr-defined]
+        return torch.from_numpy(system._forward(jacobians.detach().numpy()))
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor]:
+        system: PoissonSystem = ctx.system  # type: ignore[attr-defined]
+        return None, torch.from_numpy(system._backward(gradient.numpy()))
+
+
+def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All vertices but the first of each component."""
+    _, first = np.unique(labels, return_index=True)
+    free = np.ones(len(labels), bool)
+    free[first] = False
+    return np.flatnonzero(free)
+
+
+def _prepare(mesh: TriangleMesh, free: NDArray[np.int64]) -> tuple[Factor, sparse.csr_matrix, Tensor]:
+    """Factor, right-hand side's operator (V, 3F), and which faces (F,) it takes for collapsed."""
+    for shape in _SHAPES:
+        gradient = gradient_operator(mesh, collapsed_shape=shape)
+        areas = effective_face_areas(mesh, collapsed_shape=shape)
+        weighted = gradient.T @ sparse.diags(np.repeat(areas, 3))
+        springs, stretch, weights = _springs(mesh, np.flatnonzero(areas == 0))
+        pull = springs.T @ sparse.diags(weights)
+        factor = factorise((weighted @ gradient + pull @ springs).tocsr(), free)
+        if factor is not None:
+            return factor, (weighted + pull @ stretch).tocsr(), torch.from_numpy(areas == 0)
+    raise NumericalError(
+        "The mesh's Laplacian could not be factored.",
+        advice="Remove needle-thin triangles (for example: merge vertices by distance), then try again.",
+    )
+
+
+def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_matrix, sparse.csr_matrix, _Floats]:
+    """Edges of the collapsed faces: differences (S, V), what a Jacobian makes of them (S, 3F), and weights (S,)."""
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    tail, head = faces[thin].ravel(), faces[thin][:, [1, 2, 0]].ravel()
+    edges = verts[head] - verts[tail]
+    lengths = np.linalg.norm(edges, axis=1).reshape(-1, 3)
+    longest = lengths.max(1, keepdims=True, initial=0.0)
+    longest[longest == 0] = 1.0
+    weights = (_SPRING * longest / np.maximum(lengths, _SHORTEST * longest)).ravel()
+    count = len(tail)
+    row = np.arange(count)
+    ends = np.concatenate([tail, head])
+    signs = np.repeat([-1.0, 1.0], count)
+    differences = sparse.csr_matrix((signs, (np.tile(row, 2), ends)), shape=(count, len(verts)))
+    columns = (3 * np.repeat(thin, 3)[:, None] + np.arange(3)).ravel()
+    stretch = sparse.csr_matrix((edges.ravel(), (np.repeat(row, 3), columns)), shape=(count, 3 * len(faces)))
+    return differences, stretch, weights

@@ -1,0 +1,208 @@
+"""Train the judge: ``python -m meshdeform.evaluation.judge.training.train --cache views.safetensors --threads 1``.
+
+The loss of a batch of M meshes with four views each is the mean of three cross entropies: of the mesh's prompt among
+candidates from a single view, of the same from the mean over the views, and of the noun from a single view.
+Candidates are the prompts of the batch and others about the same nouns; each stands once, with the logarithm of how
+often it was drawn added to its score, so that the score itself becomes log p(view | prompt) and not the posterior of
+prompts that are drawn more often. Shapes that are nothing are to find all prompts as likely as they are drawn.
+
+Sources: van den Oord et al. 2018 (InfoNCE), Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier
+exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on held-out examples).
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from meshdeform.evaluation.judge.network import JudgeNetwork, Prompts
+from meshdeform.evaluation.judge.training.augment import augmented
+from meshdeform.evaluation.judge.training.members import CALIBRATION, TRAINING, ViewSet
+from meshdeform.evaluation.judge.weights_file import WEIGHTS, write_judge
+from meshdeform.priors.builtin.grammar import NOUNS
+
+__all__ = ["TrainConfig", "Trainer", "calibrate"]
+
+_log = logging.getLogger(__name__)
+
+_OTHERS = 6
+"""Further candidates a mesh: prompts of other meshes of the same noun."""
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """What the shipped weights were trained with."""
+
+    steps: int = 1100
+    batch: int = 48
+    learning_rate: float = 2.5e-3
+    weight_decay: float = 2e-2
+    ema_decay: float = 0.995
+    seed: int = 0
+
+
+class Trainer:
+    """One training run on the CPU: the network, its optimiser, its running average, its place in the data."""
+
+    def __init__(self, data: ViewSet, config: TrainConfig) -> None:
+        torch.manual_seed(config.seed)
+        self.data, self.config = data, config
+        self.generator = torch.Generator().manual_seed(config.seed)
+        self.network = JudgeNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        decayed = [p for p in self.network.parameters() if p.ndim > 1]
+        plain = [p for p in self.network.parameters() if p.ndim <= 1]
+        groups = [{"params": decayed, "weight_decay": config.weight_decay}, {"params": plain, "weight_decay": 0.0}]
+        self.optimiser = torch.optim.AdamW(groups, lr=config.learning_rate)
+        self.schedule = torch.optim.lr_scheduler.OneCycleLR(
+            self.optimiser, config.learning_rate, total_steps=config.steps, pct_start=0.15
+        )
+        self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        labels, self.prompt = torch.unique(
+            torch.cat([data.noun[:, None], data.attributes.long()], 1), dim=0, return_inverse=True
+        )
+        self.prompts = Prompts(labels[:, 0], labels[:, 1:].float())
+        self.rows_of = [(data.noun == noun).nonzero()[:, 0] for noun in range(len(NOUNS))]
+        self.order = torch.empty(0, dtype=torch.int64)
+        self.done = 0
+
+    def _next_rows(self) -> Tensor:
+        if len(self.order) < self.config.batch:
+            self.order = torch.randperm(len(self.data), generator=self.generator)
+        rows, self.order = self.order[: self.config.batch], self.order[self.config.batch :]
+        return rows
+
+    def _candidates(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Numbers of the batch's prompts and of others about its nouns, and how often each was drawn."""
+        shown = rows[self.data.noun[rows] >= 0]
+        drawn = [self.prompt[shown]]
+        for noun in self.data.noun[shown].tolist():
+            pool = self.rows_of[noun]
+            drawn.append(self.prompt[pool[torch.randint(len(pool), (_OTHERS,), generator=self.generator)]])
+        number, count = torch.unique(torch.cat(drawn), return_counts=True)
+        return number, count
+
+    def step(self) -> Tensor:
+        """One optimiser step; returns the three losses."""
+        self.network.train()
+        rows = self._next_rows()
+        number, count = self._candidates(rows)
+        views = self.data.images.shape[1]
+        images = augmented(self.data.images[rows].flatten(0, 1)[:, None].float() / 255.0, self.generator)
+        with torch.autocast("cpu", torch.bfloat16):
+            noun_logits, features = self.network.look(images.contiguous(memory_format=torch.channels_last))
+        candidates = Prompts(self.prompts.noun[number], self.prompts.attributes[number])
+        scores = self.network.scores(noun_logits, features, candidates)
+        pooled = scores.view(-1, views, len(number)).mean(1) * 2.0
+        shown = self.data.noun[rows] >= 0
+        # Where the prompt stands among the candidates; a row that is nothing is to have them as they were drawn.
+        target = functional.one_hot(
+            torch.searchsorted(number, self.prompt[rows]).clamp_max(len(number) - 1), len(number)
+        )
+        target = torch.where(shown[:, None], target.float(), count / count.sum())
+        noun_target = functional.one_hot(self.data.noun[rows].clamp_min(0), len(NOUNS)).float()
+        noun_target = torch.where(shown[:, None], noun_target, 1.0 / len(NOUNS))
+        offered = count.log()
+        losses = torch.stack(
+            [
+                functional.cross_entropy(scores + offered, target.repeat_interleave(views, 0)),
+                functional.cross_entropy(pooled + offered, target),
+                functional.cross_entropy(noun_logits, noun_target.repeat_interleave(views, 0)),
+            ]
+        )
+        self.optimiser.zero_grad()
+        losses.mean().backward()  # type: ignore[no-untyped-call]
+        nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
+        self.optimiser.step()
+        self.schedule.step()
+        self.done += 1
+        self._follow()
+        return losses.detach()
+
+    def _follow(self) -> None:
+        decay = min(self.config.ema_decay, self.done / (self.done + 10))
+        for name, tensor in self.network.state_dict().items():
+            if tensor.is_floating_point():
+                self.average[name].lerp_(tensor, 1.0 - decay)
+
+    def averaged(self) -> JudgeNetwork:
+        """The network with the running average of all steps, for inference."""
+        network = JudgeNetwork(self.network.config)
+        network.load_state_dict(self.average)
+        return network.eval()
+
+
+@torch.no_grad()
+def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
+    """Set how sharp the mean over the eight views is, so that probabilities are as often right as they say.
+
+    Minimises the cross entropy over a fine grid, of the noun among the nouns and of the prompt among all prompts of
+    the set. Shapes that are nothing are to leave all as likely, so that confidence in what is clear does not
+    become confidence in everything.
+    """
+    count, views = held.images.shape[:2]
+    shown = held.noun >= 0
+    noun_logits, features = network.look(held.images.flatten(0, 1)[:, None].float() / 255.0)
+    labels = torch.cat([held.noun[:, None], held.attributes.long()], 1)
+    labels, own = torch.unique(labels[shown], dim=0, return_inverse=True)
+    scores = network.scores(noun_logits, features, Prompts(labels[:, 0], labels[:, 1:].float()))
+    sharpness = torch.logspace(-1.0, 1.0, 101)
+
+    def best(logits: Tensor, right: Tensor) -> Tensor:
+        mean = logits.view(count, views, -1).mean(1)
+        target = torch.full_like(mean, 1.0 / mean.shape[1])
+        target[shown] = functional.one_hot(right, mean.shape[1]).float()
+        return sharpness[torch.stack([functional.cross_entropy(s * mean, target) for s in sharpness]).argmin()]
+
+    network.noun_sharpness.copy_(best(noun_logits, held.noun[shown]))
+    network.prompt_sharpness.copy_(best(scores, own))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m meshdeform.evaluation.judge.training.train", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--cache", type=Path, required=True, help="file that keeps the drawn views (about 200 MB)")
+    parser.add_argument("--steps", type=int, default=TrainConfig.steps)
+    parser.add_argument("--members", type=int, default=250, help="members drawn of each family")
+    parser.add_argument("--nothings", type=int, default=500, help="shapes that are nothing")
+    parser.add_argument("--calibration", type=int, default=6, help="further members of each family, to calibrate with")
+    parser.add_argument("--seed", type=int, default=0, help="of the training; the members' seeds are fixed")
+    parser.add_argument("--threads", type=int, help="CPU threads")
+    parser.add_argument("--output", type=Path, default=WEIGHTS, help="where the weights go (default: the package)")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Draw the views, train, calibrate and write the weights."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", force=True)
+    arguments = _arguments()
+    if arguments.threads:
+        torch.set_num_threads(arguments.threads)
+    data = ViewSet.cached(arguments.cache, TRAINING, arguments.members, arguments.nothings)
+    trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
+    begun, smooth = time.monotonic(), torch.zeros(3)
+    while trainer.done < arguments.steps:
+        losses = trainer.step()
+        smooth = losses if trainer.done == 1 else 0.97 * smooth + 0.03 * losses
+        if trainer.done % 50 == 0:
+            named = "prompt {:.3f}, prompt of four views {:.3f}, noun {:.3f}".format(*smooth.tolist())
+            per_step = (time.monotonic() - begun) / trainer.done
+            _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
+    network = trainer.averaged()
+    calibrate(network, ViewSet.drawn(CALIBRATION, arguments.calibration, 2 * arguments.calibration))
+    provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members, "meshes": len(data)}
+    write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
+    _log.info(
+        "sharpness of nouns %.2f, of prompts %.2f", float(network.noun_sharpness), float(network.prompt_sharpness)
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""Is the mesh still good? Figures of a deformed mesh against its rest state, for the report and the benchmarks.
+
+Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2,
+here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after the best uniform scale, so
+that 1 is a similarity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.operators import COLLAPSED_SHAPE
+
+__all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "folded_faces", "measure"]
+
+_Floats = NDArray[np.float64]
+_Faces = NDArray[np.int64]
+_COLLAPSED_SHARE = 1e-6
+
+FOLD_MARGIN = 0.2
+"""A face with a smaller cosine to its neighbours at rest (at a sharp crease, beside a much larger face) is so near a
+fold that one cannot be told from the crease's bending."""
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """What a deformation did to a mesh.
+
+    Attributes
+    ----------
+    flipped_faces : int
+        Faces that point against their edge neighbours now and clearly did not at rest (a fold).
+    collapsed_faces : int
+        Faces that lost their area: below a millionth of what the uniform scale would give, or a line.
+    min_angle_p1_deg_before, min_angle_p1_deg_after : float
+        The first percentile of the faces' smallest angles, in degrees.
+    symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
+        Area-weighted mean and 99th percentile; 1 is a similarity.
+    self_intersecting_faces_before, self_intersecting_faces_after : int
+    volume_ratio : float
+        Signed volume after over before; NaN-free: 0 where the rest mesh encloses none.
+    area_ratio : float
+        Total area after over before.
+    area_ratio_spread : float
+        Standard deviation of the logarithm of the faces' area ratios.
+    """
+
+    flipped_faces: int
+    collapsed_faces: int
+    min_angle_p1_deg_before: float
+    min_angle_p1_deg_after: float
+    symmetric_dirichlet_mean: float
+    symmetric_dirichlet_p99: float
+    self_intersecting_faces_before: int
+    self_intersecting_faces_after: int
+    volume_ratio: float
+    area_ratio: float
+    area_ratio_spread: float
+
+    def to_dict(self) -> dict[str, float | int]:
+        """The figures by name."""
+        return asdict(self)
+
+
+def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
+    """Compare a deformed mesh with its rest state.
+
+    Parameters
+    ----------
+    rest_verts, verts : (V, 3) float64
+        In the same unit.
+    faces : (F, 3) int64
+
+    Notes
+    -----
+    Faces without area at rest do not count in any figure but the self-intersections.
+    """
+    diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
+    area_old, area_new = _areas(rest_verts, faces), _areas(verts, faces)
+    solid = area_old > COLLAPSED_SHAPE * _longest_sq(rest_verts, faces)
+    f, a, b = faces[solid], area_old[solid], area_new[solid]
+    scale = float(b.sum() / a.sum()) if len(a) else 1.0
+    collapsed = (b <= _COLLAPSED_SHARE * scale * a) | (b <= COLLAPSED_SHAPE * _longest_sq(verts, f))
+    energy = _symmetric_dirichlet(rest_verts, verts, f[~collapsed], scale or 1.0)
+    weights = a[~collapsed]
+    volume = _volume(rest_verts, faces)
+    ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
+    beside = FaceNeighbours(f)
+    folded_before, folded_after = beside.folded(rest_verts, margin=FOLD_MARGIN), beside.folded(verts)
+    return MeshQuality(
+        flipped_faces=int((folded_after & ~folded_before & ~collapsed).sum()),
+        collapsed_faces=int(collapsed.sum()),
+        min_angle_p1_deg_before=_min_angle_p1(rest_verts, f),
+        min_angle_p1_deg_after=_min_angle_p1(verts, f[~collapsed]),
+        symmetric_dirichlet_mean=float((energy * weights).sum() / weights.sum()) if len(energy) else 0.0,
+        symmetric_dirichlet_p99=float(np.percentile(energy, 99)) if len(energy) else 0.0,
+        self_intersecting_faces_before=int(intersecting_faces(rest_verts, faces).sum()),
+        self_intersecting_faces_after=int(intersecting_faces(verts, faces).sum()),
+        volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
+        area_ratio=scale,
+        area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,
+    )
+
+
+def _cross(verts: _Floats, faces: _Faces) -> _Floats:
+    a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
+    return np.cross(b - a, c - a)
+
+
+def _areas(verts: _Floats, faces: _Faces) -> _Floats:
+    return np.asarray(0.5 * np.linalg.norm(_cross(verts, faces), axis=1))
+
+
+def _longest_sq(verts: _Floats, faces: _Faces) -> _Floats:
+    """Squared length (F,) of each face's longest edge."""
+    corners = verts[faces]
+    return np.asarray(((corners - corners[:, [1, 2, 0]]) ** 2).sum(2).max(1, initial=0.0))
+
+
+def _volume(verts: _Floats, faces: _Faces) -> float:
+    origin = verts[faces[:, 0]].mean(0) if len(faces) else np.zeros(3)
+    a = verts[faces[:, 0]] - origin
+    return float((a * _cross(verts - origin, faces)).sum() / 6)
+
+
+def _min_angle_p1(verts: _Floats, faces: _Faces) -> float:
+    if not len(faces):
+        return 0.0
+    p = verts[faces]
+    angles = []
+    for k in range(3):
+        u, v = p[:, (k + 1) % 3] - p[:, k], p[:, (k + 2) % 3] - p[:, k]
+        angles.append(np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(1)))
+    return float(np.degrees(np.percentile(np.min(angles, axis=0), 1)))
+
+
+def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: float) -> _Floats:
+    """Energy per face of the map after taking out the mean area scale."""
+
+    def metric(points: _Floats) -> tuple[_Floats, _Floats, _Floats]:
+        u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+        return (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+
+    e, m, g = metric(rest)
+    e2, m2, g2 = (part / scale for part in metric(verts))
+    # Of the map's squared singular values: their sum is trace(I^-1 II), their product det(II) / det(I).
+    det_old, det_new = e * g - m * m, e2 * g2 - m2 * m2
+    total = (g * e2 - 2 * m * m2 + e * g2) / det_old
+    product = det_new / det_old
+    return np.asarray((total + total / product) / 4)
+
+
+class FaceNeighbours:
+    """Which faces continue which, and how: what folds are told by. It holds for any shape of the same faces.
+
+    Neighbours are faces that alone share an edge; where three meet, none continues another. Faces of the same three
+    vertices are one face, whichever way they are wound, and neighbours may be wound against each other: a fold is a
+    matter of the surface, so a Moebius strip, a double-sided sheet and inconsistent winding have none at rest.
+
+    Parameters
+    ----------
+    faces : (F, 3) int64
+    """
+
+    def __init__(self, faces: _Faces) -> None:
+        ordered, self._same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+        self._faces = ordered
+        count, n = len(ordered), int(faces.max(initial=0)) + 1
+        # Of corners a < b < c, the edges a b and b c run upwards and c a downwards.
+        key = np.concatenate([ordered[:, i] * n + ordered[:, j] for i, j in ((0, 1), (1, 2), (0, 2))])
+        owner, upward = np.tile(np.arange(count), 3), np.repeat([True, True, False], count)
+        order = np.argsort(key, kind="stable")
+        _, first, counts = np.unique(key[order], return_index=True, return_counts=True)
+        f, g = order[first[counts == 2]], order[first[counts == 2] + 1]
+        sign = np.where(upward[f] == upward[g], -1.0, 1.0)
+        rows, columns = np.concatenate([owner[f], owner[g]]), np.concatenate([owner[g], owner[f]])
+        self._signs = sparse.csr_matrix((np.tile(sign, 2), (rows, columns)), shape=(count, count))
+
+    def folded(self, verts: _Floats, *, margin: float = 0.0) -> NDArray[np.bool_]:
+        """Which faces (F,) are folded over: their area vectors point against the sum of their neighbours'.
+
+        With a `margin`, those too whose cosine to that sum is below it.
+        """
+        cross = _cross(verts, self._faces)
+        around = self._signs @ cross
+        limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
+        against = (around * cross).sum(1) < limit
+        return np.asarray(against[self._same.reshape(-1)])
+
+
+def folded_faces(verts: _Floats, faces: _Faces) -> NDArray[np.bool_]:
+    """Which faces (F,) are folded over; `FaceNeighbours` says what that means, and serves for many shapes."""
+    return FaceNeighbours(faces).folded(verts)

@@ -1,0 +1,158 @@
+"""Meshes made by formula: for examples, tests and benchmarks."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from meshdeform.errors import ShapeError
+from meshdeform.geometry.mesh import TriangleMesh
+
+__all__ = ["box", "cylinder", "grid", "icosphere", "join", "lathe", "torus", "uv_sphere"]
+
+
+def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
+    """A sphere of 20 * 4^subdivisions nearly equal triangles around the origin."""
+    g = (1 + math.sqrt(5)) / 2
+    verts = torch.tensor(
+        [
+            *[(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0)],
+            *[(0, -1, g), (0, 1, g), (0, -1, -g), (0, 1, -g)],
+            *[(g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)],
+        ],
+        dtype=torch.float64,
+    )
+    faces = torch.tensor(
+        [
+            *[(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11)],
+            *[(1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6), (7, 1, 8)],
+            *[(3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9)],
+            *[(4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)],
+        ]
+    )
+    verts = torch.nn.functional.normalize(verts, dim=1)
+    for _ in range(subdivisions):
+        verts, faces = _split(verts, faces)
+        verts = torch.nn.functional.normalize(verts, dim=1)
+    return TriangleMesh(verts * radius, faces)
+
+
+def _split(verts: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Every triangle into four, with shared midpoints."""
+    pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).sort(1).values
+    unique, inverse = torch.unique(pairs, dim=0, return_inverse=True)
+    middle = verts[unique].mean(1)
+    ab, bc, ca = (inverse + verts.shape[0]).view(3, -1)
+    a, b, c = faces.unbind(1)
+    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return torch.cat([verts, middle]), torch.stack([torch.stack(p, 1) for p in parts], 1).reshape(-1, 3)
+
+
+def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> Tensor:
+    """Triangles of an n x m grid of vertices, closed or open in each direction."""
+    i, j = torch.meshgrid(torch.arange(n if wrap_n else n - 1), torch.arange(m if wrap_m else m - 1), indexing="ij")
+    k, q = (i + 1) % n, (j + 1) % m
+    a, b, c, d = (i * m + j), (k * m + j), (k * m + q), (i * m + q)
+    return torch.stack([torch.stack([a, b, c], -1), torch.stack([a, c, d], -1)], 2).reshape(-1, 3)
+
+
+def grid(n: int = 10, size: float = 1.0) -> TriangleMesh:
+    """An open square of 2 n^2 triangles in the plane z = 0, facing +Z."""
+    x = torch.linspace(-size / 2, size / 2, n + 1, dtype=torch.float64)
+    u, v = torch.meshgrid(x, x, indexing="ij")
+    return TriangleMesh(
+        torch.stack([u, v, torch.zeros_like(u)], -1).reshape(-1, 3), _closed_grid(n + 1, n + 1, False, False)
+    )
+
+
+def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> TriangleMesh:
+    """A torus around the Y axis with 2 n m triangles."""
+    u = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
+    v = torch.arange(m, dtype=torch.float64) / m * 2 * math.pi
+    uu, vv = torch.meshgrid(u, v, indexing="ij")
+    ring = major + minor * vv.cos()
+    verts = torch.stack([ring * uu.sin(), minor * vv.sin(), ring * uu.cos()], -1).reshape(-1, 3)
+    return TriangleMesh(verts, _closed_grid(n, m, True, True))
+
+
+def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
+    """A surface of revolution around the Y axis, `n` corners a turn.
+
+    Parameters
+    ----------
+    profile : sequence of (radius, height)
+        From the bottom to the top, two points or more. A radius of 0 is one pole vertex and allowed only at the ends;
+        an end off the axis stays an open border.
+    n : int
+        At least 3.
+
+    Raises
+    ------
+    ShapeError
+        The profile or `n` is not like that.
+    """
+    if len(profile) < 2 or n < 3:
+        raise ShapeError("a lathe needs two or more (radius, height) points and three or more corners a turn")
+    if any(r < 0 for r, _ in profile) or any(r == 0 for r, _ in profile[1:-1]):
+        raise ShapeError("radii must be positive; only the first and the last may be 0")
+    turn = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
+    verts: list[Tensor] = []
+    rings: list[Tensor] = []
+    count = 0
+    for radius, height in profile:
+        around = turn if radius else turn[:1]
+        verts.append(torch.stack([radius * around.sin(), torch.full_like(around, height), radius * around.cos()], 1))
+        # A pole is one vertex that stands for its whole ring.
+        rings.append(count + (torch.arange(n) if radius else torch.zeros(n, dtype=torch.int64)))
+        count += len(around)
+    parts = []
+    for low, high in itertools.pairwise(rings):
+        low_next, high_next = low.roll(-1), high.roll(-1)
+        parts.append(torch.stack([low, low_next, high_next], 1))
+        parts.append(torch.stack([low, high_next, high], 1))
+    a, b, c = (faces := torch.cat(parts)).unbind(1)
+    return TriangleMesh(torch.cat(verts), faces[(a != b) & (b != c) & (c != a)])
+
+
+def uv_sphere(rings: int = 16, n: int = 32, radius: float = 1.0) -> TriangleMesh:
+    """A sphere of `rings` bands of latitude and `n` of longitude, with needle-like triangles around its poles."""
+    polar = [math.pi * i / rings for i in range(1, rings)]
+    middle = [(radius * math.sin(p), -radius * math.cos(p)) for p in polar]
+    return lathe([(0.0, -radius), *middle, (0.0, radius)], n)
+
+
+def cylinder(
+    radius: float = 0.5, height: float = 1.0, n: int = 32, rings: int = 8, *, capped: bool = True
+) -> TriangleMesh:
+    """A cylinder around the Y axis of `rings` bands; without caps an open tube with two borders."""
+    wall = [(radius, height * (i / rings - 0.5)) for i in range(rings + 1)]
+    return lathe([(0.0, -height / 2), *wall, (0.0, height / 2)] if capped else wall, n)
+
+
+def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
+    """A closed box around the origin, each side n x n squares: 12 n^2 triangles."""
+    side = grid(n)
+    turns = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            basis = torch.zeros(3, 3, dtype=torch.float64)
+            basis[(axis + 1) % 3, 0], basis[(axis + 2) % 3, 1], basis[axis, 2] = sign, 1.0, sign
+            turns.append(side.verts @ basis.T + 0.5 * basis[:, 2])
+    points = torch.cat(turns)
+    faces = torch.cat([side.faces + k * side.verts.shape[0] for k in range(6)])
+    _, inverse = torch.unique((points * 4 * n).round().long(), dim=0, return_inverse=True)
+    verts = torch.zeros(int(inverse.max()) + 1, 3, dtype=torch.float64).index_copy(0, inverse, points)
+    return TriangleMesh(verts * torch.tensor(size, dtype=torch.float64), inverse[faces])
+
+
+def join(*meshes: TriangleMesh) -> TriangleMesh:
+    """Several meshes as one of several components."""
+    offsets = [0]
+    for mesh in meshes:
+        offsets.append(offsets[-1] + mesh.verts.shape[0])
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)]
+    return TriangleMesh(torch.cat([mesh.verts for mesh in meshes]), torch.cat(faces))

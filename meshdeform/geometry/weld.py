@@ -1,0 +1,142 @@
+"""Welding: one vertex for all the vertices that an asset splits at UV and normal seams, and the way back.
+
+The solve needs a connected surface; the file needs every one of its own vertices. `weld` merges vertices that
+lie at the same place (within a millionth of the diagonal) and remembers where each came from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.mesh import TriangleMesh, edges_of
+from meshdeform.geometry.operators import effective_face_areas
+
+__all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
+
+WELD_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class WeldedMesh:
+    """The rest mesh and its relation to the source.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+        Welded vertices that faces use, and the faces.
+    vertex_map : (N,) int64
+        Welded vertex of each source vertex; -1 for source vertices that no face uses.
+    face_source : (F,) int64
+        Source triangle of each face.
+    skipped : dict
+        How many of each kind the solve leaves out or treats specially: `unreferenced_vertices`,
+        `degenerate_faces` (two corners weld together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
+    """
+
+    mesh: TriangleMesh
+    vertex_map: NDArray[np.int64]
+    face_source: NDArray[np.int64]
+    skipped: dict[str, int]
+
+    def scatter(self, verts: Tensor, source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put deformed vertices back at every source vertex; the others keep their place.
+
+        Each source vertex takes its welded vertex's displacement, so that vertices which were a rounding error apart
+        stay so, and a deformation that moves nothing gives the source's numbers back exactly.
+
+        Parameters
+        ----------
+        verts : (V, 3) float64
+            Deformed positions of the welded vertices.
+        source_positions : (N, 3) float64
+
+        Returns
+        -------
+        (N, 3) float64
+        """
+        moved = (verts.detach() - self.mesh.verts).numpy()
+        out = source_positions.copy()
+        used = self.vertex_map >= 0
+        out[used] += moved[self.vertex_map[used]]
+        return out
+
+
+def weld(
+    positions: NDArray[np.float64], triangles: NDArray[np.int64], *, tolerance: float = WELD_TOLERANCE
+) -> WeldedMesh:
+    """Merge vertices that coincide, drop faces that collapse, keep the rest in order.
+
+    Parameters
+    ----------
+    positions : (N, 3) float64
+        Finite, in object units.
+    triangles : (T, 3) int64
+    tolerance : float
+        Share of the bounding box diagonal within which vertices are one.
+
+    Raises
+    ------
+    AssetEmptyError
+        No triangle is left that has an area.
+    """
+    used = np.unique(triangles)
+    if not len(used):
+        raise AssetEmptyError("The asset has no triangles.")
+    points = positions[used].astype(np.float64)
+    representative = _merge(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
+    merged = np.full(len(positions), -1, np.int64)
+    merged[used] = representative
+    corners = merged[triangles]
+    solid = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
+    kept, faces = np.unique(corners[solid], return_inverse=True)
+    renumber = np.full(len(points), -1, np.int64)
+    renumber[kept] = np.arange(len(kept))
+    vertex_map = np.where(merged >= 0, renumber[np.maximum(merged, 0)], -1)
+    mesh = TriangleMesh(
+        torch.from_numpy(points[kept].astype(np.float64)), torch.from_numpy(faces.reshape(-1, 3).astype(np.int64))
+    )
+    areas = effective_face_areas(mesh)
+    if not (areas > 0).any():
+        raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
+    counts = edges_of(mesh.faces).counts
+    skipped = {
+        "unreferenced_vertices": int((vertex_map < 0).sum()),
+        "degenerate_faces": int((~solid).sum()),
+        "zero_area_faces": int((areas == 0).sum()),
+        "non_manifold_edges": int((counts > 2).sum()),
+        "border_edges": int((counts == 1).sum()),
+    }
+    return WeldedMesh(mesh, vertex_map.astype(np.int64), np.flatnonzero(solid).astype(np.int64), skipped)
+
+
+def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
+    """Index of each point's representative.
+
+    Exact duplicates first; then each point joins the earliest representative within reach. Only representatives
+    attract, so a chain of near points (a detail finer than the tolerance) is thinned out and never becomes one point.
+    """
+    label = _first_of_each(points + 0.0)  # + 0.0: -0 and 0 are one place
+    if distance <= 0:
+        return label
+    # One point a cell: it bounds the pairs below, whatever the file piles up at one place.
+    label = _first_of_each(np.floor((points - points.min(0)) / distance))[label]
+    unique = np.unique(label)
+    pairs = cKDTree(points[unique]).query_pairs(distance, output_type="ndarray")
+    target = np.arange(len(points))
+    for low, high in unique[pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]]:
+        if target[low] == low and target[high] == high:
+            target[high] = low
+    return target[label]
+
+
+def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Index of the first row that equals each row."""
+    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first[inverse.reshape(-1)].astype(np.int64)

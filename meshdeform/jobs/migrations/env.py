@@ -1,8 +1,0 @@
-"""Alembic's entry: run the migrations on the connection, and in the transaction, that the record opened."""
-
-from alembic import context
-
-from meshdeform.jobs.tables import metadata
-
-context.configure(connection=context.config.attributes["connection"], target_metadata=metadata)
-context.run_migrations()

@@ -1,0 +1,84 @@
+"""The families: for every noun of the grammar a function that draws one of its members.
+
+`member(noun, attributes, rng)` is all that the dataset needs; the same generator state gives the same
+mesh. Importing this needs numpy and no torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.priors.builtin.training.families import (
+    animals,
+    creatures,
+    furniture,
+    household,
+    plants,
+    things,
+    vehicles,
+)
+from meshdeform.priors.builtin.training.families.parts import Part
+from meshdeform.priors.builtin.training.families.traits import Traits, deformed
+
+__all__ = ["FAMILIES", "Family", "Part", "Traits", "member"]
+
+Family = Callable[[np.random.Generator, Traits], Part]
+
+FAMILIES: dict[str, Family] = {
+    "airplane": vehicles.airplane,
+    "bell": household.bell,
+    "boat": vehicles.boat,
+    "bottle": household.bottle,
+    "bowl": household.bowl,
+    "cactus": plants.cactus,
+    "car": vehicles.car,
+    "carrot": plants.carrot,
+    "cat": creatures.cat,
+    "chair": furniture.chair,
+    "dinosaur": animals.dinosaur,
+    "dog": animals.dog,
+    "duck": creatures.duck,
+    "elephant": animals.elephant,
+    "fish": creatures.fish,
+    "giraffe": animals.giraffe,
+    "goblet": household.goblet,
+    "guitar": things.guitar,
+    "hat": things.hat,
+    "heart": things.heart,
+    "horse": animals.horse,
+    "house": things.house,
+    "lamp": household.lamp,
+    "mushroom": plants.mushroom,
+    "octopus": creatures.octopus,
+    "pear": plants.pear,
+    "penguin": creatures.penguin,
+    "pig": animals.pig,
+    "pineapple": plants.pineapple,
+    "rabbit": creatures.rabbit,
+    "rocket": vehicles.rocket,
+    "snowman": things.snowman,
+    "sofa": furniture.sofa,
+    "star": things.star,
+    "table": furniture.table,
+    "tree": plants.tree,
+    "turtle": creatures.turtle,
+    "umbrella": household.umbrella,
+    "vase": household.vase,
+    "whale": creatures.whale,
+}
+"""The family of each noun; the keys are those of `grammar.NOUNS`."""
+
+
+def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:
+    """One member of a family, with these attributes and otherwise drawn at random.
+
+    Returns
+    -------
+    Part
+        Closed parts, outward orientation, +Y up, looking along +Z, centred, farthest vertex at distance 1.
+    """
+    wanted = tuple(attributes)
+    return deformed(FAMILIES[noun](rng, Traits(wanted)), wanted, rng)

@@ -1,0 +1,111 @@
+"""Things that grow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, join, lathe, limb, moved, turned
+from meshdeform.priors.builtin.training.families.traits import Rng, Traits
+
+__all__ = ["cactus", "carrot", "mushroom", "pear", "pineapple", "tree"]
+
+
+def mushroom(rng: Rng, traits: Traits) -> Part:
+    """A thick stem under a domed cap with a curled rim."""
+    cap = traits.draw(rng, "cap", (0.38, 0.44), (0.66, 0.78), (1.1, 1.3))
+    stem = traits.draw(rng, "stem", (0.2, 0.28), (0.65, 0.85), (1.3, 1.6))
+    radius, dome = rng.uniform(0.18, 0.23), rng.uniform(0.68, 0.85) * min(cap, 0.85)
+    turn = np.linspace(0.0, np.pi / 2, 9)
+    hood = [(cap * np.cos(t), stem + dome * np.sin(t)) for t in turn]
+    under = [(radius * 1.05, stem + 0.04), (cap * 0.7, stem - 0.03), (cap * 0.96, stem - 0.06)]
+    foot = [(radius * 1.25, 0.0), (radius * 1.3, 0.08), (radius, 0.3 * stem + 0.05)]
+    return lathe([*foot, *under, *hood], segments=28)
+
+
+def pear(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """A heavy belly, a slim shoulder and a stalk."""
+    belly, shoulder = rng.uniform(0.56, 0.66), rng.uniform(0.26, 0.32)
+    height = rng.uniform(1.25, 1.45)
+    turn = np.linspace(0.0, np.pi, 17)
+    share = (1 - np.cos(turn)) / 2
+    width = shoulder + (belly - shoulder) / (1 + np.exp((share - 0.52) * 11))
+    flesh = lathe(np.stack([width * np.sin(turn) ** 0.75, height * share], 1))
+    lean = rng.uniform(0.05, 0.12)
+    stalk = limb([[0, height - 0.06, 0], [lean, height + 0.26, 0]], [0.06, 0.075], segments=8)
+    return join([flesh, stalk])
+
+
+def carrot(rng: Rng, traits: Traits) -> Part:
+    """A root that hangs to a point below a tuft of thick leaves."""
+    radius, root = rng.uniform(0.32, 0.38), rng.uniform(1.35, 1.6)
+    leaf = traits.draw(rng, "leaves", (0.14, 0.2), (0.45, 0.6), (0.95, 1.2))
+    turn = np.linspace(0.0, 1.0, 9)
+    wall = [(radius * (0.1 + 0.9 * t**0.75), root * t) for t in turn]
+    body = lathe([(0.02, -0.05), *wall, (radius * 0.85, root + 0.09), (radius * 0.45, root + 0.13)])
+    parts = [body]
+    start = rng.uniform(0, 90)
+    for quarter in range(4):
+        blade = limb(
+            [[0.08, root + 0.05, 0], [0.2, root + 0.1 + leaf * 0.6, 0], [0.36, root + 0.1 + leaf, 0]],
+            [0.075, 0.11, 0.07],
+            segments=8,
+        )
+        parts.append(turned(blade, start + 90 * quarter, "y"))
+    return join(parts)
+
+
+def cactus(rng: Rng, traits: Traits) -> Part:
+    """A saguaro: a column with two arms that bend upward, left and right."""
+    radius, height = rng.uniform(0.24, 0.3), rng.uniform(1.6, 1.9)
+    reach = traits.draw(rng, "arms", (0.06, 0.12), (0.4, 0.52), (0.85, 1.05))
+    thick = radius * rng.uniform(0.6, 0.7)
+    parts = [limb([[0, radius * 0.6, 0], [0, height - radius, 0]], [radius * 0.95, radius])]
+    for side in (-1.0, 1.0):
+        low = rng.uniform(0.45, 0.62) * height * 0.8
+        out = radius + 0.26
+        path = [
+            [0, low, 0],
+            [side * out * 0.8, low, 0],
+            [side * out, low + 0.1, 0],
+            [side * out, low + 0.14 + reach, 0],
+        ]
+        parts.append(limb(path, [thick] * 4))
+    return join(parts)
+
+
+def tree(rng: Rng, traits: Traits) -> Part:
+    """A broadleaf tree: a trunk under a round crown of several clumps."""
+    trunk = traits.draw(rng, "trunk", (0.12, 0.2), (0.6, 0.8), (1.3, 1.6))
+    crown = traits.draw(rng, "crown", (0.36, 0.42), (0.62, 0.72), (1.0, 1.15))
+    radius = rng.uniform(0.13, 0.17)
+    stem = lathe([(radius * 1.5, 0.0), (radius, 0.25), (radius * 0.9, trunk + crown)])
+    middle = trunk + crown * 0.85
+    clumps = [ellipsoid([0, middle, 0], [crown * 0.85, crown * 0.9, crown * 0.85])]
+    start = rng.uniform(0, 72)
+    for fifth in range(5):
+        clump = ellipsoid([crown * 0.5, 0, 0], crown * rng.uniform(0.5, 0.6), rings=9)
+        lift = middle + crown * rng.uniform(-0.3, 0.3)
+        clumps.append(moved(turned(clump, start + 72 * fifth, "y"), [0, lift, 0]))
+    return join([stem, *clumps])
+
+
+def pineapple(rng: Rng, traits: Traits) -> Part:
+    """A barrel of a fruit, all knobs, under a tuft of leaves that bow outward."""
+    girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.1, 1.25)
+    leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.5, 0.64), (1.15, 1.4))
+    turn = np.linspace(0.0, np.pi, 33)
+    flesh = lathe(np.stack([girth * np.sin(turn) ** 0.7, height * (1 - np.cos(turn)) / 2], 1), segments=48)
+    x, y, z = flesh.verts.T
+    around = np.arctan2(x, z)
+    # Two crossing families of spirals.
+    knobs = 1 + 0.06 * np.cos(5 * around + 13 * y / height) * np.cos(5 * around - 13 * y / height)
+    parts = [Part(np.stack([x * knobs, y, z * knobs], 1), flesh.faces)]
+    start = rng.uniform(0, 72)
+    for ring, (count, spread, length) in enumerate(((6, 0.62, 0.75), (5, 0.28, 1.0))):
+        for number in range(count):
+            reach = length * leaf
+            path = [[0, height - 0.06, 0.1], [0, height + 0.6 * reach, 0.12 + 0.35 * spread * reach]]
+            path.append([0, height + reach, 0.14 + spread * reach])
+            blade = limb(path, [[0.1, 0.06], [0.1, 0.05], [0.04, 0.035]], segments=8)
+            parts.append(turned(blade, start + 30 * ring + 360 * number / count, "y"))
+    return join(parts)

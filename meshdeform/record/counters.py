@@ -1,0 +1,55 @@
+"""Sums that outlive processes, for the metrics: counters, and histograms as one counter for each bucket."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import sqlalchemy as sa
+
+from meshdeform.record.database import Database
+from meshdeform.record.schema import tallies
+
+__all__ = ["BUCKETS_S", "Tallies", "read_tallies"]
+
+BUCKETS_S: dict[str, tuple[float, ...]] = {
+    "job_seconds": (1.0, 5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 900.0, 3600.0, 14400.0),
+    "queue_wait_seconds": (0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 900.0, 3600.0),
+    "step_seconds": (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0),
+}
+"""Upper bounds of the histograms, in seconds; what is above the last one counts as `inf`."""
+
+
+class Tallies:
+    """What one transaction adds; written at its end, in one order, so that two transactions never wait in a circle."""
+
+    def __init__(self, database: Database, connection: sa.Connection) -> None:
+        self._database, self._connection = database, connection
+        self._sums: Counter[tuple[str, str]] = Counter()
+
+    def add(self, name: str, label: str = "", value: float = 1.0) -> None:
+        """Add to a counter."""
+        self._sums[name, label] += value  # type: ignore[assignment]
+
+    def observe(self, name: str, seconds: float) -> None:
+        """Add a value to a histogram of `BUCKETS_S`. Clocks that were set back give no negative durations."""
+        seconds = max(0.0, seconds)
+        bucket = next((f"{bound:g}" for bound in BUCKETS_S[name] if seconds <= bound), "inf")
+        self.add(f"{name}_bucket", bucket)
+        self.add(f"{name}_sum", value=seconds)
+
+    def write(self) -> None:
+        """Add everything."""
+        for (name, label), value in sorted(self._sums.items()):
+            insert = self._database.upsert(tallies).values(name=name, label=label, value=value)
+            more = {"value": tallies.c.value + insert.excluded.value}
+            self._connection.execute(insert.on_conflict_do_update(index_elements=["name", "label"], set_=more))
+
+
+def read_tallies(database: Database) -> dict[tuple[str, str], float]:
+    """Return every sum by name and label."""
+    with database.read() as connection:
+        return {(row.name, row.label): row.value for row in connection.execute(sa.select(tallies))}
+
+
+assert all(low < high for bounds in BUCKETS_S.values() for low, high in pairwise(bounds))

@@ -1,0 +1,254 @@
+"""The database under the record: SQLite on one machine, PostgreSQL for several, one code path above."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+import ssl
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+import sqlalchemy.exc
+from sqlalchemy import event
+
+from meshdeform.errors import DependencyError, UnavailableError
+from meshdeform.record.schema import HEAD, UtcDateTime
+
+__all__ = ["Database", "make_engine"]
+
+_log = logging.getLogger(__name__)
+_BUSY_TIMEOUT_S = 30.0
+_CONNECT_TIMEOUT_S = 30.0
+_IDLE_IN_TRANSACTION_S = 10.0
+_MIGRATION_LOCK = 0x6D657368  # any number that no other program takes
+_MIGRATIONS = Path(__file__).parent / "migrations"
+_READ_ONLY = "meshdeform_read_only"
+_AWAY = frozenset({"08", "40", "53", "57", "58"})
+"""PostgreSQL's classes of errors that pass: connection, rollback (a deadlock), resources, operator, system."""
+
+
+class Database:
+    """Transactions, the clock, and the schema.
+
+    Parameters
+    ----------
+    url : str
+        An SQLAlchemy URL. `postgresql://` and `postgres://` mean the driver pg8000; `?sslmode=` is understood.
+
+    Raises
+    ------
+    UnavailableError
+        It does not answer, or a newer Meshdeform made it.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._engine = make_engine(url)
+        self.is_sqlite = self._engine.dialect.name == "sqlite"
+        try:
+            self._migrate()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._engine.dispose()
+
+    @contextmanager
+    def read(self) -> Iterator[sa.Connection]:
+        """For queries. On SQLite they see one state; on PostgreSQL each sees what is committed when it begins."""
+        options: dict[str, Any] = {_READ_ONLY: True}
+        if not self.is_sqlite:
+            # A transaction at PostgreSQL's own level would show no more, and cost two more trips to the server.
+            options["isolation_level"] = "AUTOCOMMIT"
+        with _answers(), self._engine.connect() as connection:
+            connection = connection.execution_options(**options)
+            with connection.begin():
+                yield connection
+
+    @contextmanager
+    def write(self) -> Iterator[sa.Connection]:
+        """One transaction; on SQLite the only one that writes, from its first statement on."""
+        with _answers(), self._engine.begin() as connection:
+            yield connection
+
+    def now(self, later_s: float = 0.0) -> Any:
+        """The instant that it is, or one so many seconds later, by the clock that all processes share.
+
+        With PostgreSQL that is the server's clock: hosts whose clocks differ still agree on whether a lease is over. It
+        stands still within a statement: a clock that moves on could be compared with no index.
+        """
+        if self.is_sqlite:
+            return datetime.now(UTC) + timedelta(seconds=later_s)
+        clock = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
+        return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
+
+    def upsert(self, table: sa.Table) -> Any:
+        """`INSERT ... ON CONFLICT`, which both databases spell alike and SQLAlchemy keeps apart."""
+        if self.is_sqlite:
+            from sqlalchemy.dialects import sqlite
+
+            return sqlite.insert(table)
+        from sqlalchemy.dialects import postgresql
+
+        return postgresql.insert(table)
+
+    def _migrate(self) -> None:
+        with self.write() as connection:
+            # The lock ends with the transaction, and so do half-made tables: DDL is transactional in both.
+            if not self.is_sqlite:
+                connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
+            if _version(connection) != HEAD:
+                _upgrade(connection)
+
+
+def make_engine(url: str) -> sa.Engine:
+    """The engine of a record: its driver, time limits and TLS. Connects to nothing and migrates nothing.
+
+    Parameters
+    ----------
+    url : str
+        As in MESHDEFORM_DATABASE_URL.
+
+    Raises
+    ------
+    DependencyError
+        It is no database's URL, one in memory, or its driver is not installed.
+    """
+    try:
+        parsed = sa.make_url(url)
+    except sqlalchemy.exc.ArgumentError as error:
+        raise DependencyError(
+            "MESHDEFORM_DATABASE_URL is no database URL.",
+            advice="Write sqlite:////path/to/file or postgresql://user:password@host/database.",
+        ) from error
+    ours = parsed.drivername in ("postgresql", "postgres", "postgresql+pg8000")
+    if ours:
+        from meshdeform.record.postgresql import DRIVER
+
+        parsed = parsed.set(drivername=DRIVER)
+    if parsed.get_backend_name() == "sqlite":
+        return _sqlite_engine(parsed)
+    arguments: dict[str, Any] = {}
+    if ours:
+        arguments["timeout"] = _CONNECT_TIMEOUT_S
+        if mode := parsed.query.get("sslmode"):
+            parsed = parsed.difference_update_query(["sslmode"])
+            if context := _ssl_context(str(mode)):
+                arguments["ssl_context"] = context
+    try:
+        engine = sa.create_engine(parsed, connect_args=arguments, pool_pre_ping=True)
+    except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
+        raise DependencyError(
+            f"The database driver {parsed.drivername} is not installed.",
+            advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
+        ) from error
+    event.listen(engine, "connect", lambda connection, _: _prepare_postgresql(engine, connection))
+    return engine
+
+
+def _prepare_postgresql(engine: sa.Engine, connection: Any) -> None:
+    # A process that is stopped, or whose host is cut off, in the middle of a transaction holds locks that the recovery
+    # of its job would wait for: the server ends such a session, whose transactions never pause by themselves.
+    with getattr(engine.dialect, "network", nullcontext)():
+        cursor = connection.cursor()
+        cursor.execute(f"SET idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'")
+        cursor.close()
+        connection.commit()
+
+
+def _ssl_context(mode: str) -> ssl.SSLContext | None:
+    """What libpq's `sslmode` means to a driver that takes a context."""
+    if mode in ("disable", "allow", "prefer"):
+        return None
+    context = ssl.create_default_context()
+    if mode != "verify-full":
+        context.check_hostname = False
+    if mode == "require":
+        context.verify_mode = ssl.CERT_NONE
+    return context
+
+
+def _sqlite_engine(url: sa.URL) -> sa.Engine:
+    if not url.database or url.database == ":memory:":
+        raise DependencyError(
+            "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
+        )
+    Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+    engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S, "check_same_thread": False})
+    event.listen(engine, "connect", _prepare_sqlite)
+    event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+    # sqlite3's own idea of when a transaction begins is too late for a lock: `_begin_sqlite` says it.
+    connection.isolation_level = None
+    deadline = time.monotonic() + _BUSY_TIMEOUT_S
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            break
+        except sqlite3.OperationalError:
+            # The change to WAL, once in a file's life, does not wait for other connections by itself.
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.01)
+    connection.execute("PRAGMA synchronous=FULL")
+    connection.execute("PRAGMA foreign_keys=ON")
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    # A transaction that reads first and writes later could find itself out of date: take the write lock at once.
+    reads = connection.get_execution_options().get(_READ_ONLY, False)
+    connection.exec_driver_sql("BEGIN" if reads else "BEGIN IMMEDIATE")
+
+
+@contextmanager
+def _answers() -> Iterator[None]:
+    """Say in one way that the database is away, whichever way the driver says it."""
+    away = (sqlalchemy.exc.OperationalError, sqlalchemy.exc.InterfaceError, sqlalchemy.exc.TimeoutError)
+    try:
+        yield
+    except away as error:
+        _log.warning("the record does not answer: %s", error)
+        raise UnavailableError("The record does not answer.") from error
+    except sqlalchemy.exc.DBAPIError as error:
+        if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
+            raise
+        _log.warning("the record cannot do it now: %s", error)
+        raise UnavailableError("The record cannot do it now.") from error
+
+
+def _sql_state(error: sqlalchemy.exc.DBAPIError) -> str:
+    """PostgreSQL's code of an error; empty where there is none."""
+    said = error.orig.args[0] if error.orig is not None and error.orig.args else None
+    return str(said.get("C", "")) if isinstance(said, dict) else ""
+
+
+def _version(connection: sa.Connection) -> str | None:
+    if not sa.inspect(connection).has_table("alembic_version"):
+        return None
+    version: str | None = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
+    return version
+
+
+def _upgrade(connection: sa.Connection) -> None:
+    # Alembic only where there is something to do: a start that finds the schema in place does not load it.
+    import alembic.command
+    import alembic.config
+    import alembic.util
+
+    config = alembic.config.Config(attributes={"connection": connection})
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    try:
+        alembic.command.upgrade(config, "head")
+    except alembic.util.CommandError as error:
+        raise UnavailableError(
+            "The record was made by a newer Meshdeform.", advice="Install that version or a newer one."
+        ) from error

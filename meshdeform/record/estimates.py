@@ -1,0 +1,139 @@
+"""How long a job will wait and run, by what the record knows of others; also what that goes by."""
+
+from __future__ import annotations
+
+import heapq
+import statistics
+from dataclasses import dataclass
+from typing import Any, Self
+
+import sqlalchemy as sa
+
+from meshdeform.errors import MeshdeformError
+from meshdeform.record.database import Database
+from meshdeform.record.models import JobState
+from meshdeform.record.rows import OWNED
+from meshdeform.record.schema import jobs
+from meshdeform.record.workers import WorkerRegistry
+from meshdeform.requests.document import JobRequest, resolve
+
+__all__ = ["Estimate", "estimate"]
+
+_SAMPLES = 50
+_COUNTED = 200
+"""Jobs ahead that are looked at one by one; of more, the mean of these is taken."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What to expect.
+
+    Attributes
+    ----------
+    queue_s : float or None
+        Seconds until a worker takes it; None where that cannot be told.
+    run_s : float or None
+        Seconds from then to its end; None where no job like it has been seen.
+    basis : str
+        What it is told from.
+    """
+
+    queue_s: float | None
+    run_s: float | None
+    basis: str
+
+
+def estimate(
+    database: Database, registry: WorkerRegistry, request: JobRequest, *, default_model: str, queue: str
+) -> Estimate:
+    """Look at the newest jobs that succeeded, at those ahead, and at the workers that are alive.
+
+    Parameters
+    ----------
+    database : Database
+    registry : WorkerRegistry
+    request : JobRequest
+        The job in question.
+    default_model : str
+        The model where a request names none.
+    queue : str
+        The deployment's queue.
+    """
+    with database.read() as connection:
+        same = jobs.c.workload == request.workload
+        step_s, count = _step_seconds(connection, same)
+        basis = f"{_jobs(count)} of this kind and model"
+        if step_s is None:
+            step_s, count = _step_seconds(connection, jobs.c.kind == request.kind.value)
+            basis = f"{_jobs(count)} of this kind with other models"
+        if step_s is None:
+            return Estimate(None, None, "no job of this kind has succeeded here yet")
+        ahead = _Ahead.of(connection, request.priority, default_model)
+    run_s = step_s * _steps(request, default_model)
+    workers = registry.alive(queue)
+    if workers == 0:
+        return Estimate(None, run_s, f"{basis}; no worker is alive")
+    basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
+    return Estimate(ahead.steps_until_free(workers) * step_s, run_s, basis)
+
+
+def _jobs(count: int) -> str:
+    return f"{count} job{'s' * (count > 1)}"
+
+
+def _step_seconds(connection: sa.Connection, which: sa.ColumnElement[bool]) -> tuple[float | None, int]:
+    """The median of the newest jobs that succeeded, and of how many."""
+    query = (
+        sa.select(jobs.c.step_s)
+        .where(which, jobs.c.state == JobState.SUCCEEDED, jobs.c.step_s.is_not(None))
+        .order_by(jobs.c.id.desc())
+        .limit(_SAMPLES)
+    )
+    found = list(connection.scalars(query))
+    return (statistics.median(found), len(found)) if found else (None, 0)
+
+
+@dataclass(frozen=True)
+class _Ahead:
+    """What workers do before they come to a new job: steps left of each running one, and of each that is before it."""
+
+    running: list[int]
+    queued: list[int]
+    more: int
+
+    @classmethod
+    def of(cls, connection: sa.Connection, priority: int, default_model: str) -> Self:
+        before = sa.and_(jobs.c.state == JobState.QUEUED, jobs.c.priority >= priority)
+        count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(before)).scalar_one()
+
+        def left(which: sa.ColumnElement[bool]) -> list[int]:
+            query = sa.select(jobs.c.request, jobs.c.total_steps, jobs.c.step).where(which)
+            found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(_COUNTED)).all()
+            return [_steps_left(request, total, step, default_model) for request, total, step in found]
+
+        queued = left(before)
+        return cls(left(jobs.c.state.in_(OWNED)), queued, count - len(queued))
+
+    def steps_until_free(self, workers: int) -> float:
+        """Each worker takes the next job when it is free: steps until one of them is free for the new job."""
+        # More jobs than workers run where a worker was counted as silent: the longest are those that count.
+        free_at = sorted(self.running, reverse=True)[:workers]
+        free_at += [0] * (workers - len(free_at))
+        heapq.heapify(free_at)
+        for steps in self.queued:
+            heapq.heapreplace(free_at, free_at[0] + steps)
+        return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
+
+
+def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_model: str) -> int:
+    if total_steps:
+        return max(0, total_steps - step)
+    return _steps(JobRequest.model_validate(request), default_model)
+
+
+def _steps(request: JobRequest, default_model: str) -> int:
+    try:
+        return resolve(request.params, default_model=default_model).total_steps
+    except MeshdeformError:
+        # A default that has changed since it was accepted; its worker will say so.
+        return request.params.steps or 0

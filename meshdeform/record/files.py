@@ -1,0 +1,120 @@
+"""Which uploaded files are in use: the same bytes are stored once, and removed with the last job that needs them.
+
+A request pins its file before it stores it, and the job's row, when it commits, takes the pin's place. So between a
+look and a removal no request can slip in that counts on the bytes being there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+import sqlalchemy as sa
+
+from meshdeform.errors import UnavailableError
+from meshdeform.record.database import Database
+from meshdeform.record.schema import files, jobs, uploads
+
+__all__ = ["FileLedger"]
+
+_PIN_LASTS_S = 3600.0
+"""A pin that is older belongs to a request whose process died."""
+_REMOVAL_LASTS_S = 900.0
+"""Longer than any removal takes. One that is older belongs to a process that died."""
+_BEING_REMOVED = -1
+_WAIT_S, _LOOK_EVERY_S = 30.0, 0.05
+
+
+class FileLedger:
+    """Pins and references of stored files, by key."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def pin(self, key: str) -> None:
+        """Keep the file: a job that needs it is about to be made. Waits while it is just being removed.
+
+        Raises
+        ------
+        UnavailableError
+            The removal takes too long: the object store is slow, or away.
+        """
+        end = time.monotonic() + _WAIT_S
+        while not self._pinned(key):
+            if time.monotonic() > end:
+                raise UnavailableError("The file is just being removed, and the object store does not answer.")
+            time.sleep(_LOOK_EVERY_S)
+
+    def _pinned(self, key: str) -> bool:
+        now = self._database.now()
+        insert = self._database.upsert(files).values(key=key, pins=1, touched_at=now)
+        insert = insert.on_conflict_do_update(
+            index_elements=["key"],
+            set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
+            where=sa.or_(files.c.pins >= 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
+        )
+        with self._database.write() as connection:
+            return connection.execute(insert.returning(files.c.key)).first() is not None
+
+    def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
+        """Give the pins back, within a transaction if there is one. A file that nobody pinned is entered."""
+        if connection is None:
+            with self._database.write() as own:
+                return self.unpin(keys, own)
+        now = self._database.now()
+        for key in keys:
+            insert = self._database.upsert(files).values(key=key, pins=0, touched_at=now)
+            fewer = sa.case((files.c.pins > 0, files.c.pins - 1), else_=files.c.pins)
+            connection.execute(
+                insert.on_conflict_do_update(index_elements=["key"], set_={"pins": fewer, "touched_at": now})
+            )
+        return None
+
+    def unused(self) -> list[str]:
+        """Return the files that no job and no request needs."""
+        with self._database.read() as connection:
+            return list(connection.execute(sa.select(files.c.key).where(self._is_unused())).scalars())
+
+    def remove_unused(self, key: str, remove: Callable[[str], None]) -> bool:
+        """Call `remove` if nobody needs the file, while nobody can begin to.
+
+        No transaction waits for the store: where there is one writer at a time, all would wait with it.
+
+        Returns
+        -------
+        bool
+            Whether it was removed.
+        """
+        with self._database.write() as connection:
+            # First the lock on the row, then the look: another transaction may just have committed.
+            held = sa.select(files.c.key).where(files.c.key == key).with_for_update()
+            if connection.execute(held).first() is None:
+                return False
+            mine = sa.update(files).where(files.c.key == key, self._is_unused())
+            mine = mine.values(pins=_BEING_REMOVED, touched_at=self._database.now())
+            if connection.execute(mine.returning(files.c.key)).first() is None:
+                return False
+        removed = sa.and_(files.c.key == key, files.c.pins == _BEING_REMOVED)
+        try:
+            remove(key)
+        except BaseException:
+            with self._database.write() as connection:
+                connection.execute(sa.update(files).where(removed).values(pins=0))
+            raise
+        with self._database.write() as connection:
+            connection.execute(sa.delete(files).where(removed))
+        return True
+
+    def _is_unused(self) -> sa.ColumnElement[bool]:
+        needed = sa.or_(
+            sa.exists().where(jobs.c.asset_key == files.c.key),
+            sa.exists().where(jobs.c.target_key == files.c.key),
+            sa.exists().where(jobs.c.origin_key == files.c.key),
+            sa.exists().where(uploads.c.key == files.c.key),
+        )
+        unpinned = sa.or_(
+            files.c.pins == 0,
+            sa.and_(files.c.pins > 0, files.c.touched_at < self._database.now(-_PIN_LASTS_S)),
+            sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
+        )
+        return sa.and_(unpinned, sa.not_(needed))

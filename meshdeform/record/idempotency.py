@@ -1,0 +1,97 @@
+"""Requests that may come twice: a key, the hash of its request, and the answer, written with the job itself.
+
+Source: the IETF draft "The Idempotency-Key HTTP Header Field", with its three refusals.
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.errors import IdempotencyBusyError, IdempotencyMismatchError
+from meshdeform.record.database import Database
+from meshdeform.record.schema import idempotency
+
+__all__ = ["Claim", "IdempotencyLedger"]
+
+_HELD_S = 120.0
+"""Longer than any request takes. A request whose process died gives its key free after that."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A key that this request holds."""
+
+    owner_id: str
+    key: str
+    token: str
+
+
+class IdempotencyLedger:
+    """Who holds which key, and what was answered."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def begin(self, owner_id: str, key: str, request_hash: str) -> Claim | dict[str, Any]:
+        """Take a key for a request.
+
+        Returns
+        -------
+        Claim or dict
+            The claim, to be completed or abandoned; or the answer that the same request got before.
+
+        Raises
+        ------
+        IdempotencyMismatchError
+            The key belongs to another request.
+        IdempotencyBusyError
+            The same request is under way.
+        """
+        token = secrets.token_hex(16)
+        now, until = self._database.now(), self._database.now(_HELD_S)
+        values = {"request_hash": request_hash, "token": token, "locked_until": until, "created_at": now}
+        insert = self._database.upsert(idempotency).values(owner_id=owner_id, key=key, **values)
+        with self._database.write() as connection:
+            if connection.execute(insert.on_conflict_do_nothing().returning(idempotency.c.key)).first():
+                return Claim(owner_id, key, token)
+            row = connection.execute(sa.select(idempotency).where(_is(owner_id, key)).with_for_update()).one_or_none()
+            if row is None:
+                raise IdempotencyBusyError("The key was given free this moment.")
+            if row.request_hash != request_hash:
+                raise IdempotencyMismatchError("This Idempotency-Key was used for another request.")
+            if row.response is not None:
+                return dict(row.response)
+            abandoned = sa.and_(_is(owner_id, key), idempotency.c.locked_until < now)
+            take = sa.update(idempotency).where(abandoned).values(values).returning(idempotency.c.key)
+            if connection.execute(take).first() is None:
+                raise IdempotencyBusyError("The first request with this Idempotency-Key is still under way.")
+        return Claim(owner_id, key, token)
+
+    def complete(self, claim: Claim, response: dict[str, Any], connection: sa.Connection) -> None:
+        """Write the answer, within the transaction that does what the request asks for.
+
+        Raises
+        ------
+        IdempotencyBusyError
+            Another request has taken the key over meanwhile: nothing may be done twice, so undo everything.
+        """
+        mine = sa.and_(_is(claim.owner_id, claim.key), idempotency.c.token == claim.token)
+        done = sa.update(idempotency).where(mine).values(response=response).returning(idempotency.c.key)
+        if connection.execute(done).first() is None:
+            raise IdempotencyBusyError("Another request has taken this Idempotency-Key over.")
+
+    def abandon(self, claim: Claim) -> None:
+        """Give the key free: the request was refused, and may come again."""
+        mine = sa.and_(
+            _is(claim.owner_id, claim.key), idempotency.c.token == claim.token, idempotency.c.response.is_(None)
+        )
+        with self._database.write() as connection:
+            connection.execute(sa.delete(idempotency).where(mine))
+
+
+def _is(owner_id: str, key: str) -> sa.ColumnElement[bool]:
+    return sa.and_(idempotency.c.owner_id == owner_id, idempotency.c.key == key)

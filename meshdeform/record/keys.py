@@ -1,0 +1,209 @@
+"""API keys: who may ask, and how much. A key is shown once, when it is made; the record keeps a hash of its secret."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import re
+import secrets
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError, UnavailableError
+from meshdeform.record.database import Database
+from meshdeform.record.ids import id_pattern, new_id
+from meshdeform.record.schema import api_keys
+
+__all__ = ["ApiKey", "KeyRing"]
+
+_PREFIX = "mdk"
+_SECRET_BYTES = 32
+_TEXT = re.compile(rf"({id_pattern(_PREFIX)[1:-1]})\.([A-Za-z0-9_-]{{43}})")
+_OWNER = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+_MAX_NAME = 100
+_MAX_LIMIT = 1_000_000
+_USE_TOLD_EVERY = timedelta(minutes=1)
+
+
+@dataclass(frozen=True)
+class ApiKey:
+    """A key, without its secret.
+
+    Attributes
+    ----------
+    id : str
+        The part of its text before the dot; no secret.
+    owner_id : str
+        Whose jobs, uploads and webhooks it sees and makes. Several keys may belong to one owner.
+    name : str
+        For people.
+    created_at, last_used_at, revoked_at : datetime
+        `last_used_at` is true to the minute. None: not yet.
+    requests_per_minute, max_active_jobs : int or None
+        0: any number. None: as the deployment's settings say.
+    """
+
+    id: str
+    owner_id: str
+    name: str
+    created_at: datetime
+    last_used_at: datetime | None = None
+    revoked_at: datetime | None = None
+    requests_per_minute: int | None = None
+    max_active_jobs: int | None = None
+
+
+class KeyRing:
+    """The keys of a record.
+
+    Parameters
+    ----------
+    database : Database
+
+    Raises
+    ------
+    UnavailableError
+        From every method: the database does not answer.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def create(
+        self,
+        owner_id: str,
+        name: str = "",
+        requests_per_minute: int | None = None,
+        max_active_jobs: int | None = None,
+    ) -> tuple[ApiKey, str]:
+        """Make a key.
+
+        Parameters
+        ----------
+        owner_id : str
+            Lower-case letters, digits, `-` and `_`; at most 63, and the first one a letter or a digit.
+        name : str
+            At most 100 characters.
+        requests_per_minute, max_active_jobs : int, optional
+            Limits of its own; 0: none.
+
+        Returns
+        -------
+        tuple of ApiKey and str
+            The key, and the text that requests send. The text cannot be had again.
+
+        Raises
+        ------
+        ParameterError
+            A value is not one of those.
+        """
+        if not _OWNER.fullmatch(owner_id):
+            raise ParameterError(
+                f"{owner_id!r} cannot be an owner.",
+                advice="Write lower-case letters, digits, - and _: at most 63, the first one a letter or a digit.",
+            )
+        if len(name) > _MAX_NAME:
+            raise ParameterError("The name of the key is too long.", advice=f"Write at most {_MAX_NAME} characters.")
+        for limit in (requests_per_minute, max_active_jobs):
+            if limit is not None and not 0 <= limit <= _MAX_LIMIT:
+                raise ParameterError(
+                    f"{limit} cannot be a limit.", advice=f"Give a number from 0 (no limit) to {_MAX_LIMIT}."
+                )
+        key_id, secret = new_id(_PREFIX), secrets.token_urlsafe(_SECRET_BYTES)
+        values = {
+            "id": key_id,
+            "owner_id": owner_id,
+            "name": name,
+            "secret_hash": _digest(secret),
+            "created_at": self._database.now(),
+            "requests_per_minute": requests_per_minute,
+            "max_active_jobs": max_active_jobs,
+        }
+        with self._database.write() as connection:
+            row = connection.execute(sa.insert(api_keys).values(values).returning(api_keys)).one()
+        return _key(row), f"{key_id}.{secret}"
+
+    def list(self, owner: str | None = None) -> list[ApiKey]:
+        """Return all keys, or one owner's, oldest first; the revoked ones too."""
+        query = sa.select(api_keys).order_by(api_keys.c.id)
+        if owner is not None:
+            query = query.where(api_keys.c.owner_id == owner)
+        with self._database.read() as connection:
+            return [_key(row) for row in connection.execute(query)]
+
+    def revoke(self, key_id: str) -> ApiKey:
+        """End a key for good. Revoking it twice is no error; the first time counts.
+
+        Raises
+        ------
+        NotFoundError
+            There is no such key.
+        """
+        revoked_at = sa.func.coalesce(api_keys.c.revoked_at, self._database.now())
+        revoke = sa.update(api_keys).where(api_keys.c.id == key_id).values(revoked_at=revoked_at).returning(api_keys)
+        with self._database.write() as connection:
+            row = connection.execute(revoke).one_or_none()
+        if row is None:
+            raise NotFoundError(f"There is no key {key_id}.", advice="See: meshdeform keys list.")
+        return _key(row)
+
+    def verify(self, text: str) -> ApiKey:
+        """Return the key of a text that a request sent.
+
+        Raises
+        ------
+        UnauthorizedError
+            It is no key of ours. Which part of it is wrong, and whether it was revoked, is not told.
+        """
+        match = _TEXT.fullmatch(text)
+        key_id, secret = match.groups() if match else ("", "")
+        with self._database.read() as connection:
+            row = connection.execute(sa.select(api_keys).where(api_keys.c.id == key_id)).one_or_none()
+        # The same work whether there is such a key or not: the answer's time shall tell as little as its words.
+        same = hmac.compare_digest(_digest(secret), row.secret_hash if row is not None else _NO_DIGEST)
+        if row is None or not same or row.revoked_at is not None:
+            raise UnauthorizedError("The API key is not valid.")
+        key = _key(row)
+        self._tell_use(key)
+        return key
+
+    def any_active(self) -> bool:
+        """Whether there is a key that has not been revoked."""
+        query = sa.select(api_keys.c.id).where(api_keys.c.revoked_at.is_(None)).limit(1)
+        with self._database.read() as connection:
+            return connection.execute(query).first() is not None
+
+    def _tell_use(self, key: ApiKey) -> None:
+        if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < _USE_TOLD_EVERY:
+            return
+        used = sa.update(api_keys).where(api_keys.c.id == key.id).values(last_used_at=self._database.now())
+        try:
+            with self._database.write() as connection:
+                connection.execute(used)
+        except UnavailableError:
+            # It could be read a moment ago: that nobody can write now is no reason to refuse the request.
+            return
+
+
+def _digest(secret: str) -> str:
+    # A fast hash is right here: the secret has 256 random bits, and nobody tries them all.
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+_NO_DIGEST = "0" * 64
+
+
+def _key(row: Any) -> ApiKey:
+    return ApiKey(
+        id=row.id,
+        owner_id=row.owner_id,
+        name=row.name,
+        created_at=row.created_at,
+        last_used_at=row.last_used_at,
+        revoked_at=row.revoked_at,
+        requests_per_minute=row.requests_per_minute,
+        max_active_jobs=row.max_active_jobs,
+    )

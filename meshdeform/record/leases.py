@@ -1,0 +1,267 @@
+"""What workers write. A worker owns a job by a lease and an attempt number that every write of its own carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.errors import DeviceMemoryError
+from meshdeform.record import rows
+from meshdeform.record.changes import Change, RecordPart, Row
+from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
+from meshdeform.record.schema import artifacts, checkpoints, jobs
+
+__all__ = ["RELEASED", "WorkerSide"]
+
+RELEASED: dict[str, Any] = {"worker_id": None, "lease_expires_at": None, "eta_s": None}
+
+
+class WorkerSide(RecordPart):
+    """Claims, and writes that are refused once the attempt is not the job's any more.
+
+    Every method that takes an attempt raises `StaleAttemptError` when another attempt has the job or it is over, and
+    `NotFoundError` when it is gone.
+    """
+
+    def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
+        """Take a job that is queued, as a new attempt.
+
+        Returns
+        -------
+        Job or None
+            None where there is nothing to take: a duplicate delivery, a canceled or deleted job.
+        """
+        return self._claim(jobs.c.id == job_id, worker_id, lease_s)
+
+    def claim_next(self, worker_id: str, lease_s: float) -> Job | None:
+        """Take the queued job of the greatest priority, of equal ones the oldest; None where none is queued."""
+        next_id = (
+            sa.select(jobs.c.id)
+            .where(jobs.c.state == JobState.QUEUED)
+            .order_by(jobs.c.priority.desc(), jobs.c.id)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+            .scalar_subquery()
+        )
+        return self._claim(jobs.c.id == next_id, worker_id, lease_s)
+
+    def _claim(self, which: sa.ColumnElement[bool], worker_id: str, lease_s: float) -> Job | None:
+        now = self._database.now()
+        values = {
+            "state": JobState.RUNNING,
+            "attempt": jobs.c.attempt + 1,
+            "worker_id": worker_id,
+            "lease_expires_at": self._database.now(lease_s),
+            "started_at": sa.func.coalesce(jobs.c.started_at, now),
+            "phase": "loading",
+        }
+        with self._change() as change:
+            taken = change.update(sa.and_(which, jobs.c.state == JobState.QUEUED), values, EventType.STARTED)
+            if not taken:
+                return None
+            row = taken[0]
+            if row.attempt == 1:
+                change.tallies.observe("queue_wait_seconds", (row.started_at - row.created_at).total_seconds())
+        return rows.job(row)
+
+    def heartbeat(self, job_id: str, attempt: int, lease_s: float) -> JobState:
+        """Renew the lease; the state that comes back says whether to stop."""
+        renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
+        renew = renew.values(lease_expires_at=self._database.now(lease_s))
+        with self._database.write() as connection:
+            state = connection.execute(renew.returning(jobs.c.state)).scalar_one_or_none()
+            if state is None:
+                raise self._stale(connection, job_id, attempt)
+        return JobState(state)
+
+    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, tell: bool = True) -> None:
+        """Publish progress, as an event too if `tell`. The fraction never goes back, also not across attempts."""
+        # Neither database has a name for it that the other knows: max() here, greatest() there.
+        furthest = sa.case((jobs.c.fraction > progress.fraction, jobs.c.fraction), else_=progress.fraction)
+        values = {
+            "step": progress.step,
+            "total_steps": progress.total_steps,
+            "fraction": furthest,
+            "phase": progress.phase,
+            "losses": progress.losses,
+            "eta_s": progress.eta_s,
+        }
+        self._write(job_id, attempt, values, EventType.PROGRESS if tell else None, _progress_of)
+
+    def set_checkpoint(
+        self,
+        job_id: str,
+        attempt: int,
+        key: str,
+        step: int,
+        sha256: str,
+        *,
+        size: int = 0,
+        mesh: Artifact | None = None,
+    ) -> None:
+        """Point at a checkpoint that is stored by now, and at the mesh of that step."""
+        values = {
+            "job_id": job_id,
+            "attempt": attempt,
+            "step": step,
+            "key": key,
+            "sha256": sha256,
+            "size": size,
+            "mesh_key": mesh.key if mesh else None,
+            "mesh_sha256": mesh.sha256 if mesh else None,
+            "mesh_size": mesh.size if mesh else None,
+            "created_at": self._database.now(),
+        }
+        insert = self._database.upsert(checkpoints).values(values)
+        insert = insert.on_conflict_do_update(index_elements=["job_id", "attempt", "step"], set_=values)
+        with self._change() as change:
+            where = rows.fenced(job_id, attempt)
+            if not change.update(where, {}, EventType.CHECKPOINT, {"step": step}):
+                raise self._stale(change.connection, job_id, attempt)
+            change.connection.execute(insert)
+
+    def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
+        """Point no more at a checkpoint, so that its objects can be deleted."""
+        with self._database.write() as connection:
+            self._fence(connection, job_id, attempt)
+            connection.execute(sa.delete(checkpoints).where(checkpoints.c.job_id == job_id, checkpoints.c.key == key))
+
+    def checkpoints(self, job_id: str) -> list[CheckpointRef]:
+        """Return the checkpoints of all attempts, newest first."""
+        query = (
+            sa.select(checkpoints)
+            .where(checkpoints.c.job_id == job_id)
+            .order_by(checkpoints.c.attempt.desc(), checkpoints.c.step.desc())
+        )
+        with self._database.read() as connection:
+            return [rows.checkpoint(row) for row in connection.execute(query)]
+
+    def finish(
+        self,
+        job_id: str,
+        attempt: int,
+        state: JobState,
+        error: JobError | None = None,
+        *,
+        results: Sequence[Artifact] = (),
+        step_s: float | None = None,
+    ) -> JobState:
+        """End the job: `succeeded`, `failed`, `canceled` or `expired`, for good.
+
+        A cancel that came before the end was written wins over success: the user was told that the job stops.
+
+        Parameters
+        ----------
+        job_id, attempt, state
+        error : JobError, optional
+            Why it failed.
+        results : sequence of Artifact
+            Stored by now; they are published in the same transaction, and only if the job succeeds.
+        step_s : float, optional
+            Mean seconds of a step.
+
+        Returns
+        -------
+        JobState
+            How it ended.
+        """
+        if not state.terminal:
+            raise ValueError(f"{state} is not terminal")
+        asked = jobs.c.state == JobState.CANCELING
+        canceled_anyway = state is JobState.SUCCEEDED
+        values = {
+            **RELEASED,
+            "state": sa.case((asked, JobState.CANCELED), else_=state) if canceled_anyway else state,
+            "fraction": sa.case((asked, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
+            "error": error.model_dump() if error else None,
+            "finished_at": self._database.now(),
+            "phase": "done",
+            "step_s": step_s,
+        }
+
+        def ended(row: Row) -> dict[str, Any]:
+            if row.state == JobState.SUCCEEDED:
+                return {"artifacts": sorted(result.name for result in results)}
+            return {"error": row.error} if row.error else {}
+
+        with self._change() as change:
+            changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), ended)
+            if not changed:
+                raise self._stale(change.connection, job_id, attempt)
+            if changed[0].state == JobState.SUCCEEDED:
+                self._publish(change, job_id, attempt, results)
+            if step_s:
+                change.tallies.observe("step_seconds", step_s)
+        return JobState(changed[0].state)
+
+    def _publish(self, change: Change, job_id: str, attempt: int, results: Sequence[Artifact]) -> None:
+        for result in results:
+            values = {**result.model_dump(), "job_id": job_id, "attempt": attempt}
+            change.connection.execute(sa.insert(artifacts).values(values))
+
+    def release(self, job_id: str, attempt: int) -> None:
+        """Hand a job back in order, with its checkpoints: to the queue, or to its end where a cancel waits."""
+        self._write(job_id, attempt, self._back({}), _queued_or_canceled, _why("handed_back"))
+
+    def out_of_memory(self, job_id: str, attempt: int, max_attempts: int) -> JobState:
+        """Hand a job back that the device had no memory for; after so many times it fails (`gpu_oom`)."""
+        error = DeviceMemoryError(f"The device ran out of memory in {max_attempts} attempts.")
+        with self._change() as change:
+            where = rows.fenced(job_id, attempt)
+            last = sa.and_(jobs.c.state == JobState.RUNNING, jobs.c.oom_attempts + 1 >= max_attempts)
+            over = {
+                **RELEASED,
+                "state": JobState.FAILED,
+                "error": JobError.of(error).model_dump(),
+                "finished_at": self._database.now(),
+                "phase": "done",
+                "oom_attempts": jobs.c.oom_attempts + 1,
+            }
+            changed = change.update(sa.and_(where, last), over, EventType.FAILED, lambda row: {"error": row.error})
+            if not changed:
+                back = self._back({"oom_attempts": jobs.c.oom_attempts + 1})
+                changed = change.update(where, back, _queued_or_canceled, _why("out_of_memory"))
+            if not changed:
+                raise self._stale(change.connection, job_id, attempt)
+        return JobState(changed[0].state)
+
+    def worker_ended(self, worker_id: str) -> bool:
+        """End the lease that a worker holds which is known to be gone; True if it held one.
+
+        The job is then taken back like that of any silent worker (`reclaim_expired`), only without the wait.
+        """
+        held = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state.in_(rows.OWNED))
+        # Without its worker the attempt is nobody's: a heartbeat that the dead had under way cannot renew the lease any
+        # more. A second ago: over by any clock's resolution.
+        change = sa.update(jobs).where(held).values(worker_id=None, lease_expires_at=self._database.now(-1.0))
+        with self._database.write() as connection:
+            return connection.execute(change.returning(jobs.c.id)).first() is not None
+
+    def _back(self, more: dict[str, Any]) -> dict[str, Any]:
+        asked = jobs.c.state == JobState.CANCELING
+        return {
+            **RELEASED,
+            "state": sa.case((asked, JobState.CANCELED), else_=JobState.QUEUED),
+            "finished_at": sa.case((asked, self._database.now()), else_=None),
+            "phase": sa.case((asked, "done"), else_="queued"),
+            **more,
+        }
+
+    def _write(self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any) -> None:
+        with self._change() as change:
+            if not change.update(rows.fenced(job_id, attempt), values, happened, data):
+                raise self._stale(change.connection, job_id, attempt)
+
+
+def _why(reason: str) -> Callable[[Row], dict[str, Any]]:
+    return lambda row: {"reason": reason} if row.state == JobState.QUEUED else {}
+
+
+def _queued_or_canceled(row: Row) -> EventType:
+    return EventType(row.state)
+
+
+def _progress_of(row: Row) -> dict[str, Any]:
+    return rows.job(row).progress.model_dump(mode="json")

@@ -1,0 +1,278 @@
+"""The record of all jobs, in SQL: what it says is true, whatever Redis, a worker or the API believes.
+
+`JobRecord` is what users do with jobs; what workers and the reconciler do is in `worker_side` and `upkeep`, and what is
+not about one job lies in parts of its own: `files`, `events`, `idempotency`, `registry`.
+"""
+
+from __future__ import annotations
+
+import base64
+import secrets as random
+from collections.abc import Callable, Mapping
+
+import sqlalchemy as sa
+
+from meshdeform.errors import ConflictError, TooManyJobsError
+from meshdeform.record import rows
+from meshdeform.record.changes import find_job
+from meshdeform.record.counters import read_tallies
+from meshdeform.record.cursors import decode_cursor, encode_cursor
+from meshdeform.record.database import Database
+from meshdeform.record.events import EventLog
+from meshdeform.record.files import FileLedger
+from meshdeform.record.idempotency import IdempotencyLedger
+from meshdeform.record.ids import new_job_id
+from meshdeform.record.keys import KeyRing
+from meshdeform.record.leases import WorkerSide
+from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
+from meshdeform.record.schema import artifacts, discarded, jobs, labels, secrets
+from meshdeform.record.upkeep import Upkeep
+from meshdeform.record.uploads import UploadLedger
+from meshdeform.record.webhooks import WebhookBook
+from meshdeform.record.workers import WorkerRegistry
+
+__all__ = ["JobRecord"]
+
+
+class JobRecord(WorkerSide, Upkeep):
+    """Every job, from 202 to its deletion. Safe to share between threads.
+
+    Parameters
+    ----------
+    url : str
+        The database; its tables are made and migrated here.
+
+    Attributes
+    ----------
+    database : Database
+        For the parts of the record that live beside it (`keys.py`, `uploads.py`, `webhooks.py`).
+    files : FileLedger
+        Which stored files are in use.
+    events : EventLog
+        What happened to jobs.
+    uploads : UploadLedger
+        Files that are sent by themselves.
+    idempotency : IdempotencyLedger
+        Requests that may come twice.
+    registry : WorkerRegistry
+        Which workers are alive.
+    webhooks : WebhookBook
+        Who wants to be told of events, and what was sent to them.
+    keys : KeyRing
+        The API keys.
+
+    Raises
+    ------
+    UnavailableError
+        From here and from every method: the database does not answer.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.database = self._database = Database(url)
+        self.files = FileLedger(self._database)
+        self.events = EventLog(self._database)
+        self.uploads = UploadLedger(self._database, self.files)
+        self.idempotency = IdempotencyLedger(self._database)
+        self.registry = WorkerRegistry(self._database)
+        self.webhooks = WebhookBook(self._database)
+        self.keys = KeyRing(self._database)
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._database.close()
+
+    def ping(self) -> None:
+        """Return when the database answers."""
+        with self._database.read() as connection:
+            connection.execute(sa.select(jobs.c.id).limit(1))
+
+    def create(self, new: NewJob, *, also: Callable[[sa.Connection, Job], None] | None = None) -> Job:
+        """Record a new job, queued. Its files must be stored by now; their pins, if any, become references.
+
+        Parameters
+        ----------
+        new : NewJob
+        also : callable, optional
+            Does more in the same transaction; what it raises undoes the job.
+
+        Raises
+        ------
+        TooManyJobsError
+            The owner has as many unfinished jobs as it may.
+        """
+        deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
+        values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
+        keys = {values["asset_key"], values["target_key"], values["origin_key"]} - {None}
+        with self._change() as change:
+            connection = change.connection
+            self._hold_to_limit(connection, new)
+            self.files.unpin(sorted(keys), connection)
+            row = connection.execute(sa.insert(jobs).values(values).returning(jobs)).one()
+            for name, value in new.request.metadata.items():
+                connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
+            change.tell(row, EventType.QUEUED, _beginning(new))
+            job = rows.job(row)
+            if also is not None:
+                also(connection, job)
+        return job
+
+    def get(self, job_id: str, owner: str | None = None) -> Job:
+        """Return a job; with an owner, only if it is theirs.
+
+        Raises
+        ------
+        NotFoundError
+            There is none of this id.
+        """
+        with self._database.read() as connection:
+            return find_job(connection, job_id, owner)
+
+    def list_jobs(
+        self,
+        state: JobState | None = None,
+        cursor: str | None = None,
+        limit: int = 50,
+        *,
+        owner: str | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> Page:
+        """Return a page of jobs, newest first.
+
+        Parameters
+        ----------
+        state : JobState, optional
+            Only jobs in this state.
+        cursor : str, optional
+            `next_cursor` of the page before.
+        limit : int
+            Length of the page.
+        owner : str, optional
+            Only theirs.
+        metadata : mapping, optional
+            Only jobs with all of these labels.
+
+        Raises
+        ------
+        ParameterError
+            The cursor is not one of ours.
+        """
+        query = sa.select(jobs).order_by(jobs.c.id.desc()).limit(limit + 1)
+        if owner is not None:
+            query = query.where(jobs.c.owner_id == owner)
+        if state is not None:
+            query = query.where(jobs.c.state == state)
+        for name, value in (metadata or {}).items():
+            labelled = sa.select(labels.c.job_id).where(labels.c.name == name, labels.c.value == value)
+            query = query.where(jobs.c.id.in_(labelled))
+        if cursor is not None:
+            query = query.where(jobs.c.id < decode_cursor(cursor))
+        with self._database.read() as connection:
+            found = [rows.job(row) for row in connection.execute(query)]
+        more = len(found) > limit
+        return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
+
+    def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
+        """Cancel a queued job at once; ask the worker of a running one to stop. Asking twice is no error.
+
+        Raises
+        ------
+        NotFoundError, ConflictError
+            There is no such job, or it is over.
+        """
+        queued = jobs.c.state == JobState.QUEUED
+        open_ = sa.and_(jobs.c.id == job_id, jobs.c.state.in_([JobState.QUEUED, JobState.RUNNING]), _owned(owner))
+        values = {
+            "state": sa.case((queued, JobState.CANCELED), else_=JobState.CANCELING),
+            "finished_at": sa.case((queued, self._database.now()), else_=None),
+            "phase": sa.case((queued, "done"), else_=jobs.c.phase),
+        }
+        with self._change() as change:
+            if changed := change.update(open_, values, lambda row: EventType(row.state)):
+                return rows.job(changed[0])
+            job = find_job(change.connection, job_id, owner)
+        if job.state.terminal:
+            raise ConflictError(f"The job is {job.state} and cannot be canceled any more.", state=job.state.value)
+        return job
+
+    def delete(self, job_id: str, owner: str | None = None) -> list[str]:
+        """Forget a job that is over. Its objects are due for removal from now on (`cleanup.py`).
+
+        Returns
+        -------
+        list of str
+            The files that it used, by key: asset, target, and the checkpoint that it began from. Others may use them.
+
+        Raises
+        ------
+        NotFoundError, ConflictError
+            There is no such job, or it is not over.
+        """
+        over = sa.and_(jobs.c.id == job_id, jobs.c.state.in_(TERMINAL_STATES), _owned(owner))
+        with self._database.write() as connection:
+            row = connection.execute(sa.delete(jobs).where(over).returning(*_FILES)).one_or_none()
+            if row is None:
+                job = find_job(connection, job_id, owner)
+                raise ConflictError(
+                    f"The job is {job.state}; only a job that is over can be deleted.",
+                    advice="Cancel it first, and delete it once it is canceled.",
+                    state=job.state.value,
+                )
+            connection.execute(sa.insert(discarded).values(prefix=f"jobs/{job_id}/"))
+        return [key for key in row if key is not None]
+
+    def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
+        """Return the results of a job, by name; none before it has succeeded.
+
+        Raises
+        ------
+        NotFoundError
+            There is no such job.
+        """
+        query = sa.select(artifacts).where(artifacts.c.job_id == job_id).order_by(artifacts.c.name)
+        with self._database.read() as connection:
+            find_job(connection, job_id, owner)
+            return [rows.artifact(row) for row in connection.execute(query)]
+
+    def tallies(self) -> dict[tuple[str, str], float]:
+        """Return the sums for the metrics, by name and label (`tallies.py`)."""
+        return read_tallies(self._database)
+
+    def secret(self, name: str) -> bytes:
+        """Return 32 random bytes that all processes of the deployment share, made when they are first asked for."""
+        made = base64.b64encode(random.token_bytes(32)).decode()
+        insert = self._database.upsert(secrets).values(name=name, value=made).on_conflict_do_nothing()
+        query = sa.select(secrets.c.value).where(secrets.c.name == name)
+        with self._database.read() as connection:
+            found = connection.execute(query).scalar()
+        if found is None:
+            with self._database.write() as connection:
+                connection.execute(insert)
+                found = connection.execute(query).scalar_one()
+        return base64.b64decode(found)
+
+    def _hold_to_limit(self, connection: sa.Connection, new: NewJob) -> None:
+        if not new.max_active:
+            return
+        if not self._database.is_sqlite:
+            # One after the other: two that count at the same time would both find room for one more.
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(new.owner_id))))
+        active = sa.and_(jobs.c.owner_id == new.owner_id, jobs.c.state.in_(_ACTIVE))
+        count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(active)).scalar_one()
+        if count >= new.max_active:
+            raise TooManyJobsError(
+                f"{count} jobs of this key are not over; it may have {new.max_active}.", limit=new.max_active
+            )
+
+
+_FILES = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key)
+_ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
+
+
+def _owned(owner: str | None) -> sa.ColumnElement[bool]:
+    return sa.true() if owner is None else jobs.c.owner_id == owner
+
+
+def _beginning(new: NewJob) -> dict[str, object]:
+    if new.origin is None:
+        return {"reason": "created"}
+    return {"reason": new.origin.mode.value, "origin": {"job_id": new.origin.job_id, "step": new.origin.step}}

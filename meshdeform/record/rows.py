@@ -1,0 +1,141 @@
+"""Rows of the record as values, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.record.models import (
+    Artifact,
+    CheckpointRef,
+    Event,
+    EventType,
+    Job,
+    JobError,
+    JobState,
+    NewJob,
+    Origin,
+    Progress,
+    StoredFile,
+)
+from meshdeform.record.schema import jobs
+from meshdeform.requests.document import JobRequest
+
+__all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job"]
+
+Row = sa.Row[Any]
+
+OWNED = (JobState.RUNNING, JobState.CANCELING)
+"""The states in which a worker has the job."""
+
+
+def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
+    """Whether a row is this job, in the hands of this attempt's worker: the guard of every write of a worker."""
+    return sa.and_(
+        jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
+    )
+
+
+def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
+    """Return the row of a job that nobody has touched. The instants may be expressions of the database."""
+    request, target, origin = new.request, new.target, new.origin
+    return {
+        "id": job_id,
+        "owner_id": new.owner_id,
+        "kind": request.kind.value,
+        "workload": request.workload,
+        "state": JobState.QUEUED,
+        # As it was written: what the user left out may get another default in a later version.
+        "request": request.model_dump(mode="json", exclude_unset=True),
+        "asset_key": new.asset.key,
+        "asset": new.asset.model_dump(),
+        "target_key": target.key if target else None,
+        "target": target.model_dump() if target else None,
+        "origin_key": origin.key or None if origin else None,
+        "origin": origin.model_dump(mode="json") if origin else None,
+        "priority": request.priority,
+        "deadline_at": deadline,
+        "retention_s": request.retention_s or new.retention_s,
+        "request_id": new.request_id,
+        "traceparent": new.traceparent,
+        "created_at": now,
+        "version": 1,
+        "attempt": 0,
+        "lost_attempts": 0,
+        "oom_attempts": 0,
+        "event_seq": 1,
+        "step": 0,
+        "total_steps": 0,
+        "fraction": 0.0,
+        "phase": "queued",
+        "losses": {},
+    }
+
+
+def job(row: Row) -> Job:
+    """Return the job of a row."""
+    return Job(
+        id=row.id,
+        state=JobState(row.state),
+        request=JobRequest.model_validate(row.request),
+        asset=StoredFile.model_validate(row.asset),
+        target=StoredFile.model_validate(row.target) if row.target else None,
+        error=JobError.model_validate(row.error) if row.error else None,
+        created_at=row.created_at,
+        started_at=row.started_at,
+        finished_at=row.finished_at,
+        progress=Progress(
+            step=row.step,
+            total_steps=row.total_steps,
+            fraction=row.fraction,
+            phase=row.phase,
+            losses=row.losses,
+            eta_s=row.eta_s,
+            attempt=row.attempt,
+        ),
+        attempt=row.attempt,
+        version=row.version,
+        owner_id=row.owner_id,
+        origin=Origin.model_validate(row.origin) if row.origin else None,
+        deadline_at=row.deadline_at,
+        retain_until=row.retain_until,
+        oom_attempts=row.oom_attempts,
+        event_seq=row.event_seq,
+        request_id=row.request_id,
+        traceparent=row.traceparent,
+    )
+
+
+def artifact(row: Row) -> Artifact:
+    """Return the artifact of a row."""
+    return Artifact(
+        name=row.name,
+        content_type=row.content_type,
+        size=row.size,
+        sha256=row.sha256,
+        key=row.key,
+        created_at=row.created_at,
+    )
+
+
+def checkpoint(row: Row) -> CheckpointRef:
+    """Return the checkpoint of a row."""
+    return CheckpointRef(
+        key=row.key,
+        step=row.step,
+        attempt=row.attempt,
+        sha256=row.sha256,
+        size=row.size,
+        mesh_key=row.mesh_key,
+        mesh_sha256=row.mesh_sha256,
+        mesh_size=row.mesh_size,
+        created_at=row.created_at,
+    )
+
+
+def event(row: Row) -> Event:
+    """Return the event of a row."""
+    return Event(
+        job_id=row.job_id, seq=row.seq, type=EventType(row.type), at=row.at, attempt=row.attempt, data=row.data
+    )

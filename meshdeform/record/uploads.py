@@ -1,0 +1,146 @@
+"""Uploads: files that are sent ahead of the jobs that use them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.errors import NotFoundError
+from meshdeform.record.database import Database
+from meshdeform.record.files import FileLedger
+from meshdeform.record.ids import new_id
+from meshdeform.record.schema import uploads
+
+__all__ = ["Upload", "UploadLedger"]
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A file that is being sent, or that has come.
+
+    Attributes
+    ----------
+    id, owner_id, filename : str
+    size : int
+        Bytes that it has once it is complete.
+    sha256 : str or None
+        Of its bytes: as announced while it is open, as verified once it is complete.
+    key : str or None
+        The stored file; None while it is open.
+    created_at, expires_at : datetime
+    """
+
+    id: str
+    owner_id: str
+    filename: str
+    size: int
+    sha256: str | None
+    key: str | None
+    created_at: datetime
+    expires_at: datetime
+
+    @property
+    def complete(self) -> bool:
+        """Whether all bytes have come and are what they should be."""
+        return self.key is not None
+
+
+class UploadLedger:
+    """Every upload, from its announcement to the end of its time.
+
+    A complete one holds its file (`files.py`) until then; jobs that use it hold it by themselves.
+    """
+
+    def __init__(self, database: Database, files: FileLedger) -> None:
+        self._database, self._files = database, files
+
+    def create(
+        self,
+        owner_id: str,
+        filename: str,
+        size: int,
+        ttl_s: float,
+        *,
+        sha256: str | None = None,
+        also: Callable[[sa.Connection, Upload], None] | None = None,
+    ) -> Upload:
+        """Announce an upload.
+
+        Parameters
+        ----------
+        owner_id : str
+        filename : str
+        size : int
+            Bytes, as the sender says.
+        ttl_s : float
+            Seconds that it is kept.
+        sha256 : str, optional
+            Of its bytes, as the sender says.
+        also : callable, optional
+            Does more in the same transaction; what it raises undoes the upload.
+        """
+        values = {
+            "id": new_id("upl"),
+            "owner_id": owner_id,
+            "filename": filename,
+            "size": size,
+            "sha256": sha256,
+            "created_at": self._database.now(),
+            "expires_at": self._database.now(ttl_s),
+        }
+        with self._database.write() as connection:
+            made = _upload(connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
+            if also is not None:
+                also(connection, made)
+        return made
+
+    def get(self, upload_id: str, owner: str | None = None) -> Upload:
+        """Return an upload; with an owner, only if it is theirs.
+
+        Raises
+        ------
+        NotFoundError
+            There is none, or its time is over.
+        """
+        with self._database.read() as connection:
+            row = connection.execute(sa.select(uploads).where(self._is(upload_id, owner))).one_or_none()
+        if row is None:
+            raise NotFoundError(f"There is no upload {upload_id!r}.", advice="Announce it again: POST /v1/uploads.")
+        return _upload(row)
+
+    def complete(self, upload_id: str, sha256: str, key: str, owner: str | None = None) -> Upload:
+        """Point at the file, which is stored and pinned by now; the pin becomes the upload's. Again is no error."""
+        change = sa.update(uploads).where(self._is(upload_id, owner)).values(sha256=sha256, key=key)
+        with self._database.write() as connection:
+            row = connection.execute(change.returning(uploads)).one_or_none()
+            if row is None:
+                raise NotFoundError(f"There is no upload {upload_id!r}.")
+            self._files.unpin([key], connection)
+        return _upload(row)
+
+    def delete(self, upload_id: str, owner: str | None = None) -> None:
+        """Forget an upload; its file stays for as long as a job needs it.
+
+        Raises
+        ------
+        NotFoundError
+            There is none.
+        """
+        where = uploads.c.id == upload_id
+        if owner is not None:
+            where = sa.and_(where, uploads.c.owner_id == owner)
+        with self._database.write() as connection:
+            if connection.execute(sa.delete(uploads).where(where).returning(uploads.c.id)).first() is None:
+                raise NotFoundError(f"There is no upload {upload_id!r}.")
+
+    def _is(self, upload_id: str, owner: str | None) -> sa.ColumnElement[bool]:
+        alive = sa.and_(uploads.c.id == upload_id, uploads.c.expires_at > self._database.now())
+        return alive if owner is None else sa.and_(alive, uploads.c.owner_id == owner)
+
+
+def _upload(row: sa.Row[Any]) -> Upload:
+    return Upload(**row._mapping)

@@ -1,0 +1,397 @@
+"""Webhooks of owners, and the log of what was sent to them: `record.webhooks`.
+
+Messages are written with the events that they tell of (`deliveries.py`); what the sender does with them is in
+`outgoing.py`.
+"""
+
+from __future__ import annotations
+
+import base64
+import secrets
+from collections.abc import Collection
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.errors import ConflictError, NotFoundError, RequestError
+from meshdeform.record.cursors import decode_cursor, encode_cursor
+from meshdeform.record.database import Database
+from meshdeform.record.ids import new_id
+from meshdeform.record.outgoing import Outgoing
+from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
+
+__all__ = ["MAX_WEBHOOKS", "TEST_EVENT", "Delivery", "DeliveryAttempt", "DeliveryPage", "Webhook", "WebhookBook"]
+
+MAX_WEBHOOKS = 20
+"""Webhooks of one owner: each of them costs a row for every event."""
+TEST_EVENT = "meshdeform.test"
+"""The type of the message that is sent on request, whatever a webhook listens to."""
+
+_KEEP_S = 86_400.0
+
+
+@dataclass(frozen=True)
+class Webhook:
+    """Where an owner wants to be told of events. The secret is not here: it is shown when it is made, and only then."""
+
+    id: str
+    owner_id: str
+    url: str
+    events: tuple[str, ...]
+    created_at: datetime
+    previous_until: datetime | None
+    disabled_at: datetime | None
+    disabled_reason: str | None
+
+
+@dataclass(frozen=True)
+class DeliveryAttempt:
+    """One try at a delivery: the status of the answer, or why there is none."""
+
+    number: int
+    at: datetime
+    status: int | None
+    error: str | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """One message to one webhook.
+
+    Attributes
+    ----------
+    state : str
+        `pending`, `delivered` or `failed`. The last two never change.
+    replay_of : str or None
+        The first delivery of the message, where this one sends it again.
+    next_at : datetime or None
+        When it is tried, while it is pending.
+    log : tuple of DeliveryAttempt
+        What was tried, oldest first; empty in a list of deliveries, where `attempts` counts them.
+    """
+
+    id: str
+    webhook_id: str
+    job_id: str
+    replay_of: str | None
+    type: str
+    payload: dict[str, Any]
+    state: str
+    attempts: int
+    next_at: datetime | None
+    created_at: datetime
+    log: tuple[DeliveryAttempt, ...] = ()
+
+
+@dataclass(frozen=True)
+class DeliveryPage:
+    """Some deliveries, newest first, and where the next page begins; None at the end."""
+
+    deliveries: list[Delivery]
+    next_cursor: str | None
+
+
+class WebhookBook(Outgoing):
+    """Every webhook. Each look-up names the owner: somebody else's webhook is not there."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
+        """Enter a webhook, enabled. The address must be checked by now (`meshdeform.webhooks.addresses`).
+
+        Parameters
+        ----------
+        owner : str
+        url : str
+        events : collection of str
+            Types to send; none means every one.
+
+        Returns
+        -------
+        Webhook and str
+            The webhook and its secret, which is not told again.
+
+        Raises
+        ------
+        RequestError
+            The owner has as many as it may.
+        """
+        secret = _new_secret()
+        values = {
+            "id": new_id("wh"),
+            "owner_id": owner,
+            "url": url,
+            "events": _types(events),
+            "secret": secret,
+            "created_at": self._database.now(),
+        }
+        with self._database.write() as connection:
+            if not self._database.is_sqlite:
+                # One after the other: two that count at the same time would both find room for one more.
+                connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"webhooks {owner}"))))
+            own = sa.select(sa.func.count()).select_from(webhooks).where(webhooks.c.owner_id == owner)
+            if connection.execute(own).scalar_one() >= MAX_WEBHOOKS:
+                raise RequestError(
+                    f"You have {MAX_WEBHOOKS} webhooks, which is the most.", advice="Delete one that you do not need."
+                )
+            made = connection.execute(sa.insert(webhooks).values(values).returning(webhooks)).one()
+        return _webhook(made), secret
+
+    def get(self, webhook_id: str, owner: str) -> Webhook:
+        """Return a webhook.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has none of this id.
+        """
+        with self._database.read() as connection:
+            return _webhook(_find(connection, webhook_id, owner))
+
+    def list_webhooks(self, owner: str) -> list[Webhook]:
+        """Return the owner's webhooks, oldest first."""
+        query = sa.select(webhooks).where(webhooks.c.owner_id == owner).order_by(webhooks.c.id)
+        with self._database.read() as connection:
+            return [_webhook(row) for row in connection.execute(query)]
+
+    def update(
+        self,
+        webhook_id: str,
+        owner: str,
+        *,
+        url: str | None = None,
+        events: Collection[str] | None = None,
+        enabled: bool | None = None,
+    ) -> Webhook:
+        """Change what is given. A webhook that is disabled is told of nothing, and its pending deliveries fail.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has none of this id.
+        """
+        values: dict[str, Any] = {}
+        if url is not None:
+            values["url"] = url
+        if events is not None:
+            values["events"] = _types(events)
+        if enabled:
+            values |= {"disabled_at": None, "disabled_reason": None}
+        held = sa.select(webhooks.c.id).where(_is(webhook_id, owner)).with_for_update(key_share=True)
+        with self._database.write() as connection:
+            if connection.execute(held).first() is None:
+                raise _missing(webhook_id)
+            if values:
+                connection.execute(sa.update(webhooks).where(_is(webhook_id, owner)).values(values))
+            if enabled is False:
+                self._disable(connection, webhook_id, "disabled by its owner")
+            return _webhook(_find(connection, webhook_id, owner))
+
+    def rotate(self, webhook_id: str, owner: str, keep_s: float = _KEEP_S) -> tuple[Webhook, str]:
+        """Make a new secret. The one before signs beside it for `keep_s` seconds; one older than that, no more.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has none of this id.
+        """
+        secret = _new_secret()
+        values = {
+            "previous_secret": webhooks.c.secret,
+            "previous_until": self._database.now(keep_s),
+            "secret": secret,
+        }
+        change = sa.update(webhooks).where(_is(webhook_id, owner)).values(values).returning(webhooks)
+        with self._database.write() as connection:
+            row = connection.execute(change).one_or_none()
+        if row is None:
+            raise _missing(webhook_id)
+        return _webhook(row), secret
+
+    def delete(self, webhook_id: str, owner: str) -> None:
+        """Forget a webhook with its log. A message that is just being sent may still arrive.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has none of this id.
+        """
+        gone = sa.delete(webhooks).where(_is(webhook_id, owner)).returning(webhooks.c.id)
+        with self._database.write() as connection:
+            if connection.execute(gone).first() is None:
+                raise _missing(webhook_id)
+
+    def deliveries(
+        self, webhook_id: str, owner: str, *, state: str | None = None, cursor: str | None = None, limit: int = 50
+    ) -> DeliveryPage:
+        """Return a page of what was sent or is to be, newest first.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has no such webhook.
+        ParameterError
+            The cursor is not one of ours.
+        """
+        query = sa.select(deliveries).where(deliveries.c.webhook_id == webhook_id).order_by(deliveries.c.id.desc())
+        if state is not None:
+            query = query.where(deliveries.c.state == state)
+        if cursor is not None:
+            query = query.where(deliveries.c.id < decode_cursor(cursor, "msg"))
+        with self._database.read() as connection:
+            _find(connection, webhook_id, owner)
+            found = [_delivery(row) for row in connection.execute(query.limit(limit + 1))]
+        more = len(found) > limit
+        return DeliveryPage(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
+
+    def delivery(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
+        """Return a delivery with its attempts.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has no such webhook, or that one no such delivery.
+        """
+        tried = sa.select(delivery_attempts).where(delivery_attempts.c.delivery_id == delivery_id)
+        with self._database.read() as connection:
+            _find(connection, webhook_id, owner)
+            row = _find_delivery(connection, webhook_id, delivery_id)
+            log = connection.execute(tried.order_by(delivery_attempts.c.number)).all()
+        return _delivery(
+            row, tuple(DeliveryAttempt(each.number, each.at, each.status, each.error, each.seconds) for each in log)
+        )
+
+    def replay(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
+        """Send a message again, by a delivery of its own.
+
+        By the specification an identifier belongs to the event and stays the same however often it is sent, so the
+        new delivery carries the `webhook-id` of the first one: a receiver that has dealt with it drops it.
+
+        Raises
+        ------
+        NotFoundError
+            The owner has no such webhook, or that one no such delivery.
+        ConflictError
+            The delivery is still pending, or the webhook is disabled.
+        """
+        with self._database.write() as connection:
+            webhook = _find(connection, webhook_id, owner)
+            row = _find_delivery(connection, webhook_id, delivery_id)
+            if row.state == "pending":
+                raise ConflictError(
+                    "The delivery is still pending.", advice="Wait: it is tried again by itself.", state=row.state
+                )
+            return self._add(connection, webhook, row.type, row.payload, row.job_id, row.replay_of or row.id)
+
+    def send_test(self, webhook_id: str, owner: str) -> Delivery:
+        """Send a message of the type `meshdeform.test`, whatever the webhook listens to.
+
+        Raises
+        ------
+        NotFoundError, ConflictError
+            The owner has no such webhook, or it is disabled.
+        """
+        payload = {
+            "type": TEST_EVENT,
+            "timestamp": datetime.now(UTC).isoformat().replace("+00:00", "Z"),
+            "data": {"webhook_id": webhook_id},
+        }
+        with self._database.write() as connection:
+            return self._add(connection, _find(connection, webhook_id, owner), TEST_EVENT, payload)
+
+    def _add(
+        self,
+        connection: sa.Connection,
+        webhook: sa.Row[Any],
+        kind: str,
+        payload: dict[str, Any],
+        job_id: str = "",
+        replay_of: str | None = None,
+    ) -> Delivery:
+        if webhook.disabled_at is not None:
+            raise ConflictError(
+                "The webhook is disabled: nothing is sent to it.",
+                advice="Enable it first, with PATCH.",
+                state="disabled",
+            )
+        now = self._database.now()
+        values = {
+            "id": new_id("msg"),
+            "webhook_id": webhook.id,
+            "job_id": job_id,
+            "replay_of": replay_of,
+            "type": kind,
+            "payload": payload,
+            "state": "pending",
+            "attempts": 0,
+            "next_at": now,
+            "created_at": now,
+        }
+        return _delivery(connection.execute(sa.insert(deliveries).values(values).returning(deliveries)).one())
+
+
+def _new_secret() -> str:
+    # The specification asks for 24 to 64 random bytes.
+    return "whsec_" + base64.b64encode(secrets.token_bytes(32)).decode()
+
+
+def _types(events: Collection[str]) -> list[str]:
+    return sorted(set(events))
+
+
+def _is(webhook_id: str, owner: str) -> sa.ColumnElement[bool]:
+    return sa.and_(webhooks.c.id == webhook_id, webhooks.c.owner_id == owner)
+
+
+def _missing(webhook_id: str) -> NotFoundError:
+    return NotFoundError(f"There is no webhook {webhook_id!r}.", advice="Check the id: GET /v1/webhooks lists yours.")
+
+
+def _find(connection: sa.Connection, webhook_id: str, owner: str) -> sa.Row[Any]:
+    row = connection.execute(sa.select(webhooks).where(_is(webhook_id, owner))).one_or_none()
+    if row is None:
+        raise _missing(webhook_id)
+    return row
+
+
+def _find_delivery(connection: sa.Connection, webhook_id: str, delivery_id: str) -> sa.Row[Any]:
+    query = sa.select(deliveries).where(deliveries.c.id == delivery_id, deliveries.c.webhook_id == webhook_id)
+    row = connection.execute(query).one_or_none()
+    if row is None:
+        raise NotFoundError(
+            f"The webhook has no delivery {delivery_id!r}.", advice="Deliveries are kept for 30 days after they end."
+        )
+    return row
+
+
+def _webhook(row: sa.Row[Any]) -> Webhook:
+    return Webhook(
+        id=row.id,
+        owner_id=row.owner_id,
+        url=row.url,
+        events=tuple(row.events),
+        created_at=row.created_at,
+        previous_until=row.previous_until,
+        disabled_at=row.disabled_at,
+        disabled_reason=row.disabled_reason,
+    )
+
+
+def _delivery(row: sa.Row[Any], log: tuple[DeliveryAttempt, ...] = ()) -> Delivery:
+    return Delivery(
+        id=row.id,
+        webhook_id=row.webhook_id,
+        job_id=row.job_id,
+        replay_of=row.replay_of,
+        type=row.type,
+        payload=row.payload,
+        state=row.state,
+        attempts=row.attempts,
+        next_at=row.next_at,
+        created_at=row.created_at,
+        log=log,
+    )

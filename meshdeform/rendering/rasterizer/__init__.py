@@ -1,0 +1,65 @@
+"""Rasterisation: which triangle is nearest at each pixel, and the antialiasing that makes silhouettes differentiable.
+
+One interface, a backend per device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
+integer arithmetic and so agree on every pixel but for ties in depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from meshdeform.errors import ShapeError
+from meshdeform.rendering.rasterizer.antialias import SilhouetteEdges, antialias
+from meshdeform.rendering.rasterizer.interpolate import interpolate
+
+__all__ = ["EMPTY_DEPTH", "Fragments", "SilhouetteEdges", "antialias", "interpolate", "rasterize"]
+
+EMPTY_DEPTH = 2.0
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """The nearest triangle at each pixel centre.
+
+    Attributes
+    ----------
+    face_ids : (B, H, W) int64
+        Index of the face, -1 where nothing is seen. Row 0 is the top of the image.
+    depth : (B, H, W) float32
+        Normalised device depth in [-1, 1], `EMPTY_DEPTH` where nothing is seen.
+    """
+
+    face_ids: Tensor
+    depth: Tensor
+
+
+def rasterize(clip: Tensor, faces: Tensor, height: int, width: int) -> Fragments:
+    """Find the nearest triangle at each pixel centre; both sides of a triangle are seen.
+
+    Triangles with a vertex at or behind the camera plane are dropped. Not differentiable in itself: gradients
+    come from shading at the visible surface and from `antialias` at silhouettes.
+
+    Parameters
+    ----------
+    clip : (B, V, 4) floating
+        Vertex positions in clip space (x right, y up).
+    faces : (F, 3) int64
+    height, width : int
+        Pixels.
+
+    Raises
+    ------
+    ShapeError
+        `clip` is not (B, V, 4) or `faces` not (F, 3).
+    """
+    if clip.ndim != 3 or clip.shape[2] != 4 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ShapeError(f"expected clip (B, V, 4) and faces (F, 3), got {tuple(clip.shape)} and {tuple(faces.shape)}")
+    if clip.device.type == "cpu":
+        from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
+
+        return Fragments(*rasterize_compiled(clip.detach(), faces, height, width))
+    from meshdeform.rendering.rasterizer.spans import rasterize_spans
+
+    return Fragments(*rasterize_spans(clip.detach(), faces, height, width))

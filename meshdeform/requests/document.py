@@ -1,0 +1,138 @@
+"""What a job asks for: the request document around the parameters.
+
+Torch-free. `parameters` holds the parameters, `resolve` fills in what a user leaves out, `choices` lists the named
+values. All can be imported from here.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, StringConstraints
+
+from meshdeform.requests.choices import (
+    Distillation,
+    GuidanceKind,
+    JobKind,
+    NegativePrompt,
+    Optimizer,
+    Parametrization,
+    Preset,
+    Rigidity,
+    Safeguard,
+    ViewMode,
+)
+from meshdeform.requests.parameters import (
+    BUILTIN_MODEL,
+    DEFAULT_SD_MODEL,
+    MAX_PROMPT_LENGTH,
+    MAX_STEPS,
+    DeformParams,
+    StrictModel,
+)
+from meshdeform.requests.resolve import ResolvedParams, resolve
+
+__all__ = [
+    "BUILTIN_MODEL",
+    "DEFAULT_SD_MODEL",
+    "MAX_DEADLINE_S",
+    "MAX_METADATA_ENTRIES",
+    "MAX_METADATA_NAME",
+    "MAX_METADATA_VALUE",
+    "MAX_PRIORITY",
+    "MAX_PROMPT_LENGTH",
+    "MAX_RETENTION_S",
+    "MAX_STEPS",
+    "DeformParams",
+    "Distillation",
+    "GuidanceKind",
+    "JobKind",
+    "JobRequest",
+    "NegativePrompt",
+    "Optimizer",
+    "OutputOptions",
+    "Parametrization",
+    "Preset",
+    "ResolvedParams",
+    "Rigidity",
+    "Safeguard",
+    "ViewMode",
+    "resolve",
+]
+
+MAX_METADATA_ENTRIES = 32
+MAX_METADATA_NAME = 64
+MAX_METADATA_VALUE = 500
+MAX_PRIORITY = 100
+MAX_DEADLINE_S = 31 * 86_400.0
+MAX_RETENTION_S = 10 * 366 * 86_400.0
+
+
+class OutputOptions(StrictModel):
+    """What the job writes besides `result.glb`, `report.json` and `preview.png`."""
+
+    morph: bool = Field(
+        False,
+        description="Also write `morph.glb`: the source with the deformation as a morph target and an animation "
+        "from the source to the result.",
+        examples=[True],
+    )
+    usd: bool = Field(
+        False,
+        description="Also write `result.usdz`, the result for AR viewers and USD pipelines. Needs the extra `usd` "
+        "where the job runs; without it the job fails before its first step, with `dependency_missing`.",
+        examples=[False],
+    )
+
+
+_Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
+_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
+_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
+
+
+class JobRequest(StrictModel):
+    """The JSON document that asks for one job."""
+
+    kind: JobKind = Field(JobKind.TEXT_DEFORM, description="What the job does.", examples=["text_deform"])
+    prompt: _Prompt = Field(
+        "",
+        max_length=MAX_PROMPT_LENGTH,
+        description="What the asset shall become. Required unless `params.guidance` is `target`.",
+        examples=["a mushroom"],
+    )
+    params: DeformParams = Field(default_factory=DeformParams, description="Parameters of the deformation.")
+    output: OutputOptions = Field(default_factory=OutputOptions, description="What the job writes.")
+    metadata: dict[_MetaKey, _MetaValue] = Field(
+        default_factory=dict,
+        max_length=MAX_METADATA_ENTRIES,
+        description="Your own labels, given back with the job: at most 32, keys up to 64 and values up to 500 "
+        "characters.",
+        examples=[{"shot": "sc010"}],
+    )
+    priority: int = Field(
+        0,
+        ge=-MAX_PRIORITY,
+        le=MAX_PRIORITY,
+        description="Workers take the job with the greatest priority first, and of equal ones the oldest.",
+        examples=[0],
+    )
+    deadline_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds from its creation after which a job that is not over becomes `expired`. Default: none.",
+        examples=[3600],
+    )
+    retention_s: float | None = Field(
+        None,
+        ge=60.0,
+        le=MAX_RETENTION_S,
+        description="Seconds after its end when the job is deleted with all its artifacts. Default: the server's "
+        "MESHDEFORM_RETENTION_S.",
+        examples=[604800],
+    )
+
+    @property
+    def workload(self) -> str:
+        """Jobs of the same workload take about as long a step; the basis of estimates."""
+        return f"{self.kind}/{self.params.guidance}/{self.params.model or ''}"

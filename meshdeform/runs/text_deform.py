@@ -1,0 +1,254 @@
+"""The kind `text_deform`: an asset and a prompt (or a target mesh) in, the same asset with a new shape out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets.usd import require_usd, write_usdz
+from meshdeform.deformation.candidates import CandidateRun
+from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.deformation.jacobians import completed_jacobians
+from meshdeform.deformation.loop import Deformation
+from meshdeform.errors import ParameterError, PromptError
+from meshdeform.geometry.normals import transform_normals, transform_tangents
+from meshdeform.geometry.operators import effective_face_areas
+from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.guidance.base import Guidance
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.priors.base import Prior
+from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.preview import preview_png
+from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.runs.base import ArtifactData, StepReport
+from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
+from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.text_report import RunFacts, build_report, read_result
+
+__all__ = ["TextDeformRun", "start"]
+
+_GLB = "model/gltf-binary"
+_USDZ = "model/vnd.usdz+zip"
+_Floats = NDArray[np.float64]
+
+
+def start(
+    *,
+    asset: bytes,
+    filename: str,
+    request: JobRequest,
+    prior: Prior | None = None,
+    target: bytes | None = None,
+    target_filename: str = "",
+    checkpoint: bytes | None = None,
+    initial: bytes | None = None,
+    default_model: str = BUILTIN_MODEL,
+    limits: Limits | None = None,
+    device: str = "cpu",
+) -> TextDeformRun:
+    """Read the asset and get ready to run.
+
+    Parameters
+    ----------
+    asset, target : bytes
+        A GLB, OBJ, PLY or STL; `target` is what `params.guidance = target` needs.
+    filename, target_filename : str
+    request : JobRequest
+    prior : Prior, optional
+        What `params.guidance = sds` needs, loaded by the caller so that it can be kept between jobs.
+    checkpoint : bytes, optional
+        A checkpoint of the same request to go on from.
+    initial : bytes, optional
+        A checkpoint of any request with the same asset, whose shape the run begins with at step 0.
+    default_model : str
+        The model where the request names none.
+    limits : Limits, optional
+    device : str
+        Where views are drawn and the prior runs.
+
+    Raises
+    ------
+    DependencyError
+        The request asks for USDZ, and usd-core is not installed.
+    AssetError, RequestError, ModelError, NumericalError, CheckpointError
+        What is wrong and what to do about it.
+    """
+    if request.output.usd:
+        require_usd()
+    clock = PhaseClock()
+    params = resolve(request.params, default_model=default_model)
+    with clock.phase("read"):
+        loaded = load_asset(asset, filename, limits)
+        if request.output.usd:
+            loaded.scene()  # materials that cannot be read are told now, not after the last step
+        surface = loaded.surface
+        welded = weld(surface.positions, surface.triangles)
+    frame = Frame.around(welded.mesh.verts)
+    mesh = frame.place(welded.mesh)
+    with clock.phase("prepare"):
+        guidance = _guidance(request, params, prior, target, target_filename, limits, device)
+        run = fingerprint(
+            params=params.model_dump(mode="json"),
+            prompt=request.prompt,
+            asset=sha256_hex(asset),
+            guidance=guidance.identity,
+        )
+        state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
+        shape = load_shape(initial, sha256_hex(asset)) if initial is not None else None
+        deformation = Deformation(mesh, guidance, params, device=device, initial=shape)
+        candidates = CandidateRun(deformation, state)
+    facts = RunFacts(request, params, sha256_hex(asset), len(asset), filename, guidance.identity, run, device)
+    return TextDeformRun(loaded, welded, frame, candidates, facts, clock)
+
+
+def _guidance(
+    request: JobRequest,
+    params: ResolvedParams,
+    prior: Prior | None,
+    target: bytes | None,
+    target_filename: str,
+    limits: Limits | None,
+    device: str,
+) -> Guidance:
+    if params.guidance is GuidanceKind.TARGET:
+        if target is None:
+            raise ParameterError(
+                "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
+            )
+        shape = load_asset(target, target_filename, limits).surface
+        goal = weld(shape.positions, shape.triangles).mesh
+        return TargetGuidance(
+            Frame.around(goal.verts).place(goal), device=device, identity={"sha256": sha256_hex(target)}
+        )
+    if not request.prompt:
+        raise PromptError("The prompt is empty.")
+    if prior is None:
+        raise ParameterError("params.guidance is `sds`, which needs a prior.")
+    return score_distillation(prior, request.prompt, params)
+
+
+class TextDeformRun:
+    """A run in progress; made by `start`. Implements `meshdeform.runs.base.JobRun`."""
+
+    def __init__(
+        self,
+        asset: Asset,
+        welded: WeldedMesh,
+        frame: Frame,
+        deformation: CandidateRun,
+        facts: RunFacts,
+        clock: PhaseClock,
+    ) -> None:
+        self._asset = asset
+        self._welded = welded
+        self._frame = frame
+        self._deformation = deformation
+        self._facts = facts
+        self._clock = clock
+        self._history = LossHistory()
+        self._first_step = deformation.step
+
+    @property
+    def total_steps(self) -> int:
+        """At most so many steps in all, those of candidates included; at the end, so many as were done."""
+        return self._deformation.total_steps
+
+    @property
+    def step(self) -> int:
+        """Steps done."""
+        return self._deformation.step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the steps that are left."""
+        start = time.perf_counter()
+        for step in self._deformation:
+            self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
+            self._history.add(step.step, step.losses)
+            yield StepReport(step.step, self.total_steps, "optimizing", step.losses)
+            start = time.perf_counter()
+
+    def checkpoint(self) -> bytes:
+        """Everything that the rest of the run depends on; valid between two steps."""
+        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.asset_sha256)
+
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (N, 3) float64 of the asset's own vertices as they stand now, in the world."""
+        return self._welded.scatter(self._world_verts(), self._asset.surface.positions)
+
+    def snapshot(self) -> ArtifactData:
+        """Write the asset as it stands now, as `result.glb` would be.
+
+        Raises
+        ------
+        NumericalError
+            The shape is not finite.
+        """
+        return ArtifactData(self._asset.replace(*self._surface(self._world_verts())), _GLB)
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Write `result.glb`, `report.json`, `preview.png`; `morph.glb` and `result.usdz` where they were asked for.
+
+        Raises
+        ------
+        NumericalError
+            The result is not finite.
+        """
+        rest, verts = self._welded.mesh, self._world_verts()
+        with self._clock.phase("write"):
+            positions, normals, tangents = self._surface(verts)
+            result = self._asset.replace(positions, normals, tangents)
+            artifacts = {"result.glb": ArtifactData(result, _GLB)}
+            if self._facts.request.output.morph:
+                morph = self._asset.replace(positions, normals, tangents, morph=True)
+                artifacts["morph.glb"] = ArtifactData(morph, _GLB)
+            usdz = write_usdz(read_result(result).scene()) if self._facts.request.output.usd else None
+            if usdz is not None:
+                artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
+            artifacts["preview.png"] = ArtifactData(preview_png(rest.verts, verts, rest.faces), "image/png")
+        report = build_report(
+            self._facts,
+            asset=self._asset,
+            welded=self._welded,
+            verts=verts,
+            result=result,
+            usdz=usdz,
+            history=self._history,
+            first_step=self._first_step,
+            ended=self._ended(),
+            clock=self._clock,
+        )
+        artifacts["report.json"] = ArtifactData(report, "application/json")
+        return artifacts
+
+    def _ended(self) -> dict[str, Any]:
+        """Why and when the run ended, and how its candidates fared."""
+        own = self._deformation.deformation
+        return {
+            "stopped": {
+                "reason": "settled" if own.settled and own.step < own.params.steps else "steps",
+                "step": own.step,
+                "steps": own.params.steps,
+                "total_steps": self._deformation.step,
+            },
+            "candidates": self._deformation.to_report(),
+        }
+
+    def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
+        """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""
+        surface, rest = self._asset.surface, self._welded.mesh
+        jacobians = completed_jacobians(rest.verts, verts, rest.faces)
+        areas = torch.from_numpy(effective_face_areas(rest))
+        triangles = surface.triangles[self._welded.face_source]
+        normals = transform_normals(surface.normals, triangles, jacobians, areas)
+        tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
+        return self._welded.scatter(verts, surface.positions), normals, tangents
+
+    def _world_verts(self) -> Tensor:
+        return self._frame.leave(self._deformation.verts())

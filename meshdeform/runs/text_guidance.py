@@ -1,0 +1,37 @@
+"""Score distillation by the parameters of a job: the one place that hands them to the guidance."""
+
+from __future__ import annotations
+
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.priors.base import Prior
+from meshdeform.requests.document import ResolvedParams
+
+__all__ = ["score_distillation"]
+
+
+def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> ScoreDistillation:
+    """The guidance `sds` as a job with these parameters runs it.
+
+    Raises
+    ------
+    PromptError, ParameterError
+        The prior cannot use this prompt.
+    """
+    return ScoreDistillation(
+        prior,
+        prompt,
+        negative_prompt=params.negative_prompt,
+        guidance_scale=params.guidance_scale,
+        guidance_rescale=params.guidance_rescale,
+        negative=params.negative,
+        negative_weight=params.negative_weight,
+        view_prompts=params.view_prompts,
+        distillation=params.distillation,
+        ism_interval=params.ism_interval,
+        ism_stride=params.ism_stride,
+        noise_draws=params.noise_draws,
+        timestep_min=params.timestep_min,
+        timestep_min_end=params.timestep_min_end,
+        timestep_max=params.timestep_max,
+        timestep_max_end=params.timestep_max_end,
+    )

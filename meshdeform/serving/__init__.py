@@ -1,0 +1,1 @@
+"""Run the service on one machine: child processes, Redis, locks and devices."""

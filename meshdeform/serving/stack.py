@@ -1,0 +1,197 @@
+"""`meshdeform serve`: Redis, API and worker as children of one process that starts them, tends them and stops them.
+
+What each part needs to know travels in its environment, so the same programs run apart without this module. The
+listening socket is made here and handed to the API: a port that is taken is an error before anything starts, and
+requests wait instead of failing while the API is started again.
+"""
+
+from __future__ import annotations
+
+import signal
+import socket
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from meshdeform.errors import UnavailableError
+from meshdeform.serving.directory_lock import DirectoryLock
+from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.serving.redis_server import RedisServer
+from meshdeform.settings import Settings
+from meshdeform.support.logs import PART, json_line
+
+__all__ = ["DEFAULT_HOST", "DEFAULT_PORT", "Stack", "listen"]
+
+DEFAULT_HOST = "127.0.0.1"
+DEFAULT_PORT = 8765
+STOP_GRACE_S = 40.0
+"""What the worker gets to write a checkpoint; its supervisor gives it less, so this is never cut short from here."""
+
+_TEND_EVERY_S = 0.25
+_BACKLOG = 2048
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening TCP socket; port 0 takes a free one.
+
+    Raises
+    ------
+    UnavailableError
+        The address cannot be taken.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listening = socket.socket(family, kind, protocol)
+        try:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.bind(address)
+            listening.listen(_BACKLOG)
+        except BaseException:
+            listening.close()
+            raise
+    except OSError as error:
+        raise UnavailableError(
+            f"Cannot listen on {host} port {port}: {error.strerror or error}.",
+            advice="Choose another port with --port (0 takes a free one), or another --host.",
+        ) from error
+    return listening
+
+
+class Stack:
+    """The parts of one service on one data directory.
+
+    Parameters
+    ----------
+    settings : Settings
+        With `redis_url` set, no Redis is started.
+    host, port : str, int
+        Where the API listens.
+    announce : callable
+        Gets the URL once, when the service is ready.
+    log : callable
+        Gets the parts' output, line by line with the part's name in front, and what happens to the parts. With
+        `log_format` json each line is an object with the part's name in it.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        *,
+        host: str = DEFAULT_HOST,
+        port: int = DEFAULT_PORT,
+        announce: Callable[[str], None] = print,
+        log: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True),
+    ) -> None:
+        self._settings, self._host, self._port = settings, host, port
+        self._announce, self._log = announce, log
+        self._parts: list[KeptChild] = []
+
+    def run(self) -> None:
+        """Start everything, and return when SIGINT or SIGTERM came and everything has stopped.
+
+        Raises
+        ------
+        UnavailableError, DependencyError
+            It cannot start; what has been started is stopped again.
+        """
+        with ExitStack() as cleanup:
+            inbox = cleanup.enter_context(SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD))
+            lock = DirectoryLock(self._settings.data_dir)
+            cleanup.callback(lock.close)
+            listening = cleanup.enter_context(listen(self._host, self._port))
+            redis_url = self._settings.redis_url
+            if not redis_url:
+                server = RedisServer(self._settings.data_dir / "redis", pass_fds=[lock.fd])
+                redis_url = server.url
+                started = [server.start_and_wait()]
+                redis = KeptChild(lambda: started.pop() if started else server.start(), self._say)
+                cleanup.callback(redis.stop, STOP_GRACE_S)
+                self._parts.append(redis)
+            environment = _environment(self._settings, redis_url)
+            cleanup.callback(self._stop_parts, self._parts[:])
+            self._start("api", ["meshdeform", "api", "--fd", str(listening.fileno())], environment, lock, listening)
+            self._start("worker", ["worker"], environment, lock)
+            self._tend(inbox, _url(listening))
+
+    def _start(
+        self,
+        name: str,
+        command: list[str],
+        environment: dict[str, str],
+        lock: DirectoryLock,
+        listening: socket.socket | None = None,
+    ) -> None:
+        descriptors = [lock.fd] + ([listening.fileno()] if listening else [])
+
+        def start() -> Child:
+            return Child(
+                name,
+                python_command(*command),
+                env={**environment, PART: name},
+                pass_fds=descriptors,
+                on_line=lambda line: self._pass_on(name, line),
+            )
+
+        self._parts.append(KeptChild(start, self._say))
+
+    def _tend(self, inbox: SignalInbox, url: str) -> None:
+        ready = False
+        while True:
+            if inbox.wait(_TEND_EVERY_S) & {signal.SIGINT, signal.SIGTERM}:
+                self._say("stopping")
+                return
+            for part in self._parts:
+                part.tend()
+            if not ready and _is_ready(url):
+                ready = True
+                self._announce(url)
+
+    def _stop_parts(self, before: list[KeptChild]) -> None:
+        """Stop API and worker together, ahead of the Redis that they talk to."""
+        parts = [part for part in self._parts if part not in before]
+        deadline = time.monotonic() + STOP_GRACE_S
+        for part in parts:
+            part.ask_to_stop()
+        for part in parts:
+            part.stop(deadline - time.monotonic())
+
+    def _say(self, text: str) -> None:
+        self._pass_on("serve", text, __name__)
+
+    def _pass_on(self, part: str, line: str, logger: str = "output") -> None:
+        json = self._settings.log_format == "json"
+        self._log(json_line(line, part, logger) if json else f"{part:<6} | {line}")
+
+
+def _environment(settings: Settings, redis_url: str) -> dict[str, str]:
+    """What the parts must agree on, where flags may have changed it."""
+    return {
+        "MESHDEFORM_DATA_DIR": str(Path(settings.data_dir).absolute()),
+        "MESHDEFORM_DATABASE_URL": settings.resolved_database_url,
+        "MESHDEFORM_STORAGE_URL": settings.resolved_storage_url,
+        "MESHDEFORM_REDIS_URL": redis_url,
+        "MESHDEFORM_MODEL": settings.model,
+        "MESHDEFORM_DEVICE": settings.device,
+        "MESHDEFORM_THREADS": str(settings.threads),
+        "MESHDEFORM_AUTH": settings.auth,
+        "MESHDEFORM_LOG_FORMAT": settings.log_format,
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def _url(listening: socket.socket) -> str:
+    host, port = listening.getsockname()[:2]
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104 - not a bind: an address to open
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _is_ready(url: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{url}/readyz", timeout=2.0) as answer:  # noqa: S310 - our own http URL
+            return bool(answer.status == 200)
+    except (urllib.error.URLError, OSError):
+        return False

@@ -1,0 +1,105 @@
+"""What several routes say about themselves in the OpenAPI document."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import Path
+
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetExternalError,
+    AssetFormatError,
+    AssetNotFiniteError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    AssetUnsupportedError,
+    IdempotencyBusyError,
+    IdempotencyMismatchError,
+    LimitError,
+    ModelError,
+    ParameterError,
+    PromptError,
+    RequestError,
+    RequestTimeoutError,
+    TooManyJobsError,
+    UnauthorizedError,
+    UnavailableError,
+    VocabularyError,
+)
+from meshdeform.record.ids import JOB_ID_PATTERN
+from service.http.idempotency import REPLAYED
+
+__all__ = [
+    "ASSET_ERRORS",
+    "CALLER_ERRORS",
+    "ETAG",
+    "LOCATION",
+    "NEW_JOB_ERRORS",
+    "ONCE_ERRORS",
+    "REPLAY",
+    "REQUEST_ERRORS",
+    "RETRY_AFTER",
+    "WAITED",
+    "JobId",
+    "json_body",
+]
+
+JobId = Annotated[
+    str,
+    Path(
+        description="The job's id, as `POST /v1/jobs` gave it.",
+        pattern=JOB_ID_PATTERN,
+        examples=["job_01kg9zqk2xf3v8c5m7n9p1r4t6"],
+    ),
+]
+
+ASSET_ERRORS = (
+    AssetTooLargeError,
+    AssetFormatError,
+    AssetError,
+    AssetTruncatedError,
+    AssetExternalError,
+    AssetUnsupportedError,
+    AssetNotFiniteError,
+    AssetEmptyError,
+)
+REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
+CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
+"""What every route with an owner can say."""
+
+ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
+NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, RequestTimeoutError)
+
+ETAG = {"ETag": {"description": "Changes with the job.", "schema": {"type": "string"}, "example": 'W/"7"'}}
+RETRY_AFTER = {
+    "Retry-After": {"description": "When to look again, in seconds.", "schema": {"type": "integer"}, "example": 1}
+}
+LOCATION = {
+    "Location": {
+        "description": "The job's URL.",
+        "schema": {"type": "string"},
+        "example": "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6",
+    }
+}
+REPLAY = {
+    REPLAYED: {
+        "description": "`true` where the answer was given before, to the first request with this key.",
+        "schema": {"type": "string"},
+        "example": "true",
+    }
+}
+WAITED = {
+    "Preference-Applied": {
+        "description": "How long the answer was held back at most, where `Prefer` asked for it.",
+        "schema": {"type": "string"},
+        "example": "wait=30",
+    }
+}
+
+
+def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
+    """Return what OpenAPI says about a body that is a JSON document."""
+    content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
+    return {"requestBody": {"required": True, "content": {"application/json": content}}}

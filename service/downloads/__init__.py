@@ -1,0 +1,1 @@
+"""Send stored files: artifacts, checkpoints, and the files that a job was made of."""

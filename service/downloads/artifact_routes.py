@@ -1,0 +1,111 @@
+"""Artifacts of a job: list them, stream their bytes, and give others a URL to read one."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+from fastapi.responses import JSONResponse, StreamingResponse
+
+from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
+from meshdeform.errors import ForbiddenError, NotFoundError
+from meshdeform.record.models import Artifact
+from service.documentation.responses import CALLER_ERRORS, JobId
+from service.downloads.responses import (
+    OPEN_TO_SIGNED,
+    ConditionsDep,
+    Download,
+    ReaderDep,
+    download,
+    download_responses,
+    signed_url,
+)
+from service.http.auth import PrincipalDep
+from service.http.errors import problem_responses
+from service.state import PartsDep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"])
+
+_Name = Annotated[
+    str,
+    Path(
+        description="The artifact's name.",
+        min_length=1,
+        max_length=128,
+        pattern=r"^[A-Za-z0-9_.-]+$",
+        examples=["result.glb"],
+    ),
+]
+
+
+@router.get(
+    "",
+    operation_id="list_artifacts",
+    summary="List a job's artifacts",
+    responses={
+        200: {"model": ArtifactList, "description": "The results; none before the job is `succeeded`."},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+def list_artifacts(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
+    """They come all at once, when the job has succeeded, and never change."""
+    found = [ArtifactView.of(artifact, id) for artifact in parts.record.artifacts(id, principal.owner_id)]
+    return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
+
+
+@router.head("/{name}", include_in_schema=False)
+@router.get(
+    "/{name}",
+    operation_id="get_artifact",
+    summary="Download an artifact",
+    response_class=StreamingResponse,
+    responses={
+        **download_responses(
+            "model/gltf-binary", "model/vnd.usdz+zip", "application/json", "image/png", "application/octet-stream"
+        ),
+        **problem_responses(ForbiddenError),
+    },
+    openapi_extra=OPEN_TO_SIGNED,
+)
+def get_artifact(
+    request: Request,
+    parts: PartsDep,
+    owner: ReaderDep,
+    id: JobId,  # noqa: A002
+    name: _Name,
+    conditions: ConditionsDep,
+) -> Response:
+    """Streamed, whole or one range, so a broken download can go on. A signed URL needs no API key."""
+    artifact = _find(parts.record.artifacts(id, owner), name)
+    found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
+    return download(request, parts, found, conditions)
+
+
+@router.post(
+    "/{name}/url",
+    operation_id="sign_artifact",
+    summary="Make a URL that needs no API key",
+    responses={
+        200: {"model": SignedUrl, "description": "The URL."},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+def sign_artifact(parts: PartsDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
+    """For browsers, viewers and programs that carry no key: whoever has the URL may read this one artifact."""
+    artifact = _find(parts.record.artifacts(id, principal.owner_id), name)
+    found = signed_url(parts, f"/v1/jobs/{id}/artifacts/{name}", artifact)
+    return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+
+
+def _find(artifacts: list[Artifact], name: str) -> Artifact:
+    for artifact in artifacts:
+        if artifact.name == name:
+            return artifact
+    names = [artifact.name for artifact in artifacts]
+    raise NotFoundError(
+        f"The job has no artifact {name!r}.",
+        advice=f"It has: {', '.join(names)}." if names else "Artifacts are there once the job is `succeeded`.",
+        artifacts=names,
+    )

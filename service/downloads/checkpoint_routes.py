@@ -1,0 +1,80 @@
+"""Checkpoints of a job: where it can go on from, and its shape there."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+from fastapi.responses import JSONResponse, StreamingResponse
+
+from meshdeform.api.jobs import CheckpointList, CheckpointView
+from meshdeform.errors import NotFoundError
+from meshdeform.record.models import CheckpointRef
+from service.documentation.responses import CALLER_ERRORS, JobId
+from service.downloads.responses import ConditionsDep, Download, download, download_responses
+from service.http.auth import PrincipalDep
+from service.http.errors import problem_responses
+from service.state import Parts, PartsDep
+
+__all__ = ["router"]
+
+_GLB = "model/gltf-binary"
+router = APIRouter(prefix="/v1/jobs/{id}/checkpoints", tags=["checkpoints"])
+
+_Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
+
+
+@router.get(
+    "",
+    operation_id="list_checkpoints",
+    summary="List a job's checkpoints",
+    responses={
+        200: {"model": CheckpointList, "description": "Those that are kept, by step."},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+def list_checkpoints(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
+    """In any state of the job. The newest ones are kept; older ones give way."""
+    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(parts, id, principal.owner_id)]
+    return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
+
+
+@router.head("/{step}/mesh.glb", include_in_schema=False)
+@router.get(
+    "/{step}/mesh.glb",
+    operation_id="get_checkpoint_mesh",
+    summary="Download the mesh of a checkpoint",
+    response_class=StreamingResponse,
+    responses=download_responses(_GLB),
+)
+def get_checkpoint_mesh(
+    request: Request,
+    parts: PartsDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002
+    step: _Step,
+    conditions: ConditionsDep,
+) -> Response:
+    """The asset as it was at that step: look at a job before it is over. Streamed like an artifact."""
+    checkpoints = _checkpoints(parts, id, principal.owner_id)
+    for found in checkpoints:
+        if found.step == step and found.mesh_key is not None:
+            assert found.mesh_size is not None
+            assert found.mesh_sha256 is not None
+            mesh = Download(found.mesh_key, f"step-{step:06d}.glb", _GLB, found.mesh_size, found.mesh_sha256)
+            return download(request, parts, mesh, conditions)
+    steps = [found.step for found in checkpoints if found.mesh_key is not None]
+    raise NotFoundError(
+        f"The job has no mesh of step {step}.",
+        advice=f"It has those of steps {', '.join(map(str, steps))}." if steps else "It has none, or none yet.",
+        steps=steps,
+    )
+
+
+def _checkpoints(parts: Parts, job_id: str, owner: str) -> list[CheckpointRef]:
+    """By step; where two attempts stored the same step, that of the newer one."""
+    parts.record.get(job_id, owner)
+    found: dict[int, CheckpointRef] = {}
+    for checkpoint in parts.record.checkpoints(job_id):
+        found.setdefault(checkpoint.step, checkpoint)
+    return [found[step] for step in sorted(found)]

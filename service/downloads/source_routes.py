@@ -1,0 +1,83 @@
+"""The files that a job was made of, as they were sent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import StreamingResponse
+
+from meshdeform.assets.inspect import asset_format
+from meshdeform.errors import AssetFormatError, NotFoundError
+from meshdeform.record.models import StoredFile
+from service.documentation.responses import JobId
+from service.downloads.responses import ConditionsDep, Download, download, download_responses
+from service.http.auth import PrincipalDep
+from service.state import Parts, PartsDep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"])
+
+_OTHER = "application/octet-stream"
+# PLY has no registered type.
+_TYPES = {"glb": "model/gltf-binary", "gltf": "model/gltf+json", "obj": "model/obj", "ply": _OTHER, "stl": "model/stl"}
+_RESPONSES = download_responses(*dict.fromkeys(_TYPES.values()))
+_HEAD_BYTES = 64
+
+
+@router.head("/asset", include_in_schema=False)
+@router.get(
+    "/asset",
+    operation_id="get_asset",
+    summary="Download a job's asset",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_asset(
+    request: Request,
+    parts: PartsDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002 - the path's own word
+    conditions: ConditionsDep,
+) -> Response:
+    """The file as it was sent, in any state of the job. Streamed like an artifact."""
+    job = parts.record.get(id, principal.owner_id)
+    return download(request, parts, _sent(parts, job.asset), conditions)
+
+
+@router.head("/target", include_in_schema=False)
+@router.get(
+    "/target",
+    operation_id="get_target",
+    summary="Download a job's target",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_target(
+    request: Request,
+    parts: PartsDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002
+    conditions: ConditionsDep,
+) -> Response:
+    """The second mesh of `target` guidance, likewise; `404` where the job has none."""
+    job = parts.record.get(id, principal.owner_id)
+    if job.target is None:
+        raise NotFoundError("The job has no target.", advice="Only jobs with `target` guidance have one.")
+    return download(request, parts, _sent(parts, job.target), conditions)
+
+
+def _sent(parts: Parts, file: StoredFile) -> Download:
+    return Download(file.key, file.filename, _content_type(parts, file), file.size, file.sha256)
+
+
+def _content_type(parts: Parts, file: StoredFile) -> str:
+    """By the rule that took the file in: its first bytes, then its name."""
+    if file.filename.lower().endswith(".glb"):
+        return _TYPES["glb"]  # what is named so and is something else is refused
+    head: Iterator[bytes] = parts.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
+    try:
+        return _TYPES[asset_format(b"".join(head), file.filename)]
+    except AssetFormatError:
+        return _OTHER

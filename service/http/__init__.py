@@ -1,0 +1,1 @@
+"""What every route needs of HTTP: bodies, keys, errors, ranges, limits on rates."""

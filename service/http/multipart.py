@@ -1,0 +1,237 @@
+"""Receive `multipart/form-data` as it comes: files go to disk, and limits hold while it streams."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Protocol
+
+from python_multipart.exceptions import FormParserError
+from python_multipart.multipart import MultipartParser, parse_options_header
+
+from meshdeform.errors import AssetTooLargeError, RequestError
+from service.http.bodies import MAX_DOCUMENT_BYTES
+from service.jobs.documents import MAX_FILENAME
+
+if TYPE_CHECKING:
+    from python_multipart.multipart import MultipartCallbacks
+
+__all__ = ["ReceivedFile", "ReceivedForm", "clean_filename", "receive_form"]
+
+FILES = ("asset", "target")
+DOCUMENT = "request"
+_MAX_HEADER_BYTES = 8 * 1024
+
+
+@dataclass(frozen=True)
+class ReceivedFile:
+    """A file part, on disk.
+
+    Attributes
+    ----------
+    path : Path
+    filename : str
+        As the sender named it, without folders.
+    size : int
+        Bytes.
+    sha256 : str
+        Hexadecimal.
+    """
+
+    path: Path
+    filename: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class ReceivedForm:
+    """The parts of one request; a file that is not among them may be named in the document."""
+
+    document: bytes
+    asset: ReceivedFile | None
+    target: ReceivedFile | None
+
+
+async def receive_form(
+    content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
+) -> ReceivedForm:
+    """Receive the part `request` and, where they are sent, `asset` and `target`.
+
+    Parameters
+    ----------
+    content_type, content_length : str
+        The request's headers; empty where there is none.
+    stream : async iterator of bytes
+        The body.
+    folder : Path
+        Where the files go.
+    max_bytes : int
+        Largest body.
+
+    Raises
+    ------
+    RequestError
+        It is not such a form.
+    AssetTooLargeError
+        The body is over the limit; what is left of it is not read.
+    """
+    if content_length.isdigit() and int(content_length) > max_bytes:
+        raise _too_large(max_bytes)
+    kind, options = parse_options_header(content_type)
+    boundary = options.get(b"boundary", b"")
+    if kind != b"multipart/form-data" or not boundary:
+        raise RequestError(
+            "The body is not multipart/form-data.",
+            advice="Send the file as the part `asset` and the JSON document as the part `request`: "
+            """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL.""",
+        )
+    receiver = _Receiver(folder)
+    received = 0
+    try:
+        parser = MultipartParser(boundary, receiver.callbacks())
+        async for chunk in stream:
+            received += len(chunk)
+            if received > max_bytes:
+                raise _too_large(max_bytes)
+            parser.write(chunk)
+        parser.finalize()
+    except FormParserError as error:
+        raise RequestError(f"The multipart body is broken: {error}.") from error
+    finally:
+        receiver.close()
+    return receiver.form()
+
+
+def _too_large(max_bytes: int) -> AssetTooLargeError:
+    return AssetTooLargeError(
+        f"The body is larger than {max_bytes} bytes.",
+        advice="Simplify the mesh, or raise MESHDEFORM_MAX_UPLOAD_BYTES.",
+        limit=max_bytes,
+    )
+
+
+class _Receiver:
+    """Takes the parser's events and sorts the parts."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._headers: dict[str, bytes] = {}
+        self._field, self._value = b"", b""
+        self._part: _Part | None = None
+        self._parts: dict[str, _Part] = {}
+        self._ended = False
+
+    def callbacks(self) -> MultipartCallbacks:
+        return {
+            "on_part_begin": self._on_part_begin,
+            "on_header_field": lambda data, start, end: self._grow("_field", data[start:end]),
+            "on_header_value": lambda data, start, end: self._grow("_value", data[start:end]),
+            "on_header_end": self._on_header_end,
+            "on_headers_finished": self._on_headers_finished,
+            "on_part_data": self._on_part_data,
+            "on_part_end": self._on_part_end,
+            "on_end": self._on_end,
+        }
+
+    def form(self) -> ReceivedForm:
+        if not self._ended:
+            raise RequestError("The body ends before its last boundary.", advice="Send the whole body.")
+        if DOCUMENT not in self._parts:
+            raise RequestError(
+                f"The part `{DOCUMENT}` is missing.",
+                advice="Send the file as the part `asset` and the JSON document as the part `request`.",
+            )
+        document, (asset, target) = self._parts[DOCUMENT], (self._parts.get(name) for name in FILES)
+        assert isinstance(document, _DocumentPart)
+        return ReceivedForm(bytes(document.data), _file(asset) if asset else None, _file(target) if target else None)
+
+    def close(self) -> None:
+        for part in self._parts.values():
+            part.close()
+
+    def _on_part_begin(self) -> None:
+        self._headers = {}
+
+    def _grow(self, name: str, data: bytes) -> None:
+        grown = getattr(self, name) + data
+        if len(grown) > _MAX_HEADER_BYTES:
+            raise RequestError("A header of a part is too long.")
+        setattr(self, name, grown)
+
+    def _on_header_end(self) -> None:
+        self._headers[self._field.decode("latin-1").lower()] = self._value
+        self._field, self._value = b"", b""
+
+    def _on_headers_finished(self) -> None:
+        _, options = parse_options_header(self._headers.get("content-disposition", b""))
+        name = options.get(b"name", b"").decode("utf-8", "replace")
+        if name not in (*FILES, DOCUMENT):
+            raise RequestError(f"There is no part {name[:100]!r}.", advice="The parts are asset, request and target.")
+        if name in self._parts:
+            raise RequestError(f"The part `{name}` comes twice.", advice="Send one job in a request.")
+        if name == DOCUMENT:
+            self._part = _DocumentPart()
+        else:
+            self._part = _FilePart(
+                self._folder / name, clean_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
+            )
+        self._parts[name] = self._part
+
+    def _on_part_data(self, data: bytes, start: int, end: int) -> None:
+        assert self._part is not None
+        self._part.write(data[start:end])
+
+    def _on_part_end(self) -> None:
+        if self._part is not None:
+            self._part.close()
+
+    def _on_end(self) -> None:
+        self._ended = True
+
+
+class _Part(Protocol):
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+class _DocumentPart:
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def write(self, data: bytes) -> None:
+        if len(self.data) + len(data) > MAX_DOCUMENT_BYTES:
+            raise RequestError(f"The part `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
+        self.data += data
+
+    def close(self) -> None:
+        pass
+
+
+class _FilePart:
+    def __init__(self, path: Path, filename: str) -> None:
+        self.path, self.filename = path, filename
+        self.size, self.digest = 0, hashlib.sha256()
+        self._file: BinaryIO = path.open("wb")
+
+    def write(self, data: bytes) -> None:
+        self.size += len(data)
+        self.digest.update(data)
+        self._file.write(data)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def _file(part: _Part) -> ReceivedFile:
+    assert isinstance(part, _FilePart)
+    return ReceivedFile(part.path, part.filename, part.size, part.digest.hexdigest())
+
+
+def clean_filename(filename: str) -> str:
+    """Keep the last part of the sender's path, without control characters; its end, which has the format, if long."""
+    name = re.split(r"[/\\]", filename)[-1]
+    return "".join(letter for letter in name if letter.isprintable())[-MAX_FILENAME:]

@@ -1,0 +1,1 @@
+"""Jobs: accept, read, list, cancel and delete them."""

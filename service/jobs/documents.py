@@ -1,0 +1,118 @@
+"""The JSON documents that requests carry."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
+from meshdeform.requests.document import JobRequest
+
+__all__ = [
+    "MAX_FILENAME",
+    "SHA256_PATTERN",
+    "UPLOAD_ID_PATTERN",
+    "BranchDocument",
+    "FileReference",
+    "JobDocument",
+    "UploadCompletion",
+    "UploadDocument",
+]
+
+UPLOAD_ID_PATTERN = id_pattern("upl")
+SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
+MAX_FILENAME = 200
+_SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FileReference(_Strict):
+    """A file that the service has: a complete upload, or an artifact of a job that has succeeded."""
+
+    upload_id: str | None = Field(
+        None,
+        pattern=UPLOAD_ID_PATTERN,
+        description="A complete upload. Either this or `job_id`.",
+        examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"],
+    )
+    job_id: str | None = Field(
+        None,
+        pattern=JOB_ID_PATTERN,
+        description="A job that has succeeded. Either this or `upload_id`.",
+        examples=["job_01kg9zqk2xf3v8c5m7n9p1r4t6"],
+    )
+    artifact: str = Field(
+        "result.glb",
+        pattern=r"^[\w.-]{1,128}$",
+        description="Which artifact of the job.",
+        examples=["result.glb"],
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.upload_id is None) == (self.job_id is None):
+            raise ValueError("name either upload_id or job_id")
+        if self.upload_id is not None and "artifact" in self.model_fields_set:
+            raise ValueError("artifact goes with job_id, not with upload_id")
+        return self
+
+
+class JobDocument(JobRequest):
+    """The document that asks for one job, with the files that do not come along."""
+
+    asset: FileReference | None = Field(
+        None,
+        description="The file to deform, where it is not sent as the part `asset`.",
+        examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
+    )
+    target: FileReference | None = Field(
+        None,
+        description="The second mesh of `target` guidance, where it is not sent as the part `target`.",
+        examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
+    )
+
+    def request(self) -> JobRequest:
+        """The request alone, as it was written."""
+        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"asset", "target"}))
+
+
+class BranchDocument(JobRequest):
+    """The document that asks for a job which begins with a checkpoint of another one, and deforms the same asset."""
+
+    target: FileReference | None = Field(
+        None,
+        description="The second mesh of `target` guidance. Default: that of the other job.",
+        examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
+    )
+
+    def request(self) -> JobRequest:
+        """The request alone, as it was written."""
+        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"target"}))
+
+
+_Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
+
+
+class UploadDocument(_Strict):
+    """What will be uploaded."""
+
+    filename: str = Field(
+        min_length=1,
+        max_length=MAX_FILENAME,
+        description="Its name; the ending tells OBJ, PLY and STL apart.",
+        examples=["knight.glb"],
+    )
+    size: int = Field(ge=1, description="Bytes.", examples=[30720])
+    sha256: _Sha256 | None = Field(
+        None, description="SHA-256 of its bytes, hexadecimal. Default: told when it is complete.", examples=[_SHA256]
+    )
+
+
+class UploadCompletion(_Strict):
+    """What was uploaded."""
+
+    sha256: _Sha256 = Field(description="SHA-256 of the bytes, hexadecimal.", examples=[_SHA256])

@@ -1,0 +1,198 @@
+"""Jobs: look, list, cancel, delete. `creation` makes them."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from typing import Annotated
+
+from anyio import to_thread
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import JSONResponse
+
+from meshdeform.api.jobs import JobList, JobView
+from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
+from meshdeform.record.cleanup import remove_job
+from meshdeform.record.models import Job, JobState
+from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
+from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
+from service.events.waiting import settled
+from service.http.auth import PrincipalDep
+from service.http.errors import problem_responses
+from service.http.preferences import Prefer, applied, preferred_wait
+from service.http.ranges import matches
+from service.jobs.intake import job_headers
+from service.state import PartsDep
+
+__all__ = ["MAX_PAGE", "JobId", "router", "shown"]
+
+_log = logging.getLogger(__name__)
+_LABEL = re.compile(r"metadata\[(.*)\]", re.DOTALL)
+_METADATA = {
+    "name": "metadata",
+    "in": "query",
+    "required": False,
+    "style": "deepObject",
+    "explode": True,
+    "description": "Only jobs with all of these labels: `?metadata[shot]=sc010`. Default: all.",
+    "schema": {
+        "type": "object",
+        "maxProperties": MAX_METADATA_ENTRIES,
+        "propertyNames": {"minLength": 1, "maxLength": MAX_METADATA_NAME},
+        "additionalProperties": {"type": "string", "maxLength": MAX_METADATA_VALUE},
+    },
+    "example": {"shot": "sc010"},
+}
+MAX_PAGE = 200
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+
+@router.get(
+    "",
+    operation_id="list_jobs",
+    summary="List jobs, newest first",
+    responses={
+        200: {"model": JobList, "description": "A page of jobs."},
+        **problem_responses(ParameterError, *CALLER_ERRORS),
+    },
+    openapi_extra={"parameters": [_METADATA]},
+)
+def list_jobs(
+    request: Request,
+    parts: PartsDep,
+    principal: PrincipalDep,
+    state: Annotated[
+        JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
+    ] = None,
+    limit: Annotated[int, Query(description="Length of a page.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
+    cursor: Annotated[
+        str | None,
+        Query(
+            description="`next_cursor` of the page before. Default: the first page.",
+            max_length=200,
+            examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
+        ),
+    ] = None,
+) -> Response:
+    """Jobs that come in between two pages do not shift the second one."""
+    labels = _labels(request)
+    page = parts.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
+    return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
+
+
+@router.get(
+    "/{id}",
+    operation_id="get_job",
+    summary="Look at a job",
+    responses={
+        200: {"model": JobView, "description": "The job.", "headers": {**ETAG, **RETRY_AFTER, **WAITED}},
+        304: {"description": "Not changed since the version that `If-None-Match` names.", "headers": ETAG},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+async def get_job(
+    request: Request,
+    parts: PartsDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002 - the path's own word
+    if_none_match: Annotated[
+        str | None,
+        Header(
+            description="The `ETag` of the version that you have. Default: none.", max_length=1000, examples=['W/"7"']
+        ),
+    ] = None,
+    prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
+) -> Response:
+    """With `If-None-Match` a job that has not changed costs a 304 without a body."""
+    wait_s = preferred_wait(request)
+    if wait_s is None:
+        job = await to_thread.run_sync(parts.record.get, id, principal.owner_id)
+    else:
+        job = await settled(parts, id, principal.owner_id, wait_s, request=request)
+    headers = {**job_headers(job), **applied(wait_s)}
+    if matches(if_none_match, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return shown(job, headers=headers)
+
+
+@router.post(
+    "/{id}/cancel",
+    operation_id="cancel_job",
+    summary="Cancel a job",
+    responses={
+        200: {"model": JobView, "description": "`canceled`, or `canceling` until its worker stops.", "headers": ETAG},
+        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
+    },
+)
+def cancel_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+    """A queued job is canceled at once, a running one within a step. One that ended otherwise gives 409."""
+    try:
+        job = parts.record.request_cancel(id, principal.owner_id)
+    except ConflictError:
+        job = parts.record.get(id, principal.owner_id)
+        if job.state is not JobState.CANCELED:
+            raise
+        # What was asked for is so: a request that is sent again is no mistake.
+    if job.state is JobState.CANCELING:
+        try:
+            parts.queue.publish_cancel(id)
+        except UnavailableError as error:
+            # Its worker reads the record with every heartbeat: it stops a little later.
+            _log.warning("job %s: its worker is not told at once: %s", id, error)
+    return shown(job)
+
+
+@router.delete(
+    "/{id}",
+    operation_id="delete_job",
+    summary="Delete a job with its artifacts",
+    status_code=204,
+    response_class=Response,
+    responses={
+        204: {"description": "It is gone."},
+        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
+    },
+)
+def delete_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+    """Only a job that is over: cancel it first. The asset goes too, unless another job uses it."""
+    files = parts.record.delete(id, principal.owner_id)
+    with contextlib.suppress(UnavailableError):
+        # The record knows what is left to remove: if the store is away now, the reconciler does it later.
+        remove_job(parts.record, parts.store, id, files)
+    return Response(status_code=204)
+
+
+def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:
+    """Return the answer that shows a job."""
+    return JSONResponse(JobView.of(job).as_json(), status, {**job_headers(job), **(headers or {})})
+
+
+def _labels(request: Request) -> dict[str, str]:
+    """The labels that the query names, in the form in which OpenAPI writes objects: `metadata[NAME]=VALUE`."""
+    labels: dict[str, str] = {}
+    for parameter, value in request.query_params.multi_items():
+        match = _LABEL.fullmatch(parameter)
+        if match is None:
+            continue
+        name = match[1]
+        reason = (
+            "comes twice"
+            if name in labels
+            else f"a name has 1 to {MAX_METADATA_NAME} characters"
+            if not 1 <= len(name) <= MAX_METADATA_NAME
+            else "the character U+0000 is in no label"
+            if "\0" in name + value
+            else f"a value has at most {MAX_METADATA_VALUE} characters"
+            if len(value) > MAX_METADATA_VALUE
+            else f"at most {MAX_METADATA_ENTRIES} labels"
+            if len(labels) == MAX_METADATA_ENTRIES
+            else ""
+        )
+        if reason:
+            place = ["query", "metadata", name[:MAX_METADATA_NAME]]
+            raise ParameterError(
+                f"query.metadata: {reason}.", errors=[{"loc": place, "msg": reason, "type": "value_error"}]
+            )
+        labels[name] = value
+    return labels

@@ -1,0 +1,59 @@
+"""Whether the process lives, and whether all that it needs answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from meshdeform import __version__
+from meshdeform.errors import MeshdeformError
+from service.http.errors import problem_responses
+from service.schemas import Health, PartHealth, Readiness
+from service.state import PartsDep
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["health"])
+
+
+@router.get(
+    "/healthz",
+    operation_id="healthz",
+    summary="Whether the process lives",
+    responses={200: {"model": Health, "description": "It does."}, **problem_responses()},
+)
+async def healthz() -> JSONResponse:
+    """Nothing else is asked: a failing part must not get this process restarted."""
+    return JSONResponse(Health(status="ok", version=__version__).model_dump())
+
+
+@router.get(
+    "/readyz",
+    operation_id="readyz",
+    summary="Whether record, Redis and object store answer",
+    responses={
+        200: {"model": Readiness, "description": "All do."},
+        503: {"model": Readiness, "description": "At least one does not."},
+        **problem_responses(),
+    },
+)
+def readyz(parts: PartsDep) -> JSONResponse:
+    """Each part with its state."""
+    found = {
+        "record": _ask(parts.record.ping),
+        "redis": _ask(parts.queue.ping),
+        "store": _ask(parts.probe.ping),
+    }
+    ready = all(part.status == "ok" for part in found.values())
+    readiness = Readiness(status="ok" if ready else "unavailable", **found)
+    return JSONResponse(readiness.model_dump(), 200 if ready else 503, {"Cache-Control": "no-store"})
+
+
+def _ask(ping: Callable[[], None]) -> PartHealth:
+    try:
+        ping()
+    except MeshdeformError as error:
+        return PartHealth(status="unavailable", detail=error.detail)
+    return PartHealth(status="ok")

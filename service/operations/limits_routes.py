@@ -1,0 +1,94 @@
+"""What this server allows, for programs that would rather know it before."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from meshdeform.assets import Limits
+from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
+from meshdeform.requests.document import (
+    MAX_DEADLINE_S,
+    MAX_METADATA_ENTRIES,
+    MAX_METADATA_NAME,
+    MAX_METADATA_VALUE,
+    MAX_PRIORITY,
+    MAX_PROMPT_LENGTH,
+    MAX_RETENTION_S,
+)
+from service.documentation.responses import CALLER_ERRORS
+from service.http.auth import PrincipalDep
+from service.http.bodies import IDLE_S, MAX_DOCUMENT_BYTES
+from service.http.errors import problem_responses
+from service.http.idempotency import MAX_KEY
+from service.http.preferences import MAX_WAIT_S
+from service.jobs.documents import MAX_FILENAME
+from service.jobs.routes import MAX_PAGE
+from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
+from service.state import PartsDep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/limits", tags=["limits"])
+_FORMATS = ["glb", "obj", "ply", "stl"]
+
+
+@router.get(
+    "",
+    operation_id="get_limits",
+    summary="What this server allows",
+    responses={
+        200: {"model": LimitList, "description": "Everything that a caller controls, with its limit."},
+        **problem_responses(*CALLER_ERRORS),
+    },
+)
+async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
+    """Those of the API key that asks."""
+    settings, limits = parts.settings, Limits.from_settings(parts.settings)
+    found = LimitList(
+        files=FileLimits(
+            formats=_FORMATS,
+            max_bytes=limits.max_bytes,
+            max_json_bytes=limits.max_json_bytes,
+            max_json_values=limits.max_json_values,
+            max_json_depth=limits.max_json_depth,
+            max_accessor_elements=limits.max_accessor_elements,
+            max_triangles=limits.max_triangles,
+            max_vertices=limits.max_vertices,
+            max_primitives=limits.max_primitives,
+            max_image_pixels=limits.max_image_pixels,
+            max_total_pixels=limits.max_total_pixels,
+            max_check_bytes=limits.max_memory_bytes,
+            max_check_s=limits.max_check_s,
+        ),
+        jobs=JobLimits(
+            max_document_bytes=MAX_DOCUMENT_BYTES,
+            max_steps=settings.max_steps,
+            max_prompt_characters=MAX_PROMPT_LENGTH,
+            max_filename_characters=MAX_FILENAME,
+            max_metadata_entries=MAX_METADATA_ENTRIES,
+            max_metadata_name_characters=MAX_METADATA_NAME,
+            max_metadata_value_characters=MAX_METADATA_VALUE,
+            min_priority=-MAX_PRIORITY,
+            max_priority=MAX_PRIORITY,
+            max_deadline_s=MAX_DEADLINE_S,
+            max_retention_s=MAX_RETENTION_S,
+            default_retention_s=settings.retention_s or None,
+        ),
+        requests=RequestLimits(
+            requests_per_minute=principal.requests_per_minute or None,
+            max_active_jobs=principal.max_active_jobs or None,
+            max_page=MAX_PAGE,
+            max_wait_s=MAX_WAIT_S,
+            max_idempotency_key_characters=MAX_KEY,
+            idempotency_kept_s=IDEMPOTENCY_KEPT_S,
+            max_bodies_at_once=int(parts.bodies.total_tokens),
+            max_body_idle_s=IDLE_S,
+        ),
+        uploads=UploadLimits(
+            max_bytes=settings.max_upload_bytes,
+            ttl_s=settings.upload_ttl_s,
+            signed_url_ttl_s=settings.signed_url_ttl_s,
+        ),
+    )
+    return JSONResponse(found.model_dump(mode="json"))

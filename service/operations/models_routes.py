@@ -1,0 +1,36 @@
+"""The models that jobs may name, for whoever writes a prompt."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from meshdeform.priors.catalogue import list_models
+from service.documentation.responses import CALLER_ERRORS
+from service.http.auth import PrincipalDep
+from service.http.errors import problem_responses
+from service.schemas import ModelList, ModelView
+from service.state import PartsDep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/models", tags=["models"])
+
+
+@router.get(
+    "",
+    operation_id="list_models",
+    summary="List the models that jobs may name",
+    responses={
+        200: {"model": ModelList, "description": "The models of this server, the default one first."},
+        **problem_responses(*CALLER_ERRORS),
+    },
+)
+def get_models(parts: PartsDep, _principal: PrincipalDep) -> JSONResponse:
+    """What each is for, whether it is there, and what it understands. A prompt in its words is accepted."""
+    settings = parts.settings
+    found = list_models(settings.model, settings.allowed_models, settings.model_revision)
+    views = [ModelView.model_validate(asdict(model)) for model in found]
+    return JSONResponse(ModelList(default=settings.model, models=views).model_dump(mode="json"))

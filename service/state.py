@@ -1,0 +1,90 @@
+"""What the routes work with: made once when the application starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from anyio import CapacityLimiter
+from fastapi import Depends, Request
+
+from meshdeform.assets import Limits
+from meshdeform.record.queue import JobQueue
+from meshdeform.record.repository import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from service.events.broker import Hub
+from service.jobs.checked_assets import CheckedAssets
+
+__all__ = ["Parts", "PartsDep"]
+
+_INTAKES_AT_ONCE = 2
+_BODIES_AT_ONCE = 16
+_PROBE_S = 5.0
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of the service.
+
+    Attributes
+    ----------
+    settings : Settings
+    record : JobRecord
+    queue : JobQueue
+    store : ObjectStore
+    probe : ObjectStore
+        The same store, given up soon: whether it answers is asked every few seconds.
+    hub : Hub
+        Who waits for a job.
+    assets : CheckedAssets
+        What is known of files.
+    intake : CapacityLimiter
+        Threads that check and store uploads. They are apart from those that answer the other requests, which so
+        never wait for a decoder.
+    bodies : CapacityLimiter
+        Files that are received at the same time; each may take its size on the disk.
+    """
+
+    settings: Settings
+    record: JobRecord
+    queue: JobQueue
+    store: ObjectStore
+    probe: ObjectStore
+    hub: Hub
+    assets: CheckedAssets
+    intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
+    bodies: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_BODIES_AT_ONCE))
+
+    @classmethod
+    def open(cls, settings: Settings) -> Parts:
+        """Open what the settings name.
+
+        Raises
+        ------
+        UnavailableError, DependencyError
+            A part cannot be opened. Redis may be away: nothing is asked of it here.
+        """
+        record = JobRecord(settings.resolved_database_url)
+        return cls(
+            settings=settings,
+            record=record,
+            queue=JobQueue(settings.redis_url, settings.queue),
+            store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
+            probe=ObjectStore(settings.resolved_storage_url, patience_s=_PROBE_S),
+            hub=Hub(record.events.heads),
+            assets=CheckedAssets(Limits.from_settings(settings)),
+        )
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self.queue.close()
+        self.record.close()
+
+
+def _parts(request: Request) -> Parts:
+    parts: Parts = request.app.state.parts
+    return parts
+
+
+PartsDep = Annotated[Parts, Depends(_parts)]

@@ -1,0 +1,1 @@
+"""Accept files ahead of the jobs that use them."""

@@ -1,0 +1,1 @@
+"""Manage webhooks and resend their messages."""

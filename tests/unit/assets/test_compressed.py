@@ -1,0 +1,217 @@
+"""Draco and meshopt in whole documents: decoded into plain data, and the extensions go once nothing uses them."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import AssetError, AssetTooLargeError, AssetTruncatedError
+from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder, unpack
+from tests.unit.assets.test_replace import position
+
+DRACO = "KHR_draco_mesh_compression"
+UVS = QUAD_VERTS[:, :2].copy()
+COLORS = np.arange(12, dtype=np.uint8).reshape(4, 3)
+
+
+@cache
+def draco_stream() -> bytes:
+    dracopy = pytest.importorskip("DracoPy", reason="DracoPy is not installed")
+    data: bytes = dracopy.encode(
+        QUAD_VERTS,
+        QUAD_FACES.astype(np.uint32),
+        quantization_bits=14,
+        preserve_order=True,
+        colors=COLORS,
+        generic_attributes={7: UVS, 8: QUAD_NORMALS},
+    )
+    return data
+
+
+def draco_ids(stream: bytes) -> dict[str, int]:
+    import DracoPy
+
+    kinds = {item["attribute_type"]: item["unique_id"] for item in DracoPy.decode(stream).attributes}
+    return {"POSITION": kinds[0], "COLOR_0": kinds[2], "TEXCOORD_0": 7, "NORMAL": 8}
+
+
+def draco_asset(stream: bytes, **changes: Any) -> Builder:
+    builder = Builder()
+    kinds = {"POSITION": "VEC3", "COLOR_0": "VEC3", "TEXCOORD_0": "VEC2", "NORMAL": "VEC3"}
+    attributes = {}
+    for name, kind in kinds.items():
+        component = 5121 if name == "COLOR_0" else 5126
+        builder.root["accessors"].append({"componentType": component, "count": 4, "type": kind, "name": name})
+        attributes[name] = len(builder.root["accessors"]) - 1
+    builder.root["accessors"][0] |= {"min": [0, 0, 0], "max": [1, 1, 0.5]}
+    builder.root["accessors"][1]["normalized"] = True
+    builder.root["accessors"].append({"componentType": 5123, "count": 6, "type": "SCALAR"})
+    extension = {"bufferView": builder.view(stream), "attributes": draco_ids(draco_stream())}
+    primitive = {"attributes": attributes, "indices": 4, "extensions": {DRACO: extension, "X_kept": {}}}
+    builder.node(builder.mesh({**primitive, **changes}))
+    builder.root |= {"extensionsUsed": ["X_kept", DRACO], "extensionsRequired": [DRACO]}
+    return builder
+
+
+def test_draco_becomes_plain_accessors() -> None:
+    builder = draco_asset(draco_stream())
+    asset = load_asset(builder.glb())
+    surface = asset.surface
+    np.testing.assert_allclose(surface.positions, QUAD_VERTS, atol=1e-4)
+    np.testing.assert_array_equal(surface.triangles, QUAD_FACES)
+    np.testing.assert_allclose(surface.normals, QUAD_NORMALS, atol=1e-6)
+    root, binary, _ = unpack(asset.replace(surface.positions * 2))
+    assert binary.startswith(builder.binary)
+    assert root["extensionsUsed"] == ["X_kept"]
+    assert "extensionsRequired" not in root
+    primitive = root["meshes"][0]["primitives"][0]
+    assert primitive["extensions"] == {"X_kept": {}}
+    colors = root["accessors"][primitive["attributes"]["COLOR_0"]]
+    view = root["bufferViews"][colors["bufferView"]]
+    assert (colors["normalized"], colors["name"], view["byteStride"]) == (True, "COLOR_0", 4)
+    rows = np.frombuffer(binary, np.uint8, 16, view["byteOffset"]).reshape(4, 4)
+    np.testing.assert_array_equal(rows[:, :3], COLORS)
+    assert load_asset(asset.replace(surface.positions * 2)).surface.triangles.tolist() == QUAD_FACES.tolist()
+
+
+def test_a_draco_primitive_that_is_not_deformed_stays_compressed() -> None:
+    builder = draco_asset(draco_stream())
+    hidden = builder.mesh(builder.root["meshes"][0]["primitives"][0])
+    builder.root["scenes"][0]["nodes"] = [builder.node(builder.mesh(builder.primitive()), in_scene=False)]
+    asset = load_asset(builder.glb())
+    root, _, _ = unpack(asset.replace(asset.surface.positions * 2))
+    assert DRACO in root["meshes"][hidden]["primitives"][0]["extensions"]
+    assert root["extensionsRequired"] == [DRACO]
+
+
+def test_a_draco_strip_becomes_the_list_that_its_stream_holds() -> None:
+    asset = load_asset(draco_asset(draco_stream(), mode=5).glb())
+    assert asset.surface.triangles.tolist() == QUAD_FACES.tolist()
+    root, _, _ = unpack(asset.replace(asset.surface.positions))
+    assert root["meshes"][0]["primitives"][0]["mode"] == 4
+
+
+@pytest.mark.parametrize("change", [{"count": 5}, {"type": "VEC2"}])
+def test_a_draco_stream_of_another_size_is_told(change: dict[str, Any]) -> None:
+    builder = draco_asset(draco_stream())
+    builder.root["accessors"][2] |= change if "type" not in change else {"type": "VEC4"}
+    with pytest.raises(AssetError):
+        load_asset(builder.glb())
+
+
+def test_a_broken_draco_stream_is_told() -> None:
+    with pytest.raises(AssetError, match="Draco"):
+        load_asset(draco_asset(b"DRACO" + bytes(40)).glb())
+
+
+# One triangle's three positions as 4-byte integers of meshopt's version 0, and its indices.
+def meshopt_asset(*, fallback: bool = False, name: str = "EXT_meshopt_compression") -> Builder:
+    meshoptimizer = pytest.importorskip("meshoptimizer", reason="meshoptimizer (test only) is not installed")
+    meshoptimizer.encode_vertex_version(0)
+    builder = Builder()
+    builder.primitive(NORMAL=QUAD_NORMALS)
+    plain = builder.binary
+    streams = [
+        ("ATTRIBUTES", 4, 12, meshoptimizer.encode_vertex_buffer(QUAD_VERTS, 4, 12)),
+        ("TRIANGLES", 6, 2, meshoptimizer.encode_index_buffer(QUAD_FACES.reshape(-1).astype(np.uint32), 6, 4)),
+        ("ATTRIBUTES", 4, 12, meshoptimizer.encode_vertex_buffer(QUAD_NORMALS, 4, 12)),
+    ]
+    order = {0: 0, 1: 2, 2: 1}  # Builder.primitive makes positions, normals, indices
+    packed = b""
+    for view, which in order.items():
+        mode, count, stride, data = streams[which]
+        packed += b"\0" * (-len(packed) % 4)
+        builder.root["bufferViews"][view] |= {
+            "buffer": 1,
+            "byteLength": count * stride,
+            "extensions": {
+                name: {
+                    "buffer": 0,
+                    "byteOffset": len(packed),
+                    "byteLength": len(data),
+                    "byteStride": stride,
+                    "count": count,
+                    "mode": mode,
+                }
+            },
+        }
+        packed += data
+    builder.binary = packed
+    builder.root["buffers"] = [{"byteLength": len(plain), "extensions": {name: {"fallback": True}}}]
+    if fallback:
+        import base64
+
+        builder.root["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(plain).decode()
+    used = {"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}
+    builder.node(builder.mesh(used))
+    builder.root["extensionsUsed"] = [name]
+    if not fallback:
+        builder.root["extensionsRequired"] = [name]
+    return builder
+
+
+def triangles_up_to_rotation(triangles: np.ndarray) -> list[list[int]]:
+    return sorted(np.roll(row, -int(np.argmin(row))).tolist() for row in triangles)
+
+
+@pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
+def test_meshopt_becomes_plain_views(name: str) -> None:
+    builder = meshopt_asset(name=name)
+    asset = load_asset(builder.glb())
+    np.testing.assert_array_equal(asset.surface.positions, QUAD_VERTS)
+    np.testing.assert_allclose(asset.surface.normals, QUAD_NORMALS, atol=1e-7)
+    assert triangles_up_to_rotation(asset.surface.triangles) == triangles_up_to_rotation(QUAD_FACES)
+    written = asset.replace(asset.surface.positions * 2, asset.surface.normals)
+    root, binary, _ = unpack(written)
+    assert binary.startswith(builder.binary)
+    assert "extensionsUsed" not in root
+    assert "extensionsRequired" not in root
+    assert len(root["buffers"]) == 1
+    assert all(view["buffer"] == 0 and "extensions" not in view for view in root["bufferViews"])
+    np.testing.assert_array_equal(position(written), QUAD_VERTS * 2)
+    np.testing.assert_array_equal(load_asset(written).surface.triangles, asset.surface.triangles)
+
+
+def test_meshopt_with_plain_data_beside_it_is_read_plain_and_left_alone() -> None:
+    asset = load_asset(meshopt_asset(fallback=True).glb())
+    np.testing.assert_array_equal(asset.surface.positions, QUAD_VERTS)
+    np.testing.assert_array_equal(asset.surface.triangles, QUAD_FACES)
+    root, _, _ = unpack(asset.replace(asset.surface.positions * 2))
+    assert root["extensionsUsed"] == ["EXT_meshopt_compression"]
+    assert "extensions" in root["bufferViews"][0]
+
+
+@pytest.mark.parametrize(
+    ("member", "value", "error"),
+    [
+        ("buffer", 1, AssetTruncatedError),
+        ("buffer", 7, AssetError),
+        ("byteOffset", 10**6, AssetTruncatedError),
+        ("byteLength", 20, AssetError),
+        ("count", 5, AssetError),
+        ("byteStride", 6, AssetError),
+        ("mode", "TRIANGLES", AssetError),
+        ("mode", "NEW", AssetError),
+        ("filter", "OCTAHEDRAL", AssetError),
+        ("filter", "NEW", AssetError),
+    ],
+)
+def test_a_broken_meshopt_view_is_told(member: str, value: Any, error: type[AssetError]) -> None:
+    builder = meshopt_asset()
+    builder.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][member] = value
+    with pytest.raises(error):
+        load_asset(builder.glb())
+
+
+def test_what_compressed_parts_decode_to_has_a_limit() -> None:
+    builder = meshopt_asset()
+    view = builder.root["bufferViews"][0]
+    view["byteLength"] = 12 * 10**9
+    view["extensions"]["EXT_meshopt_compression"]["count"] = 10**9
+    builder.root["buffers"][0]["byteLength"] = 12 * 10**9
+    with pytest.raises(AssetTooLargeError, match="decode to"):
+        load_asset(builder.glb(), limits=Limits())

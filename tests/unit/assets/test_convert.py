@@ -1,0 +1,157 @@
+"""OBJ, PLY and STL come in with what they hold, and go out as GLB."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Limits, Primitive, build_glb, load_asset
+from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError
+from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, unpack
+from tests.unit.assets.test_replace import accessor, position
+
+OBJ = b"""mtllib missing.mtl
+o first
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 1 1 0.5
+vt 0 0
+vt 1 0
+vt 0 1
+vt 0.25 0.75
+usemtl red
+f 1/1 2/2 3/3
+f 3/3 2/2 4/4
+"""
+PLY = b"""ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+property float nx
+property float ny
+property float nz
+property uchar red
+property uchar green
+property uchar blue
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0 0 0 1 255 0 0
+1 0 0 0 0 1 255 0 0
+1 1 0 0 0 1 0 255 0
+0 1 0 0 0 1 0 0 255
+4 0 1 2 3
+"""
+
+
+def stl() -> bytes:
+    triangle = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    return bytes(80) + struct.pack("<I", 2) + triangle * 2
+
+
+def test_obj_keeps_its_uvs_and_invents_no_normals() -> None:
+    asset = load_asset(OBJ, "mesh.obj")
+    assert asset.summary.format == "obj"
+    assert sorted(asset.surface.positions.tolist()) == sorted(QUAD_VERTS.tolist())
+    assert len(asset.surface.triangles) == 2
+    root, binary, _ = unpack(asset.to_bytes())
+    attributes = root["meshes"][0]["primitives"][0]["attributes"]
+    assert set(attributes) == {"POSITION", "TEXCOORD_0"}
+    by_vertex = dict(
+        zip(
+            map(tuple, position(asset.to_bytes()).tolist()),
+            accessor(root, binary, attributes["TEXCOORD_0"]).tolist(),
+            strict=True,
+        )
+    )
+    assert by_vertex[(1.0, 1.0, 0.5)] == [0.25, 0.25]  # v grows downwards in glTF
+
+
+def test_obj_vertices_are_split_at_uv_seams_and_not_merged() -> None:
+    seam = OBJ.replace(b"f 3/3 2/2 4/4", b"f 3/4 2/2 4/4") + b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 5/1 6/2 7/3\n"
+    assert len(load_asset(seam, "mesh.obj").surface.positions) == 8
+
+
+def test_obj_objects_become_meshes() -> None:
+    two = OBJ + b"o second\nv 9 9 9\nv 8 9 9\nv 9 8 9\nf 5/1 6/2 7/3\n"
+    root, _, _ = unpack(load_asset(two, "mesh.obj").to_bytes())
+    assert sorted(node["name"] for node in root["nodes"]) == ["first", "second"]
+
+
+def test_ply_keeps_normals_and_colors() -> None:
+    asset = load_asset(PLY, "mesh.ply")
+    np.testing.assert_array_equal(asset.surface.normals, [[0, 0, 1]] * 4)
+    assert len(asset.surface.triangles) == 2
+    root, binary, _ = unpack(asset.to_bytes())
+    colors = accessor(root, binary, root["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"])
+    np.testing.assert_array_equal(colors[2], [0, 1, 0, 1])
+
+
+def test_stl_binary_and_text() -> None:
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    for data in (stl(), b"solid x\n" + facet * 2 + b"endsolid x\n"):
+        surface = load_asset(data, "mesh.stl").surface
+        assert surface.positions.shape == (6, 3)
+        assert np.isnan(surface.normals).all()  # one per face, which flat shading gives anyway
+
+
+def test_a_binary_stl_may_start_with_solid() -> None:
+    data = b"solid" + stl()[5:]
+    assert len(load_asset(data, "mesh.stl").surface.triangles) == 2
+
+
+@pytest.mark.parametrize(
+    ("data", "name", "error"),
+    [
+        (OBJ.replace(b"v 1 0 0", b"v nan 0 0"), "a.obj", AssetNotFiniteError),
+        (OBJ.replace(b"v 1 0 0", b"v 1e60 0 0"), "a.obj", AssetNotFiniteError),
+        (OBJ.replace(b"v 1 0 0", b"v x y z"), "a.obj", AssetError),
+        (OBJ.replace(b"4/4", b"9/9"), "a.obj", AssetError),
+        (b"f 1 2 3\n", "a.obj", AssetError),
+        (PLY.replace(b"4 0 1 2 3", b"4 0 1 2 9"), "a.ply", AssetError),
+        (PLY[:-20], "a.ply", AssetError),
+        (PLY.replace(b"ascii", b"binary_little_endian"), "a.ply", AssetError),
+        (PLY.replace(b"element face 1", b"element face 0").replace(b"4 0 1 2 3\n", b""), "a.ply", AssetEmptyError),
+        (stl().replace(struct.pack("<f", 1.0), struct.pack("<f", np.nan)), "a.stl", AssetNotFiniteError),
+    ],
+)
+def test_broken_files_are_one_clear_error(data: bytes, name: str, error: type[AssetError]) -> None:
+    with pytest.raises(error):
+        load_asset(data, name)
+
+
+def test_faces_have_a_limit() -> None:
+    with pytest.raises(AssetTooLargeError):
+        load_asset(PLY, "a.ply", Limits(max_triangles=1))
+
+
+def test_a_built_glb_reads_back() -> None:
+    glb = build_glb(
+        QUAD_VERTS,
+        QUAD_FACES,
+        normals=QUAD_NORMALS,
+        uvs=QUAD_VERTS[:, :2],
+        name="quad",
+        material="clay",
+        base_color=(0.5, 0.25, 0.125, 1.0),
+    )
+    surface = load_asset(glb).surface
+    np.testing.assert_array_equal(surface.positions, QUAD_VERTS)
+    np.testing.assert_array_equal(surface.triangles, QUAD_FACES)
+    root, _, _ = unpack(glb)
+    assert root["materials"][0]["name"] == "clay"
+    assert root["nodes"] == [{"name": "quad", "mesh": 0}]
+
+
+def test_large_meshes_get_wide_indices() -> None:
+    verts = np.random.default_rng(0).random((70_000, 3))
+    faces = np.arange(69_999).reshape(-1, 3)
+    root, _, _ = unpack(build_glb([Primitive(verts, faces), Primitive(QUAD_VERTS, QUAD_FACES, material="m")]))
+    assert root["accessors"][root["meshes"][0]["primitives"][0]["indices"]]["componentType"] == 5125
+    assert root["accessors"][root["meshes"][1]["primitives"][0]["indices"]]["componentType"] == 5123
+    assert root["scenes"] == [{"nodes": [0, 1]}]

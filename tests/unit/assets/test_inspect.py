@@ -1,0 +1,242 @@
+"""The first gate: bad files are told from their JSON alone, at once, and without memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tracemalloc
+from typing import Any
+
+import pytest
+
+from meshdeform.assets.inspect import inspect_asset
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetExternalError,
+    AssetFormatError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    AssetUnsupportedError,
+)
+from meshdeform.settings import Settings
+from tests.unit.assets.builders import Builder, pack, quad
+
+
+def bomb(count: int = 200_000_000) -> bytes:
+    """A file of a few hundred bytes whose accessor without a buffer view declares 200 million vertices."""
+    return pack(
+        {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"componentType": 5126, "count": count, "type": "VEC3", "min": [0] * 3, "max": [1] * 3}],
+        }
+    )
+
+
+@pytest.mark.parametrize("count", [200_000_000, 20_000_000, 2**53, 10**30])
+def test_a_tiny_file_that_declares_millions_costs_nothing(count: int) -> None:
+    data = bomb(count)
+    assert len(data) < 480
+    tracemalloc.start()
+    with pytest.raises(AssetError):
+        inspect_asset(data)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**20
+
+
+def test_an_empty_morph_target_may_be_as_large_as_its_mesh() -> None:
+    builder = Builder()
+    primitive = builder.primitive()
+    builder.root["accessors"].append({"componentType": 5126, "count": 1_000_000, "type": "VEC3"})
+    builder.node(builder.mesh({**primitive, "targets": [{"POSITION": 2}]}))
+    inspect_asset(builder.glb())  # nobody reads it
+    primitive["attributes"]["TEXCOORD_0"] = 2
+    with pytest.raises(AssetTooLargeError, match="without data"):
+        inspect_asset(builder.glb())
+
+
+def test_the_message_names_the_limit() -> None:
+    with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_ACCESSOR_ELEMENTS"):
+        inspect_asset(bomb())
+
+
+def test_a_summary_counts_every_instance() -> None:
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive(), {**builder.primitive(), "mode": 0})
+    builder.node(mesh)
+    builder.node(mesh)
+    builder.root["extensionsUsed"] = ["X_other"]
+    summary = inspect_asset(builder.glb())
+    assert (summary.format, summary.vertices, summary.triangles, summary.meshes) == ("glb", 8, 4, 2)
+    assert summary.extensions == ("X_other",)
+    assert [item["primitive"] for item in summary.skipped] == [1, 1]
+
+
+def test_triangles_of_all_instances_have_a_limit() -> None:
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive())
+    for _ in range(6):
+        builder.node(mesh)
+    assert inspect_asset(builder.glb(), limits=Limits(max_triangles=12)).triangles == 12
+    with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_TRIANGLES"):
+        inspect_asset(builder.glb(), limits=Limits(max_triangles=11))
+
+
+def test_limits_come_from_the_settings() -> None:
+    limits = Limits.from_settings(Settings(max_upload_bytes=5000, max_triangles=7, max_json_bytes=2048))
+    assert (limits.max_bytes, limits.max_triangles, limits.max_json_bytes) == (5000, 7, 2048)
+    with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_UPLOAD_BYTES"):
+        inspect_asset(bytes(6000), limits=limits)
+
+
+def broken(change: Any) -> bytes:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    change(builder.root)
+    return builder.glb()
+
+
+def put(*path: Any) -> Any:
+    """Return a change that sets what stands at a path."""
+
+    def change(root: dict[str, Any]) -> None:
+        *way, last, value = path
+        place: Any = root
+        for step in way:
+            place = place[step]
+        place[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        (put("asset", {}), AssetFormatError),
+        (put("asset", "version", "1.0"), AssetFormatError),
+        (put("asset", "version", 2.0), AssetError),
+        (put("asset", "minVersion", "2.1"), AssetUnsupportedError),
+        (put("accessors", 0, "count", 5), AssetTruncatedError),
+        (put("accessors", 0, "count", 0), AssetError),
+        (put("accessors", 0, "count", -1), AssetError),
+        (put("accessors", 0, "count", True), AssetError),
+        (put("accessors", 0, "count", 4.5), AssetError),
+        (put("accessors", 0, "count", "4"), AssetError),
+        (put("accessors", 0, "byteOffset", 4), AssetTruncatedError),
+        (put("accessors", 0, "byteOffset", -4), AssetError),
+        (put("accessors", 0, "bufferView", 9), AssetError),
+        (put("accessors", 0, "componentType", 5124), AssetError),
+        (put("accessors", 0, "type", "VEC5"), AssetError),
+        (put("accessors", 0, "type", "VEC2"), AssetError),
+        (put("accessors", 0, "sparse", {"count": 1}), AssetError),
+        (put("accessors", 0, "sparse", {"count": 10**9}), AssetError),
+        (put("accessors", 1, "count", 3 * 2**40), AssetTooLargeError),
+        (put("accessors", 1, "componentType", 5122), AssetError),
+        (put("bufferViews", 0, "byteLength", 10**6), AssetTruncatedError),
+        (put("bufferViews", 0, "byteOffset", 2**40), AssetTruncatedError),
+        (put("bufferViews", 0, "byteStride", 24), AssetTruncatedError),
+        (put("bufferViews", 0, "buffer", 1), AssetError),
+        (put("bufferViews", 0, []), AssetError),
+        (put("buffers", [{"byteLength": 10}]), None),
+        (put("buffers", [{"uri": "scene.bin", "byteLength": 10}]), AssetExternalError),
+        (put("images", [{"uri": "https://example.org/a.png"}]), AssetExternalError),
+        (put("images", [{"uri": "../../etc/passwd"}]), AssetExternalError),
+        (put("buffers", [{"uri": "data:;base64,AAAA", "byteLength": 10}]), AssetTruncatedError),
+        (put("extensionsRequired", ["X_changes_everything"]), AssetUnsupportedError),
+        (put("extensionsRequired", [1]), AssetError),
+        (put("scene", 4), AssetError),
+        (put("nodes", 0, "mesh", 1), AssetError),
+        (put("nodes", 0, "mesh", "0"), AssetError),
+        (put("nodes", 0, "children", [0]), AssetError),
+        (put("nodes", 0, "children", [7]), AssetError),
+        (put("nodes", 0, "children", 7), AssetError),
+        (put("nodes", 0, "matrix", [1, 0, 0]), AssetError),
+        (put("nodes", 0, "scale", [1, 0, "x"]), AssetError),
+        (put("nodes", 0, "scale", [1e999, 1, 1]), AssetError),
+        (put("nodes", 0, "translation", [10**400, 1, 1]), AssetError),
+        (put("nodes", [{"mesh": 0, "children": [1]}, {"children": [0]}]), AssetError),
+        (put("nodes", [{"mesh": 0, "children": [2]}, {"children": [2]}, {}]), AssetError),
+        (put("nodes", 0, "skin", 0), AssetError),
+        (put("skins", [{"joints": []}]), AssetError),
+        (put("skins", [{"joints": [0], "inverseBindMatrices": 0}]), AssetError),
+        (put("meshes", 0, "primitives", 0, "attributes", "POSITION", 12), AssetError),
+        (put("meshes", 0, "primitives", 0, "attributes", []), AssetError),
+        (put("meshes", 0, "primitives", 0, "attributes", {}), AssetEmptyError),
+        (put("meshes", 0, "primitives", 0, "mode", 7), AssetError),
+        (put("meshes", 0, "primitives", 0, "indices", 0), AssetError),
+        (put("meshes", 0, "primitives", 0, "targets", [{"POSITION": 99}]), AssetError),
+        (put("meshes", 0, "primitives", "x"), AssetError),
+        (put("meshes", [1]), AssetError),
+        (put("scenes", [{"nodes": []}]), AssetEmptyError),
+    ],
+)
+def test_each_fault_is_its_own_error(change: Any, error: type[AssetError] | None) -> None:
+    data = broken(change)
+    if error is None:
+        inspect_asset(data)
+        return
+    with pytest.raises(error) as raised:
+        inspect_asset(data)
+    assert raised.value.status in {413, 415, 422}
+    assert raised.value.advice_text
+
+
+def test_a_buffer_longer_than_the_binary_chunk_is_told() -> None:
+    root = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9}]}
+    with pytest.raises(AssetTruncatedError):
+        inspect_asset(pack(root, b"12345678"))
+
+
+def test_a_buffer_without_data_is_told() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    builder.root["buffers"].append({"byteLength": 10**9})
+    builder.root["bufferViews"][0] |= {"buffer": 1}
+    with pytest.raises(AssetTruncatedError, match="no data"):
+        inspect_asset(builder.glb())
+
+
+@pytest.mark.parametrize(
+    ("data", "name", "error"),
+    [
+        (b"", "", AssetFormatError),
+        (b"%PDF-1.7", "a.pdf", AssetFormatError),
+        (b"hello", "a.glb", AssetFormatError),
+        (b"hello", "a.ply", AssetFormatError),
+        (b"\x00\x01", "a.obj", AssetFormatError),
+        (b"v 0 0 0\n", "a.obj", AssetEmptyError),
+        (b"ply\nformat ascii 1.0\nelement vertex 3", "", AssetTruncatedError),
+        (b"ply\nformat ascii 1.0\nelement vertex 99999999999\nend_header\n", "", AssetTruncatedError),
+        (b"ply\nformat ascii 1.0\nelement vertex x\nend_header\n", "", AssetFormatError),
+        (b"solid x\nendsolid", "a.stl", AssetEmptyError),
+        (bytes(80) + b"\xff\xff\xff\xff", "a.stl", AssetTruncatedError),
+        (bytes(80), "a.stl", AssetTruncatedError),
+        (
+            b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 1}]}',
+            "a.gltf",
+            AssetExternalError,
+        ),
+    ],
+)
+def test_other_formats(data: bytes, name: str, error: type[AssetError]) -> None:
+    with pytest.raises(error):
+        inspect_asset(data, name)
+
+
+def test_the_first_bytes_count_more_than_the_name() -> None:
+    assert inspect_asset(quad(), "model.obj").format == "glb"
+
+
+def test_no_numpy_is_loaded() -> None:
+    script = (
+        "import sys, tempfile; from meshdeform.assets import Limits, inspect_asset, check_asset_subprocess\n"
+        "try: inspect_asset(bytes(20))\nexcept Exception: pass\n"
+        "assert 'numpy' not in sys.modules and 'trimesh' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)

@@ -1,0 +1,248 @@
+"""The surface in the world: hierarchy, mirrors, instances, skins, scenes, and every way to store an accessor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import load_asset
+from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError
+from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_TANGENTS, QUAD_VERTS, Builder, quad
+
+
+def test_a_plain_quad() -> None:
+    surface = load_asset(quad()).surface
+    np.testing.assert_array_equal(surface.positions, QUAD_VERTS)
+    np.testing.assert_array_equal(surface.triangles, QUAD_FACES)
+    np.testing.assert_allclose(surface.normals, QUAD_NORMALS, atol=1e-7)
+    np.testing.assert_allclose(surface.tangents, QUAD_TANGENTS, atol=1e-7)
+    assert surface.positions.dtype == surface.normals.dtype == np.float64
+    assert surface.triangles.dtype == np.int64
+    assert surface.skipped == []
+
+
+def test_transforms_multiply_down_the_hierarchy() -> None:
+    builder = Builder()
+    child = builder.node(builder.mesh(builder.primitive()), in_scene=False, translation=[1, 2, 3], scale=[2, 3, 4])
+    turn = [0, np.sqrt(0.5), 0, np.sqrt(0.5)]  # a quarter turn about y: x -> -z, z -> x
+    builder.node(children=[child], rotation=turn, translation=[10, 0, 0])
+    expected = QUAD_VERTS * [2.0, 3.0, 4.0] + [1.0, 2.0, 3.0]
+    expected = np.stack([expected[:, 2] + 10, expected[:, 1], -expected[:, 0]], axis=1)
+    np.testing.assert_allclose(load_asset(builder.glb()).surface.positions, expected, atol=1e-6)
+
+
+def test_a_matrix_is_stored_by_columns() -> None:
+    matrix = [2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4, 0, 5, 6, 7, 1]
+    surface = load_asset(quad(matrix=matrix)).surface
+    np.testing.assert_array_equal(surface.positions, QUAD_VERTS * [2.0, 3.0, 4.0] + [5.0, 6.0, 7.0])
+
+
+@pytest.mark.parametrize("scale", [[-1, 1, 1], [2, -3, 4], [-1, -1, -1]])
+def test_a_mirror_turns_the_winding_and_the_handedness(scale: list[float]) -> None:
+    surface = load_asset(quad(scale=scale)).surface
+    a, b, c = (surface.positions[surface.triangles[0, i]] for i in range(3))
+    outward = np.cross(b - a, c - a)
+    assert outward @ surface.normals[0] > 0  # the normal went through the inverse transpose
+    bitangent = np.cross(surface.normals, surface.tangents[:, :3]) * surface.tangents[:, 3:]
+    local = np.cross(QUAD_NORMALS, QUAD_TANGENTS[:, :3]) * QUAD_TANGENTS[:, 3:]
+    assert (np.einsum("ij,ij->i", bitangent, local * scale) > 0).all()
+
+
+def test_instances_are_separate_vertices_with_their_own_number() -> None:
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive())
+    builder.node(mesh)
+    builder.node(mesh, translation=[5, 0, 0])
+    surface = load_asset(builder.glb()).surface
+    np.testing.assert_array_equal(surface.positions, np.vstack([QUAD_VERTS, QUAD_VERTS + [5.0, 0.0, 0.0]]))
+    np.testing.assert_array_equal(surface.triangles, np.vstack([QUAD_FACES, QUAD_FACES + 4]))
+    assert surface.instance_of_vertex.tolist() == [0] * 4 + [1] * 4
+
+
+def test_primitives_that_share_accessors_share_vertices() -> None:
+    builder = Builder()
+    first = builder.primitive(faces=QUAD_FACES[:1])
+    second = {**first, "indices": builder.accessor(QUAD_FACES[1])}
+    builder.node(builder.mesh(first, second))
+    surface = load_asset(builder.glb()).surface
+    assert len(surface.positions) == 4
+    np.testing.assert_array_equal(surface.triangles, QUAD_FACES)
+
+
+def test_only_the_default_scene_is_read() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    other = builder.node(builder.mesh(builder.primitive(QUAD_VERTS + 7)), in_scene=False)
+    builder.root["scenes"].append({"nodes": [other]})
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
+    builder.root["scene"] = 1
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS + 7)
+
+
+def test_without_scenes_every_root_node_counts() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    del builder.root["scenes"], builder.root["scene"]
+    assert len(load_asset(builder.glb()).surface.positions) == 4
+
+
+def test_points_lines_and_gpu_instancing_are_listed_as_skipped() -> None:
+    builder = Builder()
+    points = {**builder.primitive(), "mode": 0}
+    builder.node(builder.mesh(builder.primitive(), points))
+    many = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
+    builder.node(0, extensions=many)
+    builder.node(0, scale=[1, 0, 1])
+    surface = load_asset(builder.glb()).surface
+    assert len(surface.positions) == 4
+    reasons = [item["reason"] for item in surface.skipped]
+    assert len(reasons) == 3
+    assert "points" in reasons[0]
+    assert "EXT_mesh_gpu_instancing" in reasons[1]
+    assert "inverted" in reasons[2]
+
+
+def test_a_skin_places_its_mesh_by_the_joints_and_not_by_its_node() -> None:
+    builder = Builder()
+    joint = builder.node(translation=[0, 10, 0])
+    inverse_bind = np.eye(4, dtype=np.float32)
+    inverse_bind[3, :3] = [1, -10, 0]  # column-major: the translation is the last row
+    builder.root["skins"] = [{"joints": [joint], "inverseBindMatrices": builder.accessor(inverse_bind.reshape(1, 16))}]
+    joints, weights = np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.float32)[[0] * 4]
+    builder.node(builder.mesh(builder.primitive(JOINTS_0=joints, WEIGHTS_0=weights)), skin=0, translation=[99, 0, 0])
+    np.testing.assert_allclose(load_asset(builder.glb()).surface.positions, QUAD_VERTS + [1.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_a_posed_skin_is_placed_by_the_joint_that_agrees_with_most() -> None:
+    builder = Builder()
+    joints = [builder.node(translation=[0, y, 0]) for y in (0, 0, 0, 5)]
+    builder.root["skins"] = [{"joints": joints}]
+    builder.node(builder.mesh(builder.primitive()), skin=0)
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
+
+
+def test_missing_normals_are_nan() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    surface = load_asset(builder.glb()).surface
+    assert np.isnan(surface.normals).all()
+    assert np.isnan(surface.tangents).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
+def test_every_index_type(dtype: Any) -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive(faces=QUAD_FACES.astype(dtype))))
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.triangles, QUAD_FACES)
+
+
+def test_without_indices_vertices_come_in_order() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive(QUAD_VERTS[:3], None)))
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.triangles, [[0, 1, 2]])
+
+
+def test_strips_and_fans() -> None:
+    builder = Builder()
+    strip = {**builder.primitive(faces=np.arange(4, dtype=np.uint8)), "mode": 5}
+    fan = {**builder.primitive(faces=np.array([0, 1, 3, 2], np.uint8)), "mode": 6}
+    builder.node(builder.mesh(strip, fan))
+    assert load_asset(builder.glb()).surface.triangles.tolist() == [[0, 1, 2], [1, 3, 2], [5, 7, 4], [7, 6, 4]]
+
+
+def test_interleaved_views() -> None:
+    builder = Builder()
+    rows = np.hstack([QUAD_NORMALS, QUAD_VERTS]).astype(np.float32)
+    view = builder.view(rows.tobytes(), byteStride=24)
+    base = {"bufferView": view, "componentType": 5126, "count": 4, "type": "VEC3"}
+    builder.root["accessors"] += [{**base, "byteOffset": 12}, base]
+    builder.node(
+        builder.mesh({"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": builder.accessor(QUAD_FACES.reshape(-1))})
+    )
+    surface = load_asset(builder.glb()).surface
+    np.testing.assert_array_equal(surface.positions, QUAD_VERTS)
+    np.testing.assert_allclose(surface.normals, QUAD_NORMALS, atol=1e-7)
+
+
+@pytest.mark.parametrize("with_base", [True, False])
+def test_sparse_accessors(with_base: bool) -> None:
+    builder = Builder()
+    primitive = builder.primitive(np.zeros((4, 3)))
+    accessor = builder.root["accessors"][primitive["attributes"]["POSITION"]]
+    if not with_base:
+        del accessor["bufferView"]
+    accessor["sparse"] = {
+        "count": 3,
+        "indices": {"bufferView": builder.view(np.array([1, 2, 3], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": builder.view(QUAD_VERTS[1:].tobytes())},
+    }
+    builder.node(builder.mesh(primitive))
+    np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "normalized", "scale"),
+    [
+        (np.int8, True, 127),
+        (np.uint8, True, 255),
+        (np.int16, True, 32767),
+        (np.uint16, True, 65535),
+        (np.uint16, False, 1),
+    ],
+)
+def test_quantized_positions(dtype: Any, normalized: bool, scale: int) -> None:
+    builder = Builder()
+    stored = np.zeros((4, 4), dtype)  # a row of three components is padded to four bytes
+    stored[:, :3] = (QUAD_VERTS * min(scale, 100)).astype(dtype)
+    view = builder.view(stored.tobytes(), byteStride=4 * stored.itemsize)
+    component = {1: 5120, 2: 5122}[stored.itemsize] + (stored.dtype.kind == "u")
+    builder.root["accessors"].append(
+        {"bufferView": view, "componentType": component, "count": 4, "type": "VEC3", "normalized": normalized}
+    )
+    builder.root |= {key: ["KHR_mesh_quantization"] for key in ("extensionsUsed", "extensionsRequired")}
+    builder.node(builder.mesh({"attributes": {"POSITION": 0}, "indices": builder.accessor(QUAD_FACES.reshape(-1))}))
+    surface = load_asset(builder.glb()).surface
+    np.testing.assert_allclose(surface.positions, stored[:, :3].astype(float) / scale, rtol=1e-7)
+
+
+def test_embedded_buffers_are_read() -> None:
+    import base64
+
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    root = {key: value for key, value in builder.root.items() if value}
+    uri = "data:application/octet-stream;base64," + base64.b64encode(builder.binary).decode()
+    root["buffers"] = [{"byteLength": len(builder.binary), "uri": uri}]
+    from tests.unit.assets.builders import json, pack
+
+    for data, name in ((pack(root), "a.glb"), (json.dumps(root).encode(), "a.gltf")):
+        np.testing.assert_array_equal(load_asset(data, name).surface.positions, QUAD_VERTS)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_positions_that_are_not_finite_are_told(bad: float) -> None:
+    verts = QUAD_VERTS.copy()
+    verts[2, 1] = bad
+    builder = Builder()
+    primitive = builder.primitive()
+    primitive["attributes"]["POSITION"] = builder.accessor(verts)
+    builder.node(builder.mesh(primitive))
+    with pytest.raises(AssetNotFiniteError, match="1 positions"):
+        load_asset(builder.glb())
+
+
+def test_an_index_out_of_range_is_told() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive(faces=np.array([0, 1, 4], np.uint16))))
+    with pytest.raises(AssetError, match="vertex 4"):
+        load_asset(builder.glb())
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2, 3])
+def test_nothing_to_deform_is_told(mode: int) -> None:
+    builder = Builder()
+    builder.node(builder.mesh({**builder.primitive(), "mode": mode}))
+    with pytest.raises(AssetEmptyError, match="not deformed"):
+        load_asset(builder.glb())

@@ -1,0 +1,187 @@
+"""The command line: quick, clean errors, distinct exit codes, nothing half written."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import meshdeform
+from meshdeform import errors
+from meshdeform.cli.app import app
+from meshdeform.cli.exits import ExitCode, exit_code
+from meshdeform.support.atomic_files import write_files
+
+
+@pytest.fixture(scope="module")
+def sphere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small sphere as an OBJ."""
+    return _write_obj(tmp_path_factory.mktemp("assets") / "sphere.obj", 1.0)
+
+
+@pytest.fixture(scope="module")
+def egg(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, taller: a target."""
+    return _write_obj(tmp_path_factory.mktemp("assets") / "egg.obj", 1.6)
+
+
+def _write_obj(path: Path, height: float) -> Path:
+    from meshdeform.geometry.shapes import icosphere
+
+    mesh = icosphere(2)
+    lines = [f"v {x} {y * height} {z}" for x, y, z in mesh.verts.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def meshdeform_command(*arguments: object) -> list[str]:
+    return [sys.executable, "-P", "-m", "meshdeform", *(str(argument) for argument in arguments)]
+
+
+def run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(meshdeform_command(*arguments), cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
+    program = (
+        "import sys, meshdeform.cli.app\n"
+        "print([name for name in ('torch', 'numpy', 'pydantic', 'fastapi', 'redis') if name in sys.modules])"
+    )
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == "[]"
+
+
+def test_every_command_has_help() -> None:
+    for command in ([], ["run"], ["serve"], ["api"], ["worker"], ["version"]):
+        result = CliRunner().invoke(app, [*command, "--help"])
+        assert result.exit_code == 0
+        assert "Usage" in result.output
+
+
+def test_version() -> None:
+    assert CliRunner().invoke(app, ["version"]).output.strip() == meshdeform.__version__
+
+
+def test_serve_and_stack_agree_on_the_address() -> None:
+    from meshdeform.cli import servers
+    from meshdeform.serving import stack
+
+    assert (servers._HOST, servers._PORT) == (stack.DEFAULT_HOST, stack.DEFAULT_PORT)
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.AssetTruncatedError("x"), 3),
+        (errors.VocabularyError("x"), 3),
+        (errors.CheckpointError("x"), 3),
+        (errors.ModelError("x"), 4),
+        (errors.DependencyError("x"), 4),
+        (errors.UnavailableError("x"), 4),
+        (errors.NumericalError("x"), 1),
+    ],
+)
+def test_exit_codes(error: errors.MeshdeformError, code: int) -> None:
+    assert exit_code(error) == code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["run", "nowhere.glb", "a vase"], ExitCode.USAGE, "does not exist"),
+        (["run", "SPHERE", "a vase", "--steps", "0"], ExitCode.BAD_INPUT, "params.steps"),
+        (["run", "SPHERE", "a vase", "--param", "no_such=1"], ExitCode.BAD_INPUT, "no_such"),
+        (["run", "SPHERE", "a vase", "--param", "nonsense"], ExitCode.USAGE, "NAME=VALUE"),
+        (["run", "SPHERE", "a vase", "-o", "vase.obj"], ExitCode.USAGE, ".glb"),
+        (["run", "SPHERE", "a vase", "--preset", "fast"], ExitCode.USAGE, "fast"),
+        (["serve", "--port", "70000"], ExitCode.USAGE, "65535"),
+        (["worker"], ExitCode.BAD_INPUT, "MESHDEFORM_REDIS_URL"),
+        (["api"], ExitCode.BAD_INPUT, "MESHDEFORM_REDIS_URL"),
+    ],
+)
+def test_wrong_use_says_what_is_wrong(arguments: list[str], code: ExitCode, said: str, sphere: Path) -> None:
+    result = CliRunner().invoke(app, [str(sphere) if a == "SPHERE" else a for a in arguments])
+    assert result.exit_code == code
+    assert said in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    result = run("run", sphere, "--target", egg, "--steps", 3, "--morph", "-o", "egg.glb", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["egg.glb", "egg.morph.glb", "egg.png", "egg.report.json"]
+    assert "egg.report.json" in result.stdout
+    assert "step 3/3" in result.stderr
+    assert (tmp_path / "egg.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_json_is_one_document_and_a_resumed_run_is_the_same_run(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    common = ["run", sphere, "--target", egg, "--steps", 6, "--json", "--param", "checkpoint_every_steps=4"]
+    whole = run(*common, "-o", "whole.glb", "--checkpoint", "state", cwd=tmp_path)
+    assert json.loads(whole.stdout)["resumed_from"] is None
+    resumed = run(*common, "-o", "resumed.glb", "--resume", "state", cwd=tmp_path)
+    assert json.loads(resumed.stdout)["resumed_from"] == 4
+    assert (tmp_path / "whole.glb").read_bytes() == (tmp_path / "resumed.glb").read_bytes()
+
+
+def test_a_checkpoint_of_another_run_is_refused(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    (tmp_path / "state").write_bytes(b"torn")
+    result = run("run", sphere, "--target", egg, "--steps", 3, "--resume", "state", cwd=tmp_path)
+    assert result.returncode == ExitCode.BAD_INPUT
+    assert "checkpoint" in result.stderr
+
+
+def test_a_file_that_is_no_mesh_is_one_line_and_advice(tmp_path: Path) -> None:
+    (tmp_path / "bad.glb").write_bytes(b"hello")
+    result = run("run", "bad.glb", "a vase", cwd=tmp_path)
+    assert result.returncode == ExitCode.BAD_INPUT
+    assert result.stderr.splitlines()[-2].startswith("Error: ")
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(("option", "what"), [("-o", "The result"), ("--checkpoint", "The checkpoint")])
+def test_a_place_that_cannot_be_written_is_told_before_the_first_step(
+    sphere: Path, egg: Path, tmp_path: Path, option: str, what: str
+) -> None:
+    (tmp_path / "file").write_bytes(b"in the way")
+    result = run("run", sphere, "--target", egg, "--steps", 50_000, option, "file/egg.glb", cwd=tmp_path)
+    assert result.returncode == exit_code(errors.UnavailableError(""))
+    assert f"{what} cannot be written" in result.stderr
+    assert f"with {option}" in result.stderr
+    assert "step" not in result.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    command = meshdeform_command(
+        "run", sphere, "--target", egg, "--steps", 50_000, "-o", "egg.glb", "--checkpoint", "state"
+    )
+    # One step writes the state, so the run is known to be in the middle when it is there.
+    command += ["--param", "checkpoint_every_steps=1"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as child:
+        give_up = threading.Timer(120.0, child.kill)
+        give_up.start()
+        while not (tmp_path / "state").exists() and child.poll() is None:
+            os.sched_yield()
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate()
+        give_up.cancel()
+    assert child.returncode == ExitCode.INTERRUPTED, said
+    assert [p.name for p in tmp_path.iterdir()] == ["state"]
+
+
+def test_files_are_written_all_or_none(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(OSError):
+        write_files({tmp_path / "a": b"new", tmp_path / "no" / "b": b"new"})
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a", b"old")]
+    write_files({tmp_path / "a": b"new", tmp_path / "b": b"new"})
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a": b"new", "b": b"new"}

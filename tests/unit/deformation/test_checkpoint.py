@@ -1,0 +1,64 @@
+"""Checkpoint files: round trip, and everything that must be refused."""
+
+from __future__ import annotations
+
+import pytest
+import safetensors.torch
+import torch
+
+from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.errors import CheckpointError
+
+
+def state() -> Checkpoint:
+    return Checkpoint(
+        7,
+        {
+            "jacobians": torch.randn(5, 3, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)),
+            "jacobians.step": torch.tensor(7.0),
+            "generator": torch.Generator().get_state(),
+        },
+    )
+
+
+def test_round_trip() -> None:
+    found = load_checkpoint(dump_checkpoint(state(), "a"), "a")
+    assert found.step == 7
+    assert all(torch.equal(found.tensors[k], v) for k, v in state().tensors.items())
+
+
+def test_another_run_is_refused() -> None:
+    with pytest.raises(CheckpointError, match="other parameters"):
+        load_checkpoint(dump_checkpoint(state(), "a"), "b")
+
+
+@pytest.mark.parametrize("cut", [0, 3, 8, 100, -1])
+def test_torn_files_are_refused(cut: int) -> None:
+    with pytest.raises(CheckpointError, match="torn"):
+        load_checkpoint(dump_checkpoint(state(), "a")[:cut], "a")
+
+
+def test_something_else_is_refused() -> None:
+    with pytest.raises(CheckpointError):
+        load_checkpoint(b"not a checkpoint at all, but long enough to have a header", "a")
+
+
+def test_a_shape_is_for_any_run_with_the_same_asset() -> None:
+    data = dump_checkpoint(state(), "a", asset="0f")
+    assert torch.equal(load_shape(data, "0f")["jacobians"], state().tensors["jacobians"])
+    with pytest.raises(CheckpointError, match="another asset"):
+        load_shape(data, "1e")
+    with pytest.raises(CheckpointError, match="torn"):
+        load_shape(data[:-1], "0f")
+
+
+def test_a_checkpoint_from_before_the_asset_was_noted_is_taken() -> None:
+    metadata = {"format": "meshdeform-checkpoint-1", "step": "7", "run": "a"}
+    old = safetensors.torch.save(dict(state().tensors), metadata)
+    assert load_checkpoint(old, "a").step == 7
+    assert torch.equal(load_shape(old, "0f")["jacobians"], state().tensors["jacobians"])
+
+
+def test_the_fingerprint_covers_values_and_ignores_their_order() -> None:
+    assert fingerprint(a=1, b=2.5) == fingerprint(b=2.5, a=1)
+    assert fingerprint(a=1, b=2.5) != fingerprint(a=1, b=2.6)

@@ -1,0 +1,259 @@
+"""The whole loop: a target is reached, seeds repeat, a resumed run is the uninterrupted one bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, load_checkpoint
+from meshdeform.deformation.loop import Deformation
+from meshdeform.errors import CheckpointError, NumericalError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.shapes import icosphere, join, torus
+from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.priors.builtin.training.families import member
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+
+STYLE = RenderStyle(view_size=32, supersample=2)
+
+
+def params(**changes: object) -> ResolvedParams:
+    return resolve(DeformParams.model_validate({"preset": "preview", "guidance": "target", **changes}))
+
+
+def ellipsoid() -> TriangleMesh:
+    sphere = icosphere(3, 0.6)
+    return TriangleMesh(sphere.verts * torch.tensor([0.6, 1.4, 0.9], dtype=torch.float64), sphere.faces)
+
+
+def distance(verts: Tensor, target: Tensor) -> float:
+    """Mean distance between the two sets of vertices, both ways."""
+    a, b = verts.numpy(), target.numpy()
+    return float((cKDTree(b).query(a)[0].mean() + cKDTree(a).query(b)[0].mean()) / 2)
+
+
+def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, float]]:
+    found = []
+    for step in deformation:
+        found.append(step.losses)
+        if steps is not None and step.step >= steps:
+            break
+    return found
+
+
+def test_a_sphere_becomes_the_target() -> None:
+    source, target = icosphere(3, 0.6), ellipsoid()
+    deformation = Deformation(source, TargetGuidance(target, style=STYLE), params(steps=150))
+    losses = run(deformation)
+    before, after = distance(source.verts, target.verts), distance(deformation.verts(), target.verts)
+    assert before > 0.1
+    # Vertices of two tessellations lie a good part of an edge apart even on the same surface.
+    assert after < 0.35 * before
+    assert np.mean([entry["target_mse"] for entry in losses[-10:]]) < 0.01 * np.mean(
+        [entry["target_mse"] for entry in losses[:10]]
+    )
+
+
+def test_every_component_may_move_on_its_own() -> None:
+    """Two balls whose targets lie apart: with pinned components they could not reach them."""
+    ball = icosphere(2, 0.25)
+
+    def pair(gap: float) -> TriangleMesh:
+        shift = torch.tensor([gap, 0.0, 0.0], dtype=torch.float64)
+        return join(TriangleMesh(ball.verts - shift, ball.faces), TriangleMesh(ball.verts + shift, ball.faces))
+
+    source, target = pair(0.3), pair(0.55)
+    found = {}
+    for rate in (0.0, 1.0):
+        deformation = Deformation(
+            source,
+            TargetGuidance(target, style=STYLE),
+            params(steps=120, translation_rate=rate, jacobian_reg_weight=10.0),
+        )
+        run(deformation)
+        left = deformation.verts()[: ball.verts.shape[0]].mean(0)
+        found[rate] = abs(left[0].item() + 0.55)
+    assert found[0.0] > 0.2
+    assert found[1.0] < 0.05
+
+
+def test_the_centre_of_mass_stays() -> None:
+    source = torus()
+    deformation = Deformation(
+        TriangleMesh(source.verts * 0.6 + 0.1, source.faces), TargetGuidance(ellipsoid(), style=STYLE), params(steps=15)
+    )
+    run(deformation)
+    areas = torch.from_numpy(np.asarray(deformation._poisson.vertex_areas))[:, None]
+    old, new = (areas * deformation.mesh.verts).sum(0), (areas * deformation.verts()).sum(0)
+    torch.testing.assert_close(new, old, atol=1e-10, rtol=0)
+
+
+def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:
+    results = []
+    for seed in (3, 3, 4):
+        deformation = Deformation(
+            icosphere(2, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=8, seed=seed)
+        )
+        run(deformation)
+        results.append(deformation.verts())
+    assert torch.equal(results[0], results[1])
+    assert not torch.equal(results[0], results[2])
+
+
+@pytest.mark.parametrize("stop", [1, 7, 19])
+def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int) -> None:
+    settings = params(steps=20, seed=11)
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    whole = Deformation(icosphere(2, 0.6), guidance, settings)
+    run(whole)
+    first = Deformation(icosphere(2, 0.6), guidance, settings)
+    run(first, stop)
+    stored = dump_checkpoint(first.checkpoint(), "run")
+    second = Deformation(icosphere(2, 0.6), guidance, settings, checkpoint=load_checkpoint(stored, "run"))
+    assert second.step == stop
+    rest = run(second)
+    assert len(rest) == 20 - stop
+    assert torch.equal(second.verts(), whole.verts())
+    for name, value in whole.checkpoint().tensors.items():
+        assert torch.equal(second.checkpoint().tensors[name], value), name
+
+
+def test_a_checkpoint_of_another_mesh_is_refused() -> None:
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    state = Deformation(icosphere(1, 0.6), guidance, params(steps=2)).checkpoint()
+    with pytest.raises(CheckpointError, match="mesh"):
+        Deformation(icosphere(2, 0.6), guidance, params(steps=2), checkpoint=state)
+
+
+def test_checkpoints_do_not_change_with_the_run() -> None:
+    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=4))
+    run(deformation, 2)
+    state: Checkpoint = deformation.checkpoint()
+    kept = {k: v.clone() for k, v in state.tensors.items()}
+    run(deformation)
+    assert all(torch.equal(kept[k], v) for k, v in state.tensors.items())
+
+
+def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_it() -> None:
+    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    first = Deformation(icosphere(2, 0.6), guidance, params(steps=20, seed=11))
+    run(first, 7)
+    shape = first.checkpoint().tensors
+    second = Deformation(icosphere(2, 0.6), guidance, params(steps=3, seed=12), initial=shape)
+    assert second.step == 0
+    assert torch.equal(second.verts(), first.verts())
+    fresh = Deformation(icosphere(2, 0.6), guidance, params(steps=3, seed=12)).checkpoint().tensors
+    begun = second.checkpoint().tensors
+    assert set(begun) == set(fresh), "no moments of the optimiser"
+    assert torch.equal(begun["generator"], fresh["generator"])
+    assert len(run(second)) == 3
+    assert not torch.equal(second.verts(), first.verts())
+    assert all(torch.equal(shape[name], value) for name, value in first.checkpoint().tensors.items())
+    with pytest.raises(CheckpointError, match="mesh"):
+        Deformation(icosphere(1, 0.6), guidance, params(steps=3), initial=shape)
+
+
+class _OutOfMemory:
+    """Fails once in the third step, after it has drawn random numbers."""
+
+    style = STYLE
+    identity = {"kind": "out of memory"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        self.guidance = TargetGuidance(ellipsoid(), style=STYLE)
+        self.failed = True
+
+    def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        torch.randn(3, generator=context.generator)
+        if context.step == 2 and not self.failed:
+            self.failed = True
+            raise torch.OutOfMemoryError("CUDA out of memory.")
+        return self.guidance.loss(image, context)
+
+
+def test_a_step_that_raises_leaves_the_state_as_it_was() -> None:
+    settings, guidance = params(steps=6, seed=3), _OutOfMemory()
+    whole = Deformation(icosphere(1, 0.6), guidance, settings)
+    run(whole)
+    guidance.failed = False
+    broken = Deformation(icosphere(1, 0.6), guidance, settings)
+    with pytest.raises(torch.OutOfMemoryError):
+        run(broken)
+    assert broken.step == 2
+    resumed = Deformation(icosphere(1, 0.6), guidance, settings, checkpoint=broken.checkpoint())
+    run(resumed)
+    run(broken)
+    for name, value in whole.checkpoint().tensors.items():
+        assert torch.equal(resumed.checkpoint().tensors[name], value), name
+        assert torch.equal(broken.checkpoint().tensors[name], value), name
+
+
+def test_an_optimiser_that_fails_in_the_midst_leaves_no_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=5))
+    run(deformation, 2)
+
+    def fail() -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(deformation._optimizer, "step", fail)
+    with pytest.raises(MemoryError):
+        run(deformation)
+    with pytest.raises(CheckpointError, match="broke off"):
+        deformation.checkpoint()
+
+
+class _Broken:
+    style = STYLE
+    identity = {"kind": "broken"}  # noqa: RUF012
+
+    def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        return image.sum() * (float("nan") if context.step == 2 else 1.0), {}
+
+
+def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
+    deformation = Deformation(icosphere(1, 0.6), _Broken(), params(steps=5))
+    with pytest.raises(NumericalError, match="step 3"):
+        run(deformation)
+    assert deformation.step == 2
+
+
+def test_the_loop_against_an_oracle_from_a_sphere_to_a_horse() -> None:
+    """All parts together, with an answer that is known: four legs, a neck and a head out of 5,120 triangles.
+
+    The distance is the mean from the result's vertices to the target's surface and back, the source's radius being 0.6.
+    """
+    part = member("horse", (), np.random.default_rng(0))
+    verts = torch.as_tensor(np.asarray(part.verts), dtype=torch.float64)
+    verts = (verts - (verts.amin(0) + verts.amax(0)) / 2) * 0.6
+    target = TriangleMesh(verts, torch.as_tensor(np.asarray(part.faces), dtype=torch.int64))
+    source = icosphere(4, 0.6)
+    deformation = Deformation(source, TargetGuidance(target), params(steps=200))
+    run(deformation)
+    seen = _seen_surface(target)
+    before, after = distance(source.verts, seen), distance(deformation.verts(), seen)
+    assert before > 0.15
+    assert after < 0.03
+    quality = measure(source.verts.numpy(), source.faces.numpy(), deformation.verts().numpy())
+    assert quality.flipped_faces == 0
+    assert quality.collapsed_faces == 0
+
+
+def _seen_surface(mesh: TriangleMesh) -> Tensor:
+    """Points of the surface that some camera sees: the parts of the horse overlap inside, where no result can reach."""
+    renderer = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle(view_size=64))
+    visible: set[int] = set()
+    for azimuth in range(0, 90, 15):
+        for elevation in (0.0, 15.0, 30.0):
+            cameras = fixed_cameras(float(azimuth), elevation)
+            clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+            visible.update(rasterize(clip, renderer.faces, 256, 256).face_ids.unique().tolist())
+    faces = mesh.faces[sorted(visible - {-1})]
+    return mesh.verts[faces].mean(1)

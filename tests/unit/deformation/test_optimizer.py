@@ -1,0 +1,108 @@
+"""Adam against torch's own, and Adam with one step size for all against the formula."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+import torch
+
+from meshdeform.deformation.optimizer import Adam, AdamUniform, make_optimizer
+from meshdeform.requests.document import Optimizer
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_every_step_is_that_of_torch_to_the_last_bit(dtype: torch.dtype) -> None:
+    generator = torch.Generator().manual_seed(0)
+    start = [
+        torch.randn(40, 3, 3, generator=generator, dtype=dtype),
+        torch.randn(2, 3, generator=generator, dtype=dtype),
+    ]
+    ours, theirs = ([tensor.clone().requires_grad_() for tensor in start] for _ in range(2))
+    rates = (0.03, 1.7)
+    pair = [
+        kind([{"params": [tensor], "lr": rate} for tensor, rate in zip(tensors, rates, strict=True)])
+        for kind, tensors in ((Adam, ours), (torch.optim.Adam, theirs))
+    ]
+    for number in range(200):
+        for tensors in (ours, theirs):
+            for tensor in tensors:
+                tensor.grad = (tensor.detach() ** 3 - 0.2 * number).clone()
+        if number == 100:
+            for optimizer in pair:
+                optimizer.param_groups[0]["lr"] = 0.002
+        for optimizer in pair:
+            optimizer.step()
+    for mine, its in zip(ours, theirs, strict=True):
+        assert torch.equal(mine, its)
+        assert torch.equal(pair[0].state[mine]["exp_avg_sq"], pair[1].state[its]["exp_avg_sq"])
+
+
+def test_what_has_no_gradient_stays() -> None:
+    x = torch.ones(3, requires_grad=True)
+    optimizer = Adam([{"params": [x], "lr": 0.1}])
+    optimizer.step()
+    assert torch.equal(x, torch.ones(3))
+    assert optimizer.state == {}
+
+
+@pytest.mark.slow
+def test_a_run_loads_no_compiler() -> None:
+    """What torch's own optimiser loads takes longer than a short run."""
+    code = """
+import sys, torch
+from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.deformation.loop import Deformation
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.priors import load_prior
+from meshdeform.geometry.shapes import icosphere
+
+torch.set_num_threads(1)
+guidance = ScoreDistillation(load_prior("builtin", device="cpu"), "a mushroom", guidance_scale=7.5)
+list(Deformation(icosphere(2, 0.6), guidance, resolve(DeformParams(steps=2))))
+print("torch._dynamo" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_one_number_moves_as_adam_moves_it() -> None:
+    ends = []
+    for kind in Optimizer:
+        x = torch.tensor([3.0], dtype=torch.float64, requires_grad=True)
+        optimizer = make_optimizer(kind, [{"params": [x], "lr": 0.1}])
+        for _ in range(50):
+            optimizer.zero_grad()
+            (x**2).sum().backward()
+            optimizer.step()
+        ends.append(x.detach().clone())
+    torch.testing.assert_close(*ends, atol=1e-6, rtol=0)
+
+
+def test_where_there_is_little_force_there_is_little_motion() -> None:
+    weights = torch.tensor([1.0, 1e-3], dtype=torch.float64)
+    moved = {}
+    for kind in Optimizer:
+        x = torch.zeros(2, dtype=torch.float64, requires_grad=True)
+        optimizer = make_optimizer(kind, [{"params": [x], "lr": 0.1}])
+        (weights * x).sum().backward()
+        optimizer.step()
+        moved[kind] = -x.detach()
+    torch.testing.assert_close(moved[Optimizer.ADAM], torch.full((2,), 0.1, dtype=torch.float64), atol=1e-5, rtol=0)
+    torch.testing.assert_close(moved[Optimizer.ADAM_UNIFORM], 0.1 * weights, atol=1e-8, rtol=0)
+
+
+def test_its_state_goes_on_where_it_was() -> None:
+    x = torch.ones(4, dtype=torch.float64, requires_grad=True)
+    whole = AdamUniform([{"params": [x], "lr": 0.05}])
+    for _ in range(3):
+        x.grad = 2 * x.detach()
+        whole.step()
+    y = x.detach().clone().requires_grad_()
+    resumed = AdamUniform([{"params": [y], "lr": 0.05}])
+    resumed.state[y] = {name: value.clone() for name, value in whole.state[x].items()}
+    for parameter, optimizer in ((x, whole), (y, resumed)):
+        parameter.grad = 2 * parameter.detach()
+        optimizer.step()
+    assert torch.equal(x, y)

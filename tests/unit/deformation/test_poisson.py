@@ -1,0 +1,234 @@
+"""The answer is manufactured: vertices give Jacobians, and the solve must give the vertices back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from meshdeform.deformation import poisson
+from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.operators import cotangent_laplacian, gradient_operator, mass_matrix
+from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+
+F64 = torch.float64
+MESHES = [
+    icosphere(2),
+    box(3),
+    grid(5),
+    torus(),
+    uv_sphere(8, 40),
+    cylinder(capped=False),
+    join(icosphere(1), grid(2), torus(n=8, m=5)),
+]
+
+
+def random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=F64)
+
+
+def rotation(seed: int = 0) -> Tensor:
+    q = torch.linalg.qr(random(3, 3, seed=seed)).Q
+    return q * torch.linalg.det(q)
+
+
+def centred(system: PoissonSystem, verts: Tensor) -> Tensor:
+    """Positions relative to their component's centre of mass."""
+    labels, areas = system.components, system.vertex_areas[:, None]
+    total = torch.zeros(system.num_components, 1, dtype=F64).index_add(0, labels, areas)
+    sums = torch.zeros(system.num_components, 3, dtype=F64).index_add(0, labels, areas * verts)
+    return verts - (sums / total.clamp_min(1e-300))[labels]
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh) -> None:
+    system = PoissonSystem(mesh)
+    wanted = mesh.verts + 0.2 * random(*mesh.verts.shape)
+    found = system.solve(jacobians_from_verts(gradient_operator(mesh), wanted))
+    torch.testing.assert_close(centred(system, found), centred(system, wanted), atol=1e-10, rtol=0)
+    torch.testing.assert_close(found - centred(system, found), mesh.verts - centred(system, mesh.verts))
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_identities_give_the_rest_mesh_in_any_unit_at_any_place(mesh: TriangleMesh, unit: float) -> None:
+    moved = TriangleMesh(unit * (mesh.verts + 3), mesh.faces)
+    found = PoissonSystem(moved).solve(identity_jacobians(len(mesh.faces)))
+    torch.testing.assert_close(found, moved.verts, atol=1e-11 * unit, rtol=0)
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_rotations_give_the_rotated_mesh(mesh: TriangleMesh) -> None:
+    system, turn = PoissonSystem(mesh), rotation(5)
+    found = system.solve(turn.expand(len(mesh.faces), 3, 3).contiguous())
+    torch.testing.assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-11, rtol=0)
+
+
+@pytest.mark.parametrize("mesh", [icosphere(1), grid(3)])
+def test_it_is_the_least_squares_solution(mesh: TriangleMesh) -> None:
+    jacobians = random(len(mesh.faces), 3, 3)
+    system = PoissonSystem(mesh)
+    right = gradient_operator(mesh).T @ mass_matrix(mesh) @ jacobians.mT.reshape(-1, 3).numpy()
+    dense = np.linalg.lstsq(cotangent_laplacian(mesh).toarray(), right, rcond=None)[0]
+    expected = centred(system, torch.from_numpy(dense))
+    torch.testing.assert_close(centred(system, system.solve(jacobians)), expected, atol=1e-10, rtol=0)
+
+
+def test_it_is_linear_up_to_the_centre() -> None:
+    mesh = icosphere(1)
+    system = PoissonSystem(mesh)
+    a, b = random(len(mesh.faces), 3, 3, seed=1), random(len(mesh.faces), 3, 3, seed=2)
+    combined = centred(system, system.solve(2 * a - 3 * b))
+    parts = 2 * centred(system, system.solve(a)) - 3 * centred(system, system.solve(b))
+    torch.testing.assert_close(combined, parts, atol=1e-11, rtol=0)
+
+
+@pytest.mark.parametrize("mesh", [icosphere(0), grid(2), join(icosphere(0), grid(1))])
+def test_the_backward_pass_is_the_gradient(mesh: TriangleMesh) -> None:
+    system = PoissonSystem(mesh)
+    assert torch.autograd.gradcheck(system.solve, (random(len(mesh.faces), 3, 3).requires_grad_(),))
+
+
+def test_the_gradient_through_collapsed_faces() -> None:
+    mesh = soup([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]], [[0, 1, 3], [0, 1, 2], [0, 4, 2], [2, 4, 1]])
+    system = PoissonSystem(mesh)
+    assert torch.autograd.gradcheck(system.solve, (random(4, 3, 3).requires_grad_(),))
+
+
+def test_the_same_input_gives_the_same_bits() -> None:
+    jacobians = random(1280, 3, 3)
+    results = []
+    for _ in range(2):
+        variable = jacobians.clone().requires_grad_()
+        verts = PoissonSystem(icosphere(3)).solve(variable)
+        verts.square().sum().backward()
+        assert variable.grad is not None
+        results.append((verts.detach(), variable.grad))
+    assert torch.equal(results[0][0], results[1][0])
+    assert torch.equal(results[0][1], results[1][1])
+
+
+def soup(verts: list[list[float]], faces: list[list[int]]) -> TriangleMesh:
+    return TriangleMesh(torch.tensor(verts, dtype=F64), torch.tensor(faces, dtype=torch.int64).reshape(-1, 3))
+
+
+def test_unused_vertices_keep_their_place() -> None:
+    ball = icosphere(1)
+    mesh = TriangleMesh(torch.cat([torch.tensor([[9.0, 8, 7]], dtype=F64), ball.verts]), ball.faces + 1)
+    system = PoissonSystem(mesh)
+    assert system.num_components == 2
+    variable = random(len(mesh.faces), 3, 3).requires_grad_()
+    found = system.solve(variable)
+    torch.testing.assert_close(found[0], mesh.verts[0])
+    found[0].sum().backward()
+    assert variable.grad is not None
+    assert variable.grad.abs().max() == 0
+
+
+def test_a_mesh_without_faces_stays() -> None:
+    mesh = soup([[0, 0, 0], [1, 2, 3]], [])
+    assert torch.equal(PoissonSystem(mesh).solve(torch.zeros(0, 3, 3, dtype=F64)), mesh.verts)
+
+
+def test_doubled_flipped_and_non_manifold_faces_are_normal_input() -> None:
+    ball = icosphere(1)
+    fin = torch.tensor([[0, 1, 2]])
+    mesh = TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces[:7], ball.faces[3:9].flip(1), fin]))
+    system = PoissonSystem(mesh)
+    wanted = mesh.verts + 0.1 * random(*mesh.verts.shape)
+    found = system.solve(jacobians_from_verts(gradient_operator(mesh), wanted))
+    torch.testing.assert_close(centred(system, found), centred(system, wanted), atol=1e-11, rtol=0)
+
+
+def test_a_vertex_within_a_collapsed_edge_follows_that_edge() -> None:
+    """A T-junction closed by a face without area: vertex 2 lies within the edge 0 1, and only that face has it."""
+    mesh = soup([[0, 0, 0], [3, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 3], [0, 1, 2]])
+    system = PoissonSystem(mesh)
+    assert system.collapsed.tolist() == [False, True]
+    assert system.num_components == 1
+    field = 2 * rotation(1).expand(2, 3, 3).clone()
+    field[1] = torch.eye(3, dtype=F64)  # what stands for the collapsed face does not matter within it
+    found = system.solve(field)
+    torch.testing.assert_close(found[2], (2 * found[0] + found[1]) / 3, atol=1e-6, rtol=0)
+    torch.testing.assert_close(
+        found[1] - found[0], 2 * rotation(1) @ (mesh.verts[1] - mesh.verts[0]), atol=1e-4, rtol=0
+    )
+
+
+def test_what_only_a_collapsed_face_connects_turns_as_one() -> None:
+    left = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    right = [[3, 0, 0], [4, 0, 0], [3, 1, 0]]
+    mesh = soup([*left, *right], [[0, 1, 2], [3, 4, 5], [0, 1, 3]])
+    system, turn = PoissonSystem(mesh), rotation(2)
+    found = system.solve(turn.expand(3, 3, 3).contiguous())
+    torch.testing.assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-8, rtol=0)
+
+
+@pytest.mark.parametrize("height", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 0.0])
+def test_needles_of_any_thinness_do_not_break_the_factor(height: float) -> None:
+    """A grid whose rows are squeezed: every other row of triangles is that thin."""
+    flat = grid(8)
+    verts = flat.verts.clone()
+    odd = (verts[:, 1] * 8 + 4).round().long() % 2 == 1
+    verts[odd, 1] += height - 1 / 8
+    mesh = TriangleMesh(verts, flat.faces)
+    system = PoissonSystem(mesh)
+    found = system.solve(identity_jacobians(len(mesh.faces)))
+    torch.testing.assert_close(found, mesh.verts, atol=1e-8, rtol=0)
+    assert torch.isfinite(system.solve(random(len(mesh.faces), 3, 3))).all()
+
+
+def test_caps_and_needles_of_a_fine_pole() -> None:
+    mesh = uv_sphere(6, 3000)
+    found = PoissonSystem(mesh).solve(identity_jacobians(len(mesh.faces)))
+    torch.testing.assert_close(found, mesh.verts, atol=1e-9, rtol=0)
+
+
+coordinate = st.one_of(
+    st.sampled_from([0.0, 1.0, -1.0, 1e-9, 1 + 1e-12, 0.5]), st.floats(-1e3, 1e3, allow_nan=False, width=32)
+)
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=9),
+    st.lists(st.tuples(*[st.integers(0, 99)] * 3), max_size=16),
+)
+def test_any_triangle_soup_is_solved(rows: list[tuple[float, float, float]], faces: list[tuple[int, int, int]]) -> None:
+    verts = torch.tensor(rows, dtype=F64)
+    mesh = TriangleMesh(verts, torch.tensor(faces, dtype=torch.int64).reshape(-1, 3) % len(rows))
+    system = PoissonSystem(mesh)
+    variable = identity_jacobians(len(faces)).requires_grad_()
+    found = system.solve(variable)
+    found.square().sum().backward()
+    size = float(verts.abs().max()) + 1e-30
+    torch.testing.assert_close(found, verts, atol=1e-5 * size, rtol=0)
+    assert variable.grad is None or bool(torch.isfinite(variable.grad).all())
+
+
+@pytest.mark.parametrize(
+    "wrong", [torch.zeros(19, 3, 3, dtype=F64), torch.zeros(20, 3, 3), torch.zeros(20, 9, dtype=F64)]
+)
+def test_wrong_shapes_and_types_are_refused(wrong: Tensor) -> None:
+    with pytest.raises(ShapeError, match="expected jacobians"):
+        PoissonSystem(icosphere(0)).solve(wrong)
+
+
+def test_jacobians_that_are_not_finite_are_a_numerical_error() -> None:
+    jacobians = identity_jacobians(20)
+    jacobians[3, 1, 2] = float("nan")
+    with pytest.raises(NumericalError, match="finite"):
+        PoissonSystem(icosphere(0)).solve(jacobians)
+
+
+def test_a_factor_that_fails_everywhere_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(poisson, "factorise", lambda *_: None)
+    with pytest.raises(NumericalError) as caught:
+        PoissonSystem(icosphere(0))
+    assert "merge vertices" in caught.value.advice_text

@@ -1,0 +1,159 @@
+"""The penalties mean the same at every resolution and scale, and their gradients survive bad faces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.jacobians import completed_jacobians, identity_jacobians
+from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, grid, icosphere, join, uv_sphere
+
+F64 = torch.float64
+
+
+def smooth(verts: Tensor) -> Tensor:
+    """A smooth map of space: stretched, bent and twisted a little."""
+    x, y, z = (verts * torch.tensor([1.0, 1.3, 0.8], dtype=F64)).unbind(1)
+    return torch.stack([x + 0.2 * torch.sin(1.5 * y), y + 0.1 * x * z, z - 0.15 * torch.cos(2 * x)], 1)
+
+
+def penalties(mesh: TriangleMesh, verts: Tensor) -> dict[str, float]:
+    regularizers = Regularizers(mesh)
+    jacobians = completed_jacobians(mesh.verts, verts, mesh.faces)
+    return {
+        "jacobian": float(regularizers.jacobian(jacobians)),
+        "laplacian": float(regularizers.laplacian(verts)),
+        "normal": float(regularizers.normal(verts)),
+    }
+
+
+def test_resolution_does_not_matter() -> None:
+    values = [penalties(mesh, smooth(mesh.verts)) for mesh in (icosphere(3), icosphere(4), icosphere(5))]
+    for name in values[0]:
+        assert values[0][name] == pytest.approx(values[2][name], rel=0.06), name
+        assert values[1][name] == pytest.approx(values[2][name], rel=0.02), name
+
+
+@pytest.mark.parametrize("unit", [1e-3, 50.0])
+def test_scale_does_not_matter(unit: float) -> None:
+    mesh = icosphere(2)
+    scaled = TriangleMesh(mesh.verts * unit, mesh.faces)
+    assert penalties(scaled, smooth(mesh.verts) * unit) == pytest.approx(penalties(mesh, smooth(mesh.verts)), rel=1e-9)
+
+
+def test_the_rest_mesh_costs_no_jacobian_and_no_laplacian_whatever_its_detail() -> None:
+    mesh = join(box(3), icosphere(2), grid(3))
+    values = penalties(mesh, mesh.verts)
+    assert values["jacobian"] < 1e-20
+    assert values["laplacian"] < 1e-20
+
+
+def test_the_jacobian_term_is_the_mean_of_a_constant() -> None:
+    mesh = icosphere(1)
+    stretched = torch.diag(torch.tensor([2.0, 1.0, 0.5], dtype=F64)).expand(len(mesh.faces), 3, 3)
+    assert float(Regularizers(mesh).jacobian(stretched)) == pytest.approx(1.25)
+
+
+def test_the_laplacian_term_of_a_sphere_that_grows_is_known() -> None:
+    """For u = c x on the unit sphere Delta u = -2 c x, so the integral of its square over 4 pi is 4 c^2."""
+    mesh = icosphere(4)
+    assert float(Regularizers(mesh).laplacian(1.3 * mesh.verts)) == pytest.approx(4 * 0.09, rel=0.01)
+
+
+def test_the_laplacian_term_does_not_see_a_shear_inside_a_plane() -> None:
+    """A linear displacement bends nothing inside: beside it a bump costs what it costs alone."""
+    mesh = grid(40, 2.0)
+    regularizers = Regularizers(mesh)
+    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    height = ((0.81 - x**2) * (0.81 - y**2)).square() * ((x.abs() < 0.9) & (y.abs() < 0.9))
+    bump = height[:, None] * torch.tensor([0.0, 0.0, 1.0], dtype=F64)
+    sheared = mesh.verts + torch.stack([0 * x, 0 * x, 0.5 * x + 0.2 * y], 1)
+    alone = regularizers.laplacian(mesh.verts + bump)
+    assert float(alone) > 0.01
+    torch.testing.assert_close(regularizers.laplacian(sheared + bump) - regularizers.laplacian(sheared), alone)
+
+
+def test_the_normal_term_of_a_sphere_is_known() -> None:
+    """Neighbours at distance d turn by about d / r, so (1 - cos)^2 (d0 / d)^4 is d0^4 / 4 r^4."""
+    mesh = icosphere(4, 3.0)
+    reference_sq = 4 * 4 * math.pi / (3 * math.sqrt(3) * 5000)
+    assert float(Regularizers(mesh).normal(mesh.verts)) == pytest.approx(reference_sq**2 / 4, rel=0.08)
+
+
+def test_flat_neighbours_cost_nothing_whichever_way_they_are_wound() -> None:
+    flat = grid(3)
+    some = torch.arange(len(flat.faces)) % 3 == 0
+    wound = TriangleMesh(flat.verts, torch.where(some[:, None], flat.faces.flip(1), flat.faces))
+    assert float(Regularizers(wound).normal(wound.verts)) < 1e-25
+    doubled = TriangleMesh(flat.verts, torch.cat([flat.faces, flat.faces.flip(1)]))
+    assert float(Regularizers(doubled).normal(doubled.verts)) < 1e-25
+
+
+def test_a_crease_costs_more_than_a_curve() -> None:
+    """The same quarter turn, once spread over a whole sheet and once at one line."""
+    mesh = grid(20)
+    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    angle = (x + 0.5) * math.pi / 2
+    curve = torch.stack([torch.sin(angle), y, torch.cos(angle)], 1) * 2 / math.pi
+    crease = torch.stack([x.clamp_max(0), y, -x.clamp_min(0)], 1)
+    regularizers = Regularizers(mesh)
+    assert float(regularizers.normal(crease)) > 10 * float(regularizers.normal(curve)) > 0
+
+
+@pytest.mark.parametrize("mesh", [icosphere(0), grid(2), box(1)])
+def test_gradients_are_right(mesh: TriangleMesh) -> None:
+    generator = torch.Generator().manual_seed(0)
+    regularizers = Regularizers(mesh)
+    verts = (mesh.verts + 0.1 * torch.randn(mesh.verts.shape, generator=generator, dtype=F64)).requires_grad_()
+    jacobians = torch.randn(len(mesh.faces), 3, 3, generator=generator, dtype=F64).requires_grad_()
+    assert torch.autograd.gradcheck(regularizers.jacobian, (jacobians,))
+    assert torch.autograd.gradcheck(regularizers.laplacian, (verts,))
+    # At 5,000 reference faces the value of such a coarse mesh is tiny: checked as a multiple.
+    assert torch.autograd.gradcheck(lambda v: 1e6 * regularizers.normal(v), (verts,), rtol=1e-4)
+
+
+def _point(verts: Tensor) -> Tensor:
+    return torch.zeros_like(verts)
+
+
+def _line(verts: Tensor) -> Tensor:
+    return verts * torch.tensor([1.0, 0.0, 0.0], dtype=F64)
+
+
+@pytest.mark.parametrize("collapse", [_point, _line])
+def test_a_mesh_that_collapses_has_finite_gradients(collapse: Callable[[Tensor], Tensor]) -> None:
+    mesh = icosphere(1)
+    regularizers = Regularizers(mesh)
+    verts = collapse(mesh.verts).requires_grad_()
+    total = regularizers.laplacian(verts) + regularizers.normal(verts)
+    total.backward()
+    assert verts.grad is not None
+    assert bool(torch.isfinite(total))
+    assert float(verts.grad.abs().max()) < 1e6
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        uv_sphere(6, 300),
+        TriangleMesh(torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=F64), torch.tensor([[0, 1, 2]])),
+        TriangleMesh(torch.zeros(4, 3, dtype=F64), torch.tensor([[0, 1, 2], [1, 2, 3]])),
+        TriangleMesh(torch.zeros(1, 3, dtype=F64), torch.zeros(0, 3, dtype=torch.int64)),
+        TriangleMesh(icosphere(1).verts, torch.cat([icosphere(1).faces, torch.tensor([[0, 0, 5], [0, 1, 2]])])),
+    ],
+)
+def test_bad_rest_meshes_give_finite_values_and_gradients(mesh: TriangleMesh) -> None:
+    regularizers = Regularizers(mesh)
+    verts = (mesh.verts + 0.1 * torch.sin(5 * mesh.verts.flip(1))).requires_grad_()
+    jacobians = (1.1 * identity_jacobians(len(mesh.faces))).requires_grad_()
+    total = regularizers.laplacian(verts) + regularizers.normal(verts) + regularizers.jacobian(jacobians)
+    total.backward()
+    assert bool(torch.isfinite(total))
+    assert verts.grad is not None
+    assert bool(torch.isfinite(verts.grad).all())

@@ -1,0 +1,138 @@
+"""The guard of the surface: what is broken is put back, the rest keeps what it gained."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from meshdeform.deformation import surface_guard as safeguard
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.optimizer import make_optimizer
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.surface_guard import SurfaceGuard
+from meshdeform.deformation.variables import Variables, make_variables
+from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import folded_faces
+from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.requests.document import DeformParams, Optimizer, Parametrization, Safeguard, resolve
+
+MESH = icosphere(2)
+
+
+def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
+    faces = mesh.faces.numpy()
+    return int((folded_faces(verts.numpy(), faces) | intersecting_faces(verts.numpy(), faces)).sum())
+
+
+def poked(variables: Variables, mesh: TriangleMesh, depth: float) -> None:
+    """Push the top of the sphere down by `depth`, and stretch its equator a little."""
+    verts = mesh.verts.clone()
+    near = torch.exp(-8 * (verts - verts[verts[:, 1].argmax()]).square().sum(1))
+    verts[:, 1] -= depth * near
+    verts[:, [0, 2]] *= 1 + 0.2 * torch.exp(-8 * verts[:, 1:2].square())
+    with torch.no_grad():
+        variables.tensors["displacements"].copy_(verts - mesh.verts)
+
+
+def test_a_whole_shape_is_left_as_it_is() -> None:
+    variables = make_variables(Parametrization.VERTICES, MESH, PoissonSystem(MESH))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
+    poked(variables, MESH, 0.3)
+    before = variables.place().detach().clone()
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": list(variables.tensors.values()), "lr": 1.0}])
+    assert guard.correct(optimizer) == 0
+    assert torch.equal(variables.place(), before)
+
+
+def test_what_went_through_is_put_back_and_the_rest_keeps_its_gain() -> None:
+    variables = make_variables(Parametrization.VERTICES, MESH, PoissonSystem(MESH))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
+    poked(variables, MESH, 2.6)
+    assert broken(MESH, variables.place().detach()) > 0
+    tensor = variables.tensors["displacements"]
+    wished = tensor.detach().clone()
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [tensor], "lr": 1.0}])
+    optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
+    held = guard.correct(optimizer)
+    assert 0 < held < len(MESH.faces)
+    assert broken(MESH, variables.place().detach()) == 0
+    kept = (tensor.detach() == wished).all(1)
+    assert 0.3 < float(kept.double().mean()) < 1
+    assert wished[kept].norm(dim=1).max() > 0.1, "the equator keeps its stretch"
+    forgotten = optimizer.state[tensor]["exp_avg"].norm(dim=1) == 0
+    assert 0 < int(forgotten.sum()) < len(tensor)
+
+
+def test_parts_that_run_into_each_other_are_held_where_they_meet() -> None:
+    small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
+    pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
+    variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
+    with torch.no_grad():
+        variables.tensors["translations"][0, 0] += 1.0
+    tensors = list(variables.tensors.values())
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": tensors, "lr": 1.0}])
+    for tensor in tensors:
+        optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
+    assert 0 < guard.correct(optimizer) < len(pair.faces)
+    onwards = optimizer.state[variables.tensors["translations"]]["exp_avg"]
+    assert not onwards.any(), "what drove them into each other would do so again at the next step"
+    after = variables.place().detach()
+    assert broken(pair, after) == 0
+    assert float((after - pair.verts).norm(dim=1).max()) > 0.1, "their far sides went on"
+
+
+def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two spheres that are pushed through each other as wholes, and no position may be put back by itself."""
+    monkeypatch.setattr(safeguard, "_HOLD_RINGS", ())
+    small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
+    pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
+    variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
+    with torch.no_grad():
+        variables.tensors["translations"][0, 0] += 1.0
+    assert broken(pair, variables.place().detach()) > 0
+    tensors = list(variables.tensors.values())
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": tensors, "lr": 1.0}])
+    assert guard.correct(optimizer) == len(pair.faces)
+    assert broken(pair, variables.place().detach()) == 0
+    assert float(variables.tensors["translations"].detach()[0, 0]) in (0.5, 0.25, 0.1)
+
+
+def test_what_was_broken_at_rest_may_stay() -> None:
+    verts = MESH.verts.clone()
+    verts[verts[:, 1].argmax(), 1] = -3.0
+    spiked = TriangleMesh(verts, MESH.faces)
+    assert broken(spiked, verts) > 0
+    variables = make_variables(Parametrization.JACOBIANS, spiked, PoissonSystem(spiked))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, spiked, variables)
+    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [variables.jacobians()], "lr": 1.0}])
+    assert guard.correct(optimizer) == 0
+
+
+@pytest.mark.parametrize("safeguard", list(Safeguard))
+def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeguard) -> None:
+    mesh = icosphere(2, 0.6)
+    plate = TriangleMesh(mesh.verts * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), mesh.faces)
+    guidance = TargetGuidance(plate)
+    params = resolve(
+        DeformParams(
+            guidance="target", preset="paper", steps=37, learning_rate=0.08, safeguard=safeguard,
+            normal_weight=0.0, laplacian_weight=0.0, jacobian_reg_weight=0.0,
+        )
+    )  # fmt: skip
+    whole = Deformation(mesh, guidance, params)
+    steps = iter(whole)
+    for _ in range(18):
+        next(steps)
+    resumed = Deformation(mesh, guidance, params, checkpoint=whole.checkpoint())
+    for run in (steps, iter(resumed)):
+        for _ in run:
+            pass
+    assert torch.equal(whole.verts(), resumed.verts())
+    folded = folded_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
+    cut = intersecting_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
+    assert bool(folded) is (safeguard is Safeguard.NONE)
+    assert bool(cut) is (safeguard is not Safeguard.INTERSECTIONS)

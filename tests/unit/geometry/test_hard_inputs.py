@@ -1,0 +1,187 @@
+"""What breaks such systems, small: every input of the benchmark goes the whole way and keeps what it must.
+
+Below, what these inputs found in the guard of the surface, each on the smallest mesh that shows it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from bench.input_meshes import INPUTS
+from bench.inputs import glb, outcome
+from meshdeform.assets import load_asset
+from meshdeform.deformation import surface_guard as safeguard
+from meshdeform.deformation.optimizer import Adam, make_optimizer
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.surface_guard import SurfaceGuard
+from meshdeform.deformation.variables import Variables, make_variables
+from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
+from meshdeform.geometry.mesh import TriangleMesh, connected_components
+from meshdeform.geometry.quality import FaceNeighbours, folded_faces
+from meshdeform.geometry.shapes import grid, icosphere, join
+from meshdeform.geometry.weld import weld
+from meshdeform.requests.document import Optimizer, Parametrization, Safeguard
+from meshdeform.testing import FakePrior
+
+SIZE = 0.3
+
+
+def shape(name: str, size: float = SIZE) -> TriangleMesh:
+    surface = load_asset(glb(INPUTS[name](size))).surface
+    return weld(surface.positions, surface.triangles).mesh
+
+
+def guarded(mesh: TriangleMesh) -> tuple[Variables, SurfaceGuard, Adam]:
+    variables = make_variables(Parametrization.JACOBIANS, mesh, PoissonSystem(mesh))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, variables)
+    groups = [{"params": list(variables.tensors.values()), "lr": 1.0}]
+    return variables, guard, make_optimizer(Optimizer.ADAM, groups)
+
+
+def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_every_input_keeps_what_it_must(name: str) -> None:
+    found = outcome(INPUTS[name](SIZE), FakePrior(), 4)
+    assert found.broken == []
+
+
+EVERYTHING = {
+    "learning_rate": 0.05, "learning_rate_end": 0.01, "annealing": "cosine", "regularizer_scale_end": 0.5,
+    "resolution_start": 0.25, "smoothing_start": 0.2, "coarse_until": 0.9, "dirichlet_weight": 1.0,
+    "stop_when_settled": 0.1, "candidates": 2, "candidate_steps": 2,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in INPUTS if name != "large"])
+def test_schedules_barrier_and_candidates_take_every_input(name: str) -> None:
+    assert outcome(INPUTS[name](SIZE), FakePrior(), 5, **EVERYTHING).broken == []
+
+
+@pytest.mark.parametrize("name", ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"])
+def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> None:
+    rates = {"learning_rate": 0.1, "jacobian_reg_weight": 0.0, "normal_weight": 0.0, "laplacian_weight": 0.0}
+    found = outcome(INPUTS[name](SIZE), FakePrior(), 10, **rates)
+    assert found.flipped == found.cuts == 0
+    assert found.broken == []
+
+
+def test_the_inputs_are_what_they_say() -> None:
+    def counts(name: str) -> dict[str, int]:
+        surface = load_asset(glb(INPUTS[name](SIZE))).surface
+        return weld(surface.positions, surface.triangles).skipped
+
+    assert counts("book")["non_manifold_edges"] > 0
+    assert counts("walled")["non_manifold_edges"] > 0
+    assert counts("unreferenced")["unreferenced_vertices"] == 500
+    assert counts("zero-area")["zero_area_faces"] > 20
+    assert counts("zero-area")["degenerate_faces"] == 40
+    assert counts("sheet")["border_edges"] > 0
+    for closed in ("charts", "soup", "genus-1", "genus-2"):
+        assert counts(closed)["border_edges"] == counts(closed)["non_manifold_edges"] == 0
+
+    def euler(mesh: TriangleMesh) -> int:
+        edges = {tuple(sorted((int(f[i]), int(f[i - 1])))) for f in mesh.faces for i in range(3)}
+        return len(mesh.verts) - len(edges) + len(mesh.faces)
+
+    assert [euler(shape(name)) for name in ("sphere", "genus-1", "genus-2", "moebius")] == [2, 0, -2, 0]
+    assert intersecting_faces(*(t.numpy() for t in (shape("overlapping").verts, shape("overlapping").faces))).any()
+    assert int(connected_components(shape("bow-tie").faces, len(shape("bow-tie").verts)).max()) == 0
+    needles = shape("needles")
+    corners = needles.verts[needles.faces]
+    lengths = (corners - corners.roll(1, 1)).norm(dim=2)
+    assert float((lengths.amax(1) / lengths.amin(1)).max()) > 5000
+    assert len(INPUTS["large"](1.0).faces) == 100_000
+
+
+@pytest.mark.parametrize("name", ["moebius", "moebius-narrow", "winding", "double-sided", "book", "walled", "repeated"])
+def test_what_cannot_be_wound_alike_is_not_folded(name: str) -> None:
+    mesh = shape(name, 1.0)
+    assert not folded_faces(mesh.verts.numpy(), mesh.faces.numpy()).any()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_fold_is_seen_whichever_way_faces_are_wound(turned: bool) -> None:
+    mesh = grid(6)
+    verts = mesh.verts.clone()
+    verts[int(verts.norm(dim=1).argmin()), :2] += 0.3
+    usual = folded_faces(verts.numpy(), mesh.faces.numpy())
+    assert 1 <= usual.sum() <= 6
+    faces = mesh.faces.clone()
+    faces[::3] = faces[::3].flip(1) if turned else faces[::3].roll(1, 1)
+    beside = FaceNeighbours(faces.numpy())
+    assert np.array_equal(beside.folded(verts.numpy()), usual)
+    assert not beside.folded(mesh.verts.numpy()).any()
+    both = FaceNeighbours(torch.cat([faces, faces.flip(1)]).numpy())
+    assert np.array_equal(both.folded(verts.numpy()), np.tile(usual, 2))
+
+
+def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
+    """Else a toy of overlapping parts, or a box on a table, could not move at all."""
+    for name in ("overlapping", "touching"):
+        mesh = shape(name)
+        variables, guard, optimizer = guarded(mesh)
+        with torch.no_grad():
+            variables.tensors["translations"][0, :2] -= 0.04
+        assert len(cutting_pairs(variables.place().detach().numpy(), mesh.faces.numpy()))
+        assert guard.correct(optimizer) == 0
+
+
+def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(safeguard, "_HOLD_RINGS", ())  # the last resort
+    ball = TriangleMesh(0.3 * icosphere(2).verts, icosphere(2).faces)
+    mesh = join(ball, shifted(ball, 1.0, 0, 0), shifted(ball, 0, 1.0, 0), shifted(ball, 0, 1.4, 0))
+    variables, guard, optimizer = guarded(mesh)
+    before = variables.place().detach().clone()
+    tensors = variables.tensors
+    for tensor in tensors.values():
+        optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
+    with torch.no_grad():
+        tensors["translations"][0, 0] += 1.0  # into the second
+        tensors["translations"][2, 2] += 0.2  # along the fourth, which it cuts at rest
+        tensors["jacobians"][2 * len(ball.faces) :] *= 1.1
+    assert guard.correct(optimizer) == 2 * len(ball.faces)
+    moved = (variables.place().detach() - before).view(4, -1, 3)
+    verts = variables.place().detach().numpy()
+    pairs = cutting_pairs(verts, mesh.faces.numpy()) // len(ball.faces)
+    assert (pairs.min(1) == 2).all()
+    translations = tensors["translations"].detach()
+    assert float(translations[0, 0]) in (0.5, 0.25, 0.1)
+    assert float(translations[2, 2]) == 0.2
+    assert torch.equal(tensors["jacobians"][-1].detach(), 1.1 * torch.eye(3, dtype=torch.float64))
+    assert moved[2].norm(dim=1).min() > 0.1
+    forgotten = optimizer.state[tensors["translations"]]["exp_avg"].norm(dim=1) == 0
+    assert forgotten.tolist() == [True, True, False, False]
+
+
+def test_as_many_faces_as_vertices_are_not_mistaken_for_each_other() -> None:
+    """On a strip of one row, a tensor's length does not say whether its rows are faces or vertices."""
+    mesh = shape("moebius-narrow", 1.0)
+    assert len(mesh.faces) == len(mesh.verts)
+    variables, guard, optimizer = guarded(mesh)
+    jacobians = variables.tensors["jacobians"]
+    optimizer.state[jacobians]["exp_avg"] = torch.ones_like(jacobians)
+    crushed = int(mesh.verts[mesh.faces].mean(1)[:, 2].argmax())
+    with torch.no_grad():
+        jacobians[crushed] = -20 * torch.eye(3, dtype=torch.float64)
+    assert 0 < guard.correct(optimizer) < len(mesh.faces)
+    assert torch.equal(jacobians[crushed].detach(), torch.eye(3, dtype=torch.float64))
+    assert (optimizer.state[jacobians]["exp_avg"][crushed] == 0).all()
+    assert not folded_faces(variables.place().detach().numpy(), mesh.faces.numpy()).any()
+
+
+def test_a_guard_that_goes_on_excuses_what_it_did_before() -> None:
+    mesh = shape("overlapping")
+    variables, guard, _ = guarded(mesh)
+    _, other, optimizer = guarded(shifted(mesh, 0, 0, 0))
+    saved = {name: tensor.clone() for name, tensor in guard.state.items()}
+    assert len(saved["guard.meeting"]) == 1
+    other.restore({**saved, "guard.meeting": torch.empty(0, dtype=torch.int64)})
+    assert other.correct(optimizer) > 0, "nothing is excused between the parts"
+    other.restore(saved)
+    assert other.correct(optimizer) == 0
+    assert variables.tensors.keys() <= {name.removeprefix("guard.") for name in saved}

@@ -1,0 +1,172 @@
+"""Known answers: clean meshes have no cut faces, crossing ones have exactly those at the seam."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+
+
+def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
+
+
+def hits(mesh: TriangleMesh) -> NDArray[np.bool_]:
+    return intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy())
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        icosphere(3),
+        uv_sphere(12, 60),
+        torus(),
+        box(4),
+        cylinder(),
+        grid(12),
+        join(icosphere(2), moved(box(2), 3, 0, 0)),
+    ],
+)
+def test_clean_meshes_have_none(mesh: TriangleMesh) -> None:
+    assert not hits(mesh).any()
+
+
+def test_two_spheres_cut_each_other_along_one_circle() -> None:
+    """Unit spheres at distance 1 meet on the circle x = 1/2 (radius sqrt 3 / 2); every cut face touches that plane."""
+    one = icosphere(3)
+    both = join(one, moved(one, 1.0, 0.013, 0.007))
+    hit = hits(both)
+    corners = both.verts.numpy()[both.faces.numpy()]
+    centres = corners.mean(1)
+    edge = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).max()
+    axis = np.array([1.0, 0.013, 0.007])
+    axis, half = axis / np.linalg.norm(axis), np.linalg.norm(axis) / 2
+    along = centres @ axis
+    away = np.linalg.norm(centres - along[:, None] * axis, axis=1)
+    off_circle = np.hypot(along - half, away - np.sqrt(1 - half**2))
+    assert (off_circle[hit] < edge).all()
+    # Both spheres are cut all around: by no less than one face every edge length.
+    for half_of in np.split(hit, 2):
+        assert half_of.sum() > 2 * np.pi * np.sqrt(1 - half**2) / edge
+    assert np.array_equal(hits(TriangleMesh(both.verts.flip(1) * 1e-4 + 1, both.faces)), hit)
+
+
+def pair(second: list[list[float]], share: int = 0) -> TriangleMesh:
+    """The triangle (0 0 0) (2 0 0) (0 2 0) and another one; the other's first `share` corners are the first's."""
+    first = [[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]
+    verts = torch.tensor([*first, *second], dtype=torch.float64)
+    corners = [*range(share), *range(3, 6 - share)]
+    return TriangleMesh(verts, torch.tensor([[0, 1, 2], corners]))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "cut"),
+    [
+        (pair([[0.5, 0.5, -1], [0.5, 0.5, 1], [3, 3, 1]]), True),
+        (pair([[0.5, 0.5, 0.1], [0.5, 0.5, 1], [3, 3, 1]]), False),
+        # An edge of the first through the inside of the second.
+        (pair([[1, -1, -1], [1, 1, -1], [1, 0, 1]]), True),
+        # Exactly through the first's border, and exactly through its corner.
+        (pair([[1, 0, -1], [1, 0, 1], [1, -1, 0.5]]), True),
+        (pair([[0, 0, -1], [0, 0, 1], [-1, -1, 0.5]]), True),
+        # Its tip in the plane: touching.
+        (pair([[0.5, 0.5, 0], [0.5, 0.5, 1], [1, 1, 1]]), False),
+        # In one plane, overlapping: no cut by definition.
+        (pair([[0.1, 0.1, 0], [0.5, 0.1, 0], [0.1, 0.5, 0]]), False),
+        # One common vertex: through the inside, beside it, and folded flat.
+        (pair([[0.5, 0.5, -1], [0.5, 0.6, 1]], share=1), True),
+        (pair([[-0.5, -0.5, -1], [-0.5, -0.6, 1]], share=1), False),
+        (pair([[0.5, 0.5, 0], [0.5, 0.6, 0]], share=1), False),
+        # One common edge never counts.
+        (pair([[0.5, 0.5, 1e-9]], share=2), False),
+    ],
+)
+def test_two_triangles(mesh: TriangleMesh, cut: bool) -> None:
+    expected = [cut, cut]
+    assert hits(mesh).tolist() == expected
+    for order in ([1, 2, 0], [2, 1, 0]):
+        turned = TriangleMesh(mesh.verts, mesh.faces.flip(0)[:, order])
+        assert hits(turned).tolist() == expected
+
+
+def test_a_connected_sheet_that_is_rolled_through_itself_is_found() -> None:
+    """A strip wound once around and back through its own beginning; only where the ends meet are faces cut."""
+    sheet = grid(24)
+    x, y = sheet.verts[:, 0] + 0.5, sheet.verts[:, 1]
+    for turns, cut in ((0.9, False), (1.13, True)):
+        angle = 2 * np.pi * turns * x
+        # Rises over its own beginning, then dives below it.
+        radius = torch.where(x < 0.885, 1 + 0.113 * x, 1.1 - 1.74 * (x - 0.885))
+        rolled = TriangleMesh(torch.stack([radius * angle.cos(), y, radius * angle.sin()], 1), sheet.faces)
+        hit = hits(rolled)
+        assert hit.any() == cut
+        middle = x[sheet.faces].mean(1).numpy()
+        assert not hit[(middle > 0.3) & (middle < 0.7)].any()
+
+
+def test_it_agrees_with_all_pairs_on_random_soups() -> None:
+    rng = np.random.default_rng(0)
+    verts = rng.random((60, 3))
+    faces = np.stack([rng.permutation(60)[:3] for _ in range(80)])
+    expected = np.zeros(80, bool)
+    for i in range(80):
+        for j in range(i):
+            if len(set(faces[i]) & set(faces[j])) == 0 and _crosses(verts[faces[i]], verts[faces[j]]):
+                expected[[i, j]] = True
+    found = intersecting_faces(verts, faces)
+    assert (found >= expected).all()
+    apart = np.arange(180).reshape(60, 3)
+    scattered = rng.random((180, 3)) * 0.3 + np.repeat(rng.random((60, 1, 3)), 3, 1).reshape(180, 3)
+    brute = np.zeros(60, bool)
+    pairs = [(i, j) for i in range(60) for j in range(i + 1, 60) if _crosses(scattered[apart[i]], scattered[apart[j]])]
+    brute[np.unique(pairs)] = True
+    assert 0 < brute.sum() < 60
+    assert np.array_equal(intersecting_faces(scattered, apart), brute)
+    assert cutting_pairs(scattered, apart).tolist() == [list(pair) for pair in pairs]
+
+
+def _crosses(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
+    """By linear algebra: some edge meets the other triangle at barycentric coordinates inside it."""
+    for one, other in ((first, second), (second, first)):
+        for k in range(3):
+            start, end = one[k], one[(k + 1) % 3]
+            matrix = np.stack([other[1] - other[0], other[2] - other[0], start - end], 1)
+            u, v, t = np.linalg.solve(matrix, start - other[0])
+            if u > 0 and v > 0 and u + v < 1 and 0 < t < 1:
+                return True
+    return False
+
+
+def test_who_cuts_whom() -> None:
+    """Needles through a stack of squares: each cuts one triangle of every square that its length reaches, and no other.
+
+    Squares at z = 0, 1, 2 of two triangles each, x > y and x < y; needles from below at places well inside one of them.
+    """
+    corners = [[0.0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
+    verts = [[x, y, z] for z in range(3) for x, y, _ in corners]
+    faces = [[4 * k + i for i in half] for k in range(3) for half in ((0, 1, 2), (0, 2, 3))]
+    for x, y, top in ((3.0, 1.0, 0.5), (1.0, 3.0, 1.5), (3.2, 1.4, 2.5), (2.0, 1.0, -0.5)):
+        tip = len(verts)
+        verts += [[x, y, top], [x + 0.1, y, -1.0], [x, y + 0.1, -1.0]]
+        faces.append([tip, tip + 1, tip + 2])
+    expected = [[0, 6], [0, 8], [1, 7], [2, 8], [3, 7], [4, 8]]
+    points, triangles = np.array(verts), np.array(faces)
+    assert cutting_pairs(points, triangles).tolist() == expected
+    # Whatever the faces' order, the axis and the layout in memory.
+    order = np.random.default_rng(0).permutation(len(faces))
+    turned = cutting_pairs(np.asfortranarray(points[:, [2, 0, 1]]), triangles[order])
+    assert sorted(np.sort(order[turned], axis=1).tolist()) == expected
+    assert (turned[:, 0] < turned[:, 1]).all()
+    assert cutting_pairs(points, triangles[:6]).shape == (0, 2)
+
+
+def test_nothing_to_compare() -> None:
+    assert intersecting_faces(np.zeros((0, 3)), np.zeros((0, 3), np.int64)).shape == (0,)
+    assert not intersecting_faces(np.eye(3), np.array([[0, 1, 2]])).any()
+    assert not intersecting_faces(np.zeros((6, 3)), np.arange(6).reshape(2, 3)).any()
+    assert cutting_pairs(np.zeros((0, 3)), np.zeros((0, 3), np.int64)).shape == (0, 2)

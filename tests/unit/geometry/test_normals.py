@@ -1,0 +1,135 @@
+"""Normals and tangents of the source are carried, not recomputed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.deformation.jacobians import completed_jacobians
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.normals import transform_normals, transform_tangents
+from meshdeform.geometry.operators import effective_face_areas
+from meshdeform.geometry.shapes import box, icosphere, torus
+from meshdeform.geometry.weld import weld
+
+F64 = torch.float64
+
+
+def unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def rotation() -> NDArray[np.float64]:
+    q, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    return q * np.linalg.det(q)
+
+
+def carried(
+    mesh: TriangleMesh, new: Tensor, normals: NDArray[np.float64], triangles: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    jacobians = completed_jacobians(mesh.verts, new, mesh.faces)
+    corners = mesh.faces.numpy() if triangles is None else triangles
+    return transform_normals(normals, corners, jacobians, torch.from_numpy(effective_face_areas(mesh)))
+
+
+def smooth_map(verts: Tensor) -> Tensor:
+    return verts * torch.tensor([1.0, 1.5, 0.7], dtype=F64) + 0.1 * torch.sin(3 * verts.flip(1))
+
+
+@pytest.mark.parametrize("mesh", [icosphere(2), torus(), box(3)])
+def test_no_deformation_gives_the_same_float32_bits(mesh: TriangleMesh) -> None:
+    normals = unit(np.random.default_rng(0).normal(size=mesh.verts.shape)).astype(np.float32)
+    found = carried(mesh, mesh.verts.clone(), normals.astype(np.float64))
+    assert np.array_equal(found.astype(np.float32), normals)
+
+
+def test_a_rotation_rotates_custom_normals() -> None:
+    mesh, turn = icosphere(2), rotation()
+    normals = unit(np.random.default_rng(1).normal(size=mesh.verts.shape))
+    found = carried(mesh, mesh.verts @ torch.from_numpy(turn).T, normals)
+    np.testing.assert_allclose(found, normals @ turn.T, atol=1e-12)
+
+
+def test_the_true_normals_of_an_ellipsoid_come_out() -> None:
+    """A sphere's normals under x -> A x become those of the ellipsoid, A^-T n: what recomputing only approximates."""
+    mesh = icosphere(4)
+    stretch = torch.tensor([1.0, 2.0, 0.5], dtype=F64)
+    found = carried(mesh, mesh.verts * stretch, mesh.verts.numpy())
+    true = unit((mesh.verts / stretch).numpy())
+    assert np.degrees(np.arccos(np.clip((found * true).sum(1), -1, 1))).max() < 1.0
+
+
+def test_hard_edges_stay_hard() -> None:
+    """A box that is exported with flat sides is twisted: both normals at an edge follow their own side."""
+    solid = box(4)
+    positions = solid.verts[solid.faces].reshape(-1, 3).numpy()
+    triangles = np.arange(len(positions)).reshape(-1, 3)
+    cross = np.cross(positions[1::3] - positions[::3], positions[2::3] - positions[::3])
+    welded = weld(positions, triangles)
+    angle = welded.mesh.verts[:, 1] * 0.6
+    x, y, z = welded.mesh.verts.unbind(1)
+    twisted = torch.stack([x * angle.cos() - z * angle.sin(), y, x * angle.sin() + z * angle.cos()], 1)
+    found = carried(welded.mesh, twisted, unit(np.repeat(cross, 3, axis=0)), triangles[welded.face_source])
+    moved = welded.scatter(twisted, positions)
+    face = np.cross(moved[1::3] - moved[::3], moved[2::3] - moved[::3])
+    np.testing.assert_allclose(found, unit(np.repeat(face, 3, axis=0)), atol=1e-12)
+
+
+def test_missing_normals_stay_missing_and_unused_vertices_keep_theirs() -> None:
+    ball = icosphere(1)
+    mesh = TriangleMesh(torch.cat([ball.verts, torch.ones(1, 3, dtype=F64)]), ball.faces)
+    normals = np.concatenate([unit(ball.verts.numpy()), [[0.0, 1.0, 0.0]]])
+    normals[3] = np.nan
+    found = carried(mesh, smooth_map(mesh.verts), normals)
+    assert np.isnan(found[3]).all()
+    assert np.isfinite(np.delete(found, 3, axis=0)).all()
+    assert found[-1].tolist() == [0, 1, 0]
+
+
+def test_faces_that_collapse_have_no_say() -> None:
+    mesh = icosphere(1)
+    normals = mesh.verts.numpy()
+    assert np.array_equal(carried(mesh, torch.zeros_like(mesh.verts), normals), normals)
+    pinched = smooth_map(mesh.verts)
+    pinched[mesh.faces[0]] = pinched[mesh.faces[0, 0]].clone()
+    found = carried(mesh, pinched, normals)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-9)
+
+
+def tangents_of(mesh: TriangleMesh) -> NDArray[np.float64]:
+    """Unit tangents around the Y axis, handedness alternating."""
+    around = np.cross([0.0, 1.0, 0.0], mesh.verts.numpy() + [1e-3, 0, 2e-3])
+    normals = mesh.verts.numpy()
+    flat = unit(around - (around * normals).sum(1, keepdims=True) * normals)
+    return np.concatenate([flat, np.where(np.arange(len(flat)) % 2, 1.0, -1.0)[:, None]], 1)
+
+
+def test_tangents_are_carried_perpendicular_with_their_handedness() -> None:
+    mesh = icosphere(3)
+    new, tangents = smooth_map(mesh.verts), tangents_of(mesh)
+    jacobians = completed_jacobians(mesh.verts, new, mesh.faces)
+    areas = torch.from_numpy(effective_face_areas(mesh))
+    corners = mesh.faces.numpy()
+    normals = transform_normals(mesh.verts.numpy(), corners, jacobians, areas)
+    found = transform_tangents(tangents, normals, corners, jacobians, areas)
+    assert np.array_equal(found[:, 3], tangents[:, 3])
+    np.testing.assert_allclose((found[:, :3] * normals).sum(1), 0, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(found[:, :3], axis=1), 1, atol=1e-9)
+    # To first order a tangent goes where its end point goes.
+    step = 1e-5
+    ends = smooth_map(mesh.verts + step * torch.from_numpy(tangents[:, :3])) - new
+    assert ((unit(ends.numpy()) * found[:, :3]).sum(1) > 0.99).all()
+
+
+def test_tangents_without_deformation_and_missing_ones() -> None:
+    mesh = icosphere(2)
+    tangents = tangents_of(mesh)
+    tangents[5] = np.nan
+    jacobians = completed_jacobians(mesh.verts, mesh.verts, mesh.faces)
+    areas = torch.from_numpy(effective_face_areas(mesh))
+    for normals in (mesh.verts.numpy(), np.full(mesh.verts.shape, np.nan)):
+        found = transform_tangents(tangents, normals, mesh.faces.numpy(), jacobians, areas)
+        np.testing.assert_allclose(found, tangents, atol=1e-12)

@@ -1,0 +1,105 @@
+"""Every figure on a mesh whose answer is known."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import MeshQuality, measure
+from meshdeform.geometry.shapes import grid, icosphere, join, torus
+
+
+def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
+    return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy())
+
+
+@pytest.mark.parametrize("mesh", [icosphere(2), torus()])
+def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
+    q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    turn = torch.from_numpy(q * np.linalg.det(q))
+    found = compare(mesh, 3 * mesh.verts @ turn.T + 5)
+    assert found.flipped_faces == found.collapsed_faces == 0
+    assert found.self_intersecting_faces_before == found.self_intersecting_faces_after == 0
+    assert found.min_angle_p1_deg_after == pytest.approx(found.min_angle_p1_deg_before)
+    assert found.symmetric_dirichlet_mean == pytest.approx(1.0)
+    assert found.symmetric_dirichlet_p99 == pytest.approx(1.0)
+    assert found.volume_ratio == pytest.approx(27.0)
+    assert found.area_ratio == pytest.approx(9.0)
+    assert found.area_ratio_spread == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_stretched_plane_by_hand() -> None:
+    """Singular values 4 and 1; after the area scale of 4 they are 2 and 1/2: (4 + 1/4 + 1/4 + 4) / 4."""
+    mesh = grid(4)
+    found = compare(mesh, mesh.verts * torch.tensor([4.0, 1.0, 1.0], dtype=torch.float64))
+    assert found.symmetric_dirichlet_mean == pytest.approx(8.5 / 4)
+    assert found.area_ratio == pytest.approx(4.0)
+    assert found.min_angle_p1_deg_before == pytest.approx(45.0)
+    assert found.min_angle_p1_deg_after == pytest.approx(math.degrees(math.atan(0.25)))
+    assert found.volume_ratio == 0.0
+
+
+def test_a_vertex_pulled_over_its_neighbours_flips_faces() -> None:
+    mesh = grid(6)
+    verts = mesh.verts.clone()
+    centre = int(verts.norm(dim=1).argmin())
+    verts[centre, :2] += 0.3
+    found = compare(mesh, verts)
+    assert 1 <= found.flipped_faces <= 6
+    assert compare(mesh, mesh.verts).flipped_faces == 0
+
+
+def test_faces_that_collapse_are_counted_and_kept_out_of_the_rest() -> None:
+    mesh = icosphere(2)
+    verts = mesh.verts.clone()
+    verts[mesh.faces[0]] = verts[mesh.faces[0, 0]].clone()
+    found = compare(mesh, verts)
+    # The face itself, and the three that had two of its corners.
+    assert found.collapsed_faces == 4
+    assert math.isfinite(found.symmetric_dirichlet_p99)
+    line = compare(mesh, mesh.verts * torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64))
+    assert line.collapsed_faces == len(mesh.faces)
+
+
+def test_intersections_are_counted_before_and_after() -> None:
+    ball = icosphere(2, 0.5)
+    shift = torch.tensor([1.5, 0.02, 0.01], dtype=torch.float64)
+    apart = join(ball, TriangleMesh(ball.verts + shift, ball.faces))
+    verts = apart.verts.clone()
+    verts[len(ball.verts) :, 0] -= 0.9
+    found = compare(apart, verts)
+    assert found.self_intersecting_faces_before == 0
+    assert found.self_intersecting_faces_after > 20
+    assert found.symmetric_dirichlet_mean == pytest.approx(1.0)
+    assert found.volume_ratio == pytest.approx(1.0)
+
+
+def test_a_mesh_turned_inside_out_has_a_negative_volume() -> None:
+    mesh = icosphere(1)
+    assert compare(mesh, mesh.verts * torch.tensor([-1.0, 1, 1], dtype=torch.float64)).volume_ratio == pytest.approx(-1)
+
+
+coordinate = st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-12, 3.0])
+point = st.tuples(coordinate, coordinate, coordinate)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    st.lists(st.tuples(point, point), min_size=1, max_size=8),
+    st.lists(st.tuples(*[st.integers(0, 99)] * 3), max_size=12),
+)
+def test_any_soup_has_finite_figures(
+    rows: list[tuple[tuple[float, float, float], tuple[float, float, float]]], faces: list[tuple[int, int, int]]
+) -> None:
+    points = np.array(rows)
+    corners = np.array(faces, np.int64).reshape(-1, 3) % len(rows)
+    figures = measure(points[:, 0], corners, points[:, 1]).to_dict()
+    assert set(figures) == set(MeshQuality.__dataclass_fields__)
+    json.dumps(figures, allow_nan=False)

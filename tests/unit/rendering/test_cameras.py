@@ -1,0 +1,96 @@
+"""Cameras: conventions by hand, and draws within their bounds."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from meshdeform.rendering.cameras import (
+    CameraRange,
+    Cameras,
+    fixed_cameras,
+    sample_orthogonal_cameras,
+    sample_random_cameras,
+)
+
+
+def project(cameras: Cameras, point: tuple[float, float, float], view: int = 0) -> torch.Tensor:
+    clip = cameras.view_proj[view] @ torch.tensor([*point, 1.0])
+    return clip[:3] / clip[3]
+
+
+def test_azimuth_0_stands_on_plus_z_and_sees_plus_x_on_the_right() -> None:
+    cameras = fixed_cameras(0.0, 0.0)
+    assert cameras.eye[0, 2] > 1
+    torch.testing.assert_close(cameras.eye[0, :2], torch.zeros(2), atol=1e-6, rtol=0)
+    assert project(cameras, (0.5, 0, 0))[0] > 0.1
+    assert project(cameras, (0, 0.5, 0))[1] > 0.1
+
+
+def test_azimuth_90_stands_on_plus_x() -> None:
+    cameras = fixed_cameras(90.0, 0.0)
+    assert cameras.eye[0, 0] > 1
+    assert project(cameras, (0, 0, -0.5))[0] > 0.1
+
+
+def test_the_four_views_are_quarter_turns() -> None:
+    cameras = fixed_cameras(20.0, 10.0)
+    turned = fixed_cameras(110.0, 10.0)
+    torch.testing.assert_close(cameras.view_proj[1], turned.view_proj[0], atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(cameras.view_proj[3], turned.view_proj[2], atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("fov", [10.0, 30.0, 45.0, 100.0])
+def test_the_unit_sphere_just_fits(fov: float) -> None:
+    cameras = fixed_cameras(33.0, 17.0, fov)
+    points = torch.nn.functional.normalize(torch.randn(5000, 3, generator=torch.Generator().manual_seed(0)), dim=1)
+    clip = points @ cameras.view_proj[0, :, :3].T + cameras.view_proj[0, :, 3]
+    reach = (clip[:, :2] / clip[:, 3:]).abs().max()
+    assert 0.85 < reach < 1.0
+    assert (clip[:, 2] / clip[:, 3]).abs().max() < 1
+
+
+def test_nearer_points_have_smaller_depth() -> None:
+    cameras = fixed_cameras(0.0, 0.0)
+    assert project(cameras, (0, 0, 0.5))[2] < project(cameras, (0, 0, -0.5))[2]
+
+
+def test_draws_stay_in_bounds_and_follow_the_seed() -> None:
+    bounds = CameraRange(5.0, 25.0, 31.0, 44.0)
+    generator = torch.Generator().manual_seed(4)
+    seen = [sample_orthogonal_cameras(bounds, generator) for _ in range(200)]
+    assert all(-180 <= c.azimuth_deg <= 180 and 31 <= c.fov_deg <= 44 for c in seen)
+    assert all(5 <= e <= 25 for c in seen for e in c.elevation_deg)
+    assert max(c.azimuth_deg for c in seen) > 150
+    assert min(c.azimuth_deg for c in seen) < -150
+    assert len(set(seen[0].elevation_deg)) == 4
+    again = sample_orthogonal_cameras(bounds, torch.Generator().manual_seed(4))
+    assert again.azimuth_deg == seen[0].azimuth_deg
+    assert torch.equal(again.view_proj, seen[0].view_proj)
+
+
+def test_rotation_part_is_orthonormal() -> None:
+    rotation = fixed_cameras(57.0, 28.0).view[:, :3, :3]
+    torch.testing.assert_close(rotation @ rotation.mT, torch.eye(3).expand(4, 3, 3), atol=1e-6, rtol=0)
+    assert torch.linalg.det(rotation).allclose(torch.ones(4), atol=1e-5)
+    assert math.isclose(fixed_cameras(0.0, 30.0).eye[0, 1] / fixed_cameras(0.0, 30.0).eye[0].norm(), 0.5, rel_tol=1e-5)
+
+
+def test_random_cameras_stand_anywhere_and_say_where() -> None:
+    bounds = CameraRange(5.0, 25.0, 30.0, 45.0)
+    cameras = sample_random_cameras(bounds, torch.Generator().manual_seed(3), 7)
+    assert cameras.view_proj.shape == (7, 4, 4)
+    assert len(set(cameras.azimuths_deg)) == 7
+    assert all(-180 <= azimuth <= 180 for azimuth in cameras.azimuths_deg)
+    assert all(5.0 <= elevation <= 25.0 for elevation in cameras.elevation_deg)
+    for azimuth, elevation, eye in zip(cameras.azimuths_deg, cameras.elevation_deg, cameras.eye, strict=True):
+        assert math.degrees(math.atan2(eye[0], eye[2])) == pytest.approx(azimuth, abs=1e-3)
+        assert math.degrees(math.asin(eye[1] / eye.norm())) == pytest.approx(elevation, abs=1e-3)
+
+
+def test_orthogonal_cameras_name_each_views_azimuth() -> None:
+    cameras = fixed_cameras(-30.0, 10.0)
+    assert cameras.azimuths_deg == (-30.0, 60.0, 150.0, 240.0)
+    assert cameras.azimuth_deg == -30.0

@@ -1,0 +1,219 @@
+"""Shading: known colours, upright and not mirrored, gradients against finite differences."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.errors import ShapeError
+from meshdeform.evaluation.relaxed import geodesic_sphere
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, grid, icosphere, join
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+
+
+def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:
+    mesh = grid(2)
+    renderer = Renderer(mesh.faces, 9, RenderStyle(view_size=32, supersample=1))
+    images = renderer.render(mesh.verts, fixed_cameras(0.0, 0.0))
+    torch.testing.assert_close(images[0, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
+    # From behind, the other side of the surface faces the camera just as well.
+    torch.testing.assert_close(images[2, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
+    assert torch.equal(images[0, 0, 0], torch.zeros(3))
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def test_pictures_are_upright_and_not_mirrored(shading) -> None:
+    """A ball up on +Y is above, one on +X is on the right of the front view."""
+    ball = icosphere(2, 0.15)
+    for offset, rows, columns in (
+        ([0.0, 0.6, 0.0], slice(0, 32), slice(16, 48)),
+        ([0.6, 0.0, 0.0], slice(16, 48), slice(32, 64)),
+    ):
+        verts = ball.verts + torch.tensor(offset, dtype=torch.float64)
+        renderer = Renderer(ball.faces, verts.shape[0], RenderStyle(view_size=64, shading=shading))
+        front = renderer.render(verts, fixed_cameras(0.0, 0.0))[0].sum(-1)
+        inside = front[rows, columns].sum().item()
+        assert inside > 1
+        assert inside == pytest.approx(front.sum().item())
+
+
+def test_normals_point_right_and_up_in_the_picture() -> None:
+    mesh = icosphere(4, 0.8)
+    image = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle()).render(mesh.verts, fixed_cameras(0.0, 0.0))[0]
+    assert image[32, 50, 0] > 0.7
+    assert image[32, 14, 0] < 0.3
+    assert image[14, 32, 1] > 0.7
+    assert image[50, 32, 1] < 0.3
+
+
+def test_lambert_lights_the_upper_left() -> None:
+    mesh = icosphere(4, 0.8)
+    style = RenderStyle(view_size=64, shading="lambert", background=(1.0, 1.0, 1.0))
+    image = Renderer(mesh.faces, mesh.verts.shape[0], style).render(mesh.verts, fixed_cameras(0.0, 0.0))
+    assert (image[:, 22, 24, 0] > image[:, 42, 40, 0] + 0.2).all()
+    assert torch.equal(image[0, 0, 0], torch.ones(3))
+
+
+def test_values_stay_in_range() -> None:
+    mesh = join(icosphere(3, 0.5), box(3))
+    for shading in ("normals", "lambert"):
+        renderer = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle(shading=shading))  # type: ignore[arg-type]
+        image = renderer.render(mesh.verts, fixed_cameras(40.0, 20.0))
+        assert image.min() >= -1e-6
+        assert image.max() <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def test_gradients_agree_with_finite_differences(shading) -> None:
+    """Directional derivatives of a weighted picture along smooth deformations, against a finer picture."""
+    mesh = icosphere(3, 0.7)
+    weights = torch.rand(4, 8, 8, 3, generator=torch.Generator().manual_seed(0))
+    cameras = fixed_cameras(25.0, 12.0)
+    v = mesh.verts
+    directions = [
+        torch.stack([v[:, 0], 0 * v[:, 0], 0 * v[:, 0]], 1),
+        torch.stack([0 * v[:, 0], torch.sin(3 * v[:, 0]), 0 * v[:, 0]], 1),
+        torch.stack([v[:, 1] ** 2, v[:, 2], -v[:, 0]], 1),
+    ]
+
+    def value(verts: Tensor, size: int) -> Tensor:
+        style = RenderStyle(view_size=size, supersample=2, shading=shading)
+        image = Renderer(mesh.faces, v.shape[0], style).render(verts, cameras)
+        pooled = torch.nn.functional.adaptive_avg_pool2d(image.permute(0, 3, 1, 2), 8).permute(0, 2, 3, 1)
+        return (pooled * weights).sum()
+
+    verts = v.clone().requires_grad_()
+    value(verts, 64).backward()
+    assert verts.grad is not None
+    analytic = torch.stack([(verts.grad * d).sum() for d in directions])
+    h = 0.005
+    with torch.no_grad():
+        numeric = torch.stack([(value(v + h * d, 512) - value(v - h * d, 512)).double() / (2 * h) for d in directions])
+    assert (analytic - numeric).norm() < 0.08 * numeric.norm()
+
+
+def test_shading_alone_is_exact() -> None:
+    """With a silhouette outside of the picture only the shading is left, and there the derivative is exact."""
+    side = grid(6, 6.0)
+    bent = side.verts.clone()
+    bent[:, 2] = 0.2 * torch.sin(2 * bent[:, 0]) * torch.cos(bent[:, 1])
+    renderer = Renderer(side.faces, side.verts.shape[0], RenderStyle(view_size=16, supersample=1, shading="lambert"))
+    cameras = fixed_cameras(0.0, 0.0, views=1)
+    direction = torch.zeros_like(bent)
+    direction[:, 2] = torch.cos(bent[:, 0])
+
+    def value(verts: Tensor) -> Tensor:
+        return renderer.render(verts, cameras)[0, 4:12, 4:12, 0].double().sum()
+
+    verts = bent.clone().requires_grad_()
+    value(verts).backward()
+    assert verts.grad is not None
+    h = 1e-3
+    numeric = (value(bent + h * direction) - value(bent - h * direction)) / (2 * h)
+    assert (verts.grad * direction).sum().item() == pytest.approx(numeric.item(), rel=0.02, abs=1e-3)
+
+
+def test_degenerate_faces_give_no_nan() -> None:
+    mesh = icosphere(1, 0.5)
+    verts = mesh.verts.clone()
+    verts[:12] = verts[0]
+    for shading in ("normals", "lambert"):
+        leaf = verts.clone().requires_grad_()
+        renderer = Renderer(mesh.faces, verts.shape[0], RenderStyle(shading=shading))  # type: ignore[arg-type]
+        renderer.render(leaf, fixed_cameras(0.0, 10.0)).square().sum().backward()
+        assert leaf.grad is not None
+        assert torch.isfinite(leaf.grad).all()
+
+
+def with_slivers(mesh: TriangleMesh, height: float) -> TriangleMesh:
+    """The same shape with a face of nearly no area beside every sixth one, whose first edge is split in two.
+
+    `height` is that of the sliver, as a share of the face that it was cut from.
+    """
+    a, b, c = mesh.faces[::6].unbind(1)
+    middle = (mesh.verts[a] + mesh.verts[b]) / 2
+    middle = middle + height * (mesh.verts[c] - middle)
+    m = len(mesh.verts) + torch.arange(len(a))
+    kept = torch.arange(len(mesh.faces)) % 6 != 0
+    pieces = [torch.stack(corners, 1) for corners in ([a, m, c], [m, b, c], [a, b, m])]
+    return TriangleMesh(torch.cat([mesh.verts, middle]), torch.cat([mesh.faces[kept], *pieces]))
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@pytest.mark.parametrize("height", [0.0, 1e-6, 1e-5])
+def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> None:
+    """They show what they showed, and the gradient of the picture stays of the order of the plain sphere's."""
+    plain = geodesic_sphere(10)
+    weights = torch.rand(4, 64, 64, 3, generator=torch.Generator().manual_seed(0))
+
+    def drawn(mesh: TriangleMesh, azimuth: float) -> tuple[Tensor, Tensor]:
+        leaf = (0.8 * mesh.verts).requires_grad_()
+        image = Renderer(mesh.faces, len(leaf), RenderStyle(shading=shading)).render(leaf, fixed_cameras(azimuth, 12.0))
+        (image * weights).sum().backward()
+        assert leaf.grad is not None
+        return image.detach(), leaf.grad
+
+    split = with_slivers(plain, height)
+    for azimuth in (25.0, 60.0, 100.0):
+        (image, grad), (image_of_split, grad_of_split) = drawn(plain, azimuth), drawn(split, azimuth)
+        assert (image_of_split - image).abs().mean() < 0.02
+        assert 0.5 * grad.norm() < grad_of_split.norm() < 1.5 * grad.norm()
+        assert grad_of_split.norm(dim=1).max() < 1.5 * grad.norm(dim=1).max()
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def test_pixels_on_faces_whose_area_rounds_to_zero_are_drawn(shading) -> None:
+    """Snapped to the grid of the rasteriser such a face has an area, in clip space none to divide by."""
+    mesh = with_slivers(geodesic_sphere(40), 0.0)
+    renderer = Renderer(mesh.faces, len(mesh.verts), RenderStyle(shading=shading))
+    leaf = (0.8 * mesh.verts).requires_grad_()
+    image = renderer.render(leaf, fixed_cameras(25.0, 12.0))
+    image.square().sum().backward()
+    assert torch.isfinite(image).all()
+    assert leaf.grad is not None
+    assert torch.isfinite(leaf.grad).all()
+
+
+def test_the_views_are_laid_out_in_reading_order() -> None:
+    images = torch.arange(4.0).view(4, 1, 1, 1).expand(4, 2, 2, 3)
+    combined = combine_views(images)
+    assert combined.shape == (1, 3, 4, 4)
+    assert combined[0, 0, ::2, ::2].tolist() == [[0.0, 1.0], [2.0, 3.0]]
+
+
+def test_wrong_shapes_are_refused() -> None:
+    mesh = TriangleMesh(torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
+    with pytest.raises(ShapeError):
+        Renderer(mesh.faces, 3, RenderStyle()).render(torch.zeros(4, 3), fixed_cameras(0.0, 0.0))
+    with pytest.raises(ShapeError):
+        combine_views(torch.zeros(3, 2, 2, 3))
+
+
+def _ribbon(height: float) -> TriangleMesh:
+    """Two faces of length 1 and this height, in a square, on a row of pixel centres of a front view of 32 pixels."""
+    distance = float(fixed_cameras(0.0, 0.0).eye[0].norm())
+    y = distance * float(torch.tan(torch.deg2rad(torch.tensor(37.5 / 2)))) / 32
+    rows = [-0.5, y - height / 2, y + height / 2, 0.5]
+    verts = torch.tensor([[x, row, 0.0] for row in rows for x in (-0.5, 0.5)], dtype=torch.float64)
+    faces = [[2 * r + a, 2 * r + b, 2 * r + c] for r in range(3) for a, b, c in ((0, 1, 2), (1, 3, 2))]
+    return TriangleMesh(verts, torch.tensor(faces))
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def test_a_needle_that_fills_a_row_of_pixels_does_not_drown_the_rest(shading) -> None:
+    """Its normal turns by 1 / height: without a limit, the thinnest needle that a pixel's centre can fall on pulls 45
+    times as hard as a face that is a fiftieth as high as long."""
+    largest = []
+    for height in (0.02, 5e-4):
+        mesh = _ribbon(height)
+        renderer = Renderer(mesh.faces, len(mesh.verts), RenderStyle(view_size=32, supersample=1, shading=shading))
+        verts = mesh.verts.clone().requires_grad_()
+        front = renderer.render(verts, fixed_cameras(0.0, 0.0))[0]
+        weights = torch.rand(front.shape, generator=torch.Generator().manual_seed(0))
+        (front * weights).sum().backward()
+        assert verts.grad is not None
+        largest.append(float(verts.grad[2:6].abs().max()))
+    assert 0.5 * largest[0] < largest[1] < 1.5 * largest[0]

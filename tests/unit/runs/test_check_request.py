@@ -1,0 +1,87 @@
+"""What is refused at the door, before anything is stored."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.requests.document import JobKind, JobRequest
+from meshdeform.runs import _CHECKS, check_request
+from meshdeform.settings import Settings
+
+
+def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any) -> None:
+    check_request(JobRequest.model_validate(request), Settings(**settings), has_target=has_target)
+
+
+def test_every_kind_has_a_check() -> None:
+    assert set(_CHECKS) == set(JobKind)
+
+
+def test_what_can_run_passes() -> None:
+    check({"prompt": "a tall thin vase"})
+    check({"prompt": "a mushroom", "params": {"model": "builtin"}}, model="some/other")
+    check({"params": {"guidance": "target"}}, has_target=True)
+    check({"prompt": "anything at all", "params": {"guidance": "target"}}, has_target=True)
+
+
+def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
+    check({"prompt": "a vase", "params": {"negative_prompt": "fat"}})
+    with pytest.raises(VocabularyError, match="blurry") as caught:
+        check({"prompt": "a vase", "params": {"negative_prompt": "blurry"}})
+    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "negative_prompt"]]
+    with pytest.raises(PromptError, match="says the same"):
+        check({"prompt": "a tall vase", "params": {"negative_prompt": "tall"}})
+    with pytest.raises(ParameterError, match="nothing to keep away from"):
+        check({"prompt": "a vase", "params": {"negative": "perpendicular"}})
+
+
+@pytest.mark.parametrize("prompt", ["", "  \n"])
+def test_an_empty_prompt_is_refused(prompt: str) -> None:
+    with pytest.raises(PromptError):
+        check({"prompt": prompt})
+
+
+def test_a_prompt_outside_the_vocabulary_is_refused_with_the_vocabulary() -> None:
+    with pytest.raises(VocabularyError) as caught:
+        check({"prompt": "a quixotic zeitgeist"})
+    assert "mushroom" in caught.value.extra["nouns"]
+    assert "Stable Diffusion" in caught.value.advice_text
+
+
+def test_target_and_guidance_go_together() -> None:
+    with pytest.raises(ParameterError, match="second mesh") as caught:
+        check({"params": {"guidance": "target"}})
+    assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance"]
+    with pytest.raises(ParameterError, match="A target was sent"):
+        check({"prompt": "a mushroom"}, has_target=True)
+
+
+def test_a_model_that_the_server_does_not_run_is_refused_with_those_that_it_does() -> None:
+    with pytest.raises(ModelError) as caught:
+        check({"prompt": "x", "params": {"model": "some/body"}}, model="my/default", allowed_models=["also/this"])
+    assert caught.value.extra["models"] == ["builtin", "my/default", "also/this"]
+    assert "MESHDEFORM_ALLOWED_MODELS" in caught.value.advice_text
+
+
+@pytest.mark.parametrize("params", [{}, {"model": "also/this"}])
+def test_a_model_that_is_allowed_but_not_there_is_refused(params: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("diffusers")
+    with pytest.raises(ModelError, match="not on this machine"):
+        check({"prompt": "x", "params": params}, model=f"nobody/{tmp_path.name}", allowed_models=["also/this"])
+
+
+def test_the_check_loads_neither_torch_nor_numpy() -> None:
+    code = (
+        "import sys; from meshdeform.runs import check_request; from meshdeform.requests.document import JobRequest;"
+        "from meshdeform.settings import Settings;"
+        "check_request(JobRequest(prompt='a mushroom'), Settings(), has_target=False);"
+        "print(sorted({'torch', 'numpy', 'diffusers'} & set(sys.modules)))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert result.stdout.strip() == "[]"

@@ -1,0 +1,249 @@
+"""The kind `text_deform` from bytes to bytes: the loop, the checkpoint, the results, the report."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+from meshdeform.testing import FakePrior
+
+
+def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes:
+    """Split at every face, as exporters do at seams, with normals and UVs."""
+    corners = mesh.verts[mesh.faces].reshape(-1, 3).numpy()
+    normals = corners / np.linalg.norm(corners, axis=1, keepdims=True)
+    uvs = corners[:, :2] * 0.5 + 0.5
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return build_glb(corners * scale + offset, faces, normals=normals, uvs=uvs, material="clay")
+
+
+def request(**changes: object) -> JobRequest:
+    params = {"preset": "preview", "steps": 12, "seed": 5, **changes}
+    return JobRequest.model_validate({"prompt": "an egg", "params": params, "output": {"morph": True}})
+
+
+def start(asset: bytes, job: JobRequest | None = None, **more: object) -> text_deform.TextDeformRun:
+    arguments = {"asset": asset, "filename": "a.glb", "request": job or request(), "prior": FakePrior(), **more}
+    return text_deform.start(**arguments)  # type: ignore[arg-type]
+
+
+def test_the_fake_priors_optimum_is_approached() -> None:
+    """Score distillation with a known optimum: a sphere of radius 0.6 becomes an upright spheroid 0.5 wide, 1 tall."""
+    run = start(glb(icosphere(2)), request(steps=150))
+    for _ in run:
+        pass
+    positions = run.positions()
+    extent = positions.max(0) - positions.min(0)
+    assert extent[1] / extent[0] == pytest.approx(2.0, rel=0.15)
+    assert extent[1] / extent[2] == pytest.approx(2.0, rel=0.15)
+
+
+def test_results_keep_the_asset_and_say_so() -> None:
+    asset = glb(icosphere(2), scale=30.0, offset=100.0)
+    run = start(asset)
+    reports = list(run)
+    assert [r.step for r in reports] == list(range(1, 13))
+    assert run.step == run.total_steps == 12
+    artifacts = run.finish()
+    assert set(artifacts) == {"result.glb", "morph.glb", "report.json", "preview.png"}
+    old, new = load_asset(asset).surface, load_asset(artifacts["result.glb"].data).surface
+    assert np.array_equal(old.triangles, new.triangles)
+    assert len(old.positions) == len(new.positions)
+    assert not np.allclose(old.positions, new.positions)
+    # Its own units and place: the centre of mass stays, a hundred units away from the origin.
+    assert np.abs(new.positions.mean(0) - 100).max() < 3
+    assert np.allclose(np.linalg.norm(new.normals, axis=1), 1, atol=1e-5)
+    report = json.loads(artifacts["report.json"].data)
+    assert report["mesh"]["same_vertex_count"] is True
+    assert report["mesh"]["same_faces"] is True
+    assert report["mesh"]["same_uvs"] is True
+    assert report["mesh"]["welded_vertices"] == 162
+    assert report["seed"] == 5
+    assert report["params"]["steps"] == 12
+    assert report["losses"][0]["step"] == 1
+    assert report["losses"][-1]["step"] == 12
+    assert report["quality"]["flipped_faces"] == 0
+    assert set(report["seconds"]) == {"read", "prepare", "optimize", "write", "measure"}
+    assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size == (1024, 512)
+
+
+def test_split_vertices_stay_together() -> None:
+    asset = glb(icosphere(1))
+    run = start(asset)
+    for _ in run:
+        pass
+    old, positions = load_asset(asset).surface.positions, run.positions()
+    _, first, inverse = np.unique(old.round(5), axis=0, return_index=True, return_inverse=True)
+    assert np.abs(positions - positions[first][inverse.reshape(-1)]).max() < 1e-6
+
+
+def test_a_resumed_job_writes_the_same_bytes() -> None:
+    asset = glb(icosphere(2))
+    whole = start(asset)
+    for _ in whole:
+        pass
+    first = start(asset)
+    for report in first:
+        if report.step == 5:
+            break
+    second = start(asset, checkpoint=first.checkpoint())
+    assert second.step == 5
+    for _ in second:
+        pass
+    assert second.finish()["result.glb"].data == whole.finish()["result.glb"].data
+
+
+def test_a_checkpoint_of_other_parameters_is_refused() -> None:
+    asset = glb(icosphere(1))
+    state = start(asset).checkpoint()
+    for other in (request(seed=6), request(learning_rate=0.02)):
+        with pytest.raises(CheckpointError):
+            start(asset, other, checkpoint=state)
+    with pytest.raises(CheckpointError):
+        start(glb(icosphere(1), scale=2.0), checkpoint=state)
+
+
+def test_a_branch_begins_exactly_at_the_shape_of_the_checkpoint() -> None:
+    asset = glb(icosphere(2), scale=30.0, offset=100.0)
+    first = start(asset)
+    for report in first:
+        if report.step == 5:
+            break
+    for other in (request(), request(seed=9, steps=4, learning_rate=0.01)):
+        branch = start(asset, other, initial=first.checkpoint())
+        assert branch.step == 0
+        assert np.array_equal(branch.positions(), first.positions())
+        assert branch.snapshot() == first.snapshot()
+        assert [report.step for report in branch] == list(range(1, branch.total_steps + 1))
+        assert not np.array_equal(branch.positions(), first.positions())
+    with pytest.raises(CheckpointError, match="another asset"):
+        start(glb(icosphere(2), scale=31.0), initial=first.checkpoint())
+
+
+def test_a_resumed_branch_is_the_uninterrupted_one() -> None:
+    asset = glb(icosphere(1))
+    first = start(asset)
+    next(iter(first))
+    whole = start(asset, request(seed=9), initial=first.checkpoint())
+    for report in whole:
+        if report.step == 4:
+            stored = whole.checkpoint()
+    resumed = start(asset, request(seed=9), checkpoint=stored)
+    assert resumed.step == 4
+    for _ in resumed:
+        pass
+    assert resumed.finish()["result.glb"].data == whole.finish()["result.glb"].data
+
+
+def test_a_snapshot_is_the_result_of_that_step() -> None:
+    run = start(glb(icosphere(2)))
+    shots = [run.snapshot().data for _ in run]
+    assert shots[-1] == run.finish()["result.glb"].data
+    assert shots[3] != shots[-1]
+    assert run.snapshot().content_type == "model/gltf-binary"
+
+
+def test_where_nothing_pulls_the_source_comes_back() -> None:
+    """Through frame, weld, solve, scatter and file, every number is as it was."""
+    asset = glb(icosphere(2), scale=7.0, offset=-3.0)
+    weights = ("guidance", "jacobian_reg", "laplacian", "normal", "attachment", "dirichlet")
+    run = start(asset, request(steps=3, **{f"{name}_weight": 0.0 for name in weights}))
+    for _ in run:
+        pass
+    old, new = load_asset(asset).surface, load_asset(run.finish()["result.glb"].data).surface
+    np.testing.assert_allclose(new.positions, old.positions, atol=1e-5)
+    np.testing.assert_allclose(new.normals, old.normals, atol=1e-5)
+
+
+def test_a_target_mesh_needs_no_prior() -> None:
+    job = request(guidance="target", steps=40)
+    run = start(glb(icosphere(2)), job, prior=None, target=glb(box(4)), target_filename="box.glb")
+    losses = [report.losses["guidance"] for report in run]
+    assert np.mean(losses[-5:]) < 0.5 * np.mean(losses[:5])
+    with pytest.raises(ParameterError, match="target"):
+        start(glb(icosphere(1)), job, prior=None)
+
+
+def test_several_components_open_borders_and_stray_vertices_are_no_errors() -> None:
+    mesh = join(icosphere(2), box(2))
+    verts = torch.cat([mesh.verts, torch.tensor([[9.0, 9.0, 9.0]], dtype=torch.float64)])
+    degenerate = torch.tensor([[0, 0, 1], [0, 1, 0]])
+    faces = torch.cat([mesh.faces[:-3], degenerate, mesh.faces[:1]])
+    run = start(build_glb(verts.numpy(), faces.numpy()), request(steps=3))
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    skipped = json.loads(artifacts["report.json"].data)["skipped"]
+    assert skipped["unreferenced_vertices"] == 1
+    assert skipped["degenerate_faces"] == 2
+    assert skipped["border_edges"] > 0
+    assert skipped["non_manifold_edges"] > 0
+    new = load_asset(artifacts["result.glb"].data).surface.positions
+    assert np.isfinite(new).all()
+    np.testing.assert_allclose(new[-1], [9, 9, 9])
+
+
+def test_bad_requests_are_told_before_the_first_step() -> None:
+    with pytest.raises(PromptError):
+        start(glb(icosphere(1)), JobRequest(prompt=" "))
+    line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    with pytest.raises(AssetEmptyError, match="area"):
+        start(build_glb(line, np.array([[0, 1, 2]])))
+
+
+SEARCH = {"steps": 40, "candidates": 3, "candidate_steps": 2, "stop_when_settled": 0.9, "learning_rate": 0.01}
+
+
+def test_a_search_that_settles_says_so_and_counts_every_step() -> None:
+    run = start(glb(icosphere(1)), request(**SEARCH))
+    most = 40 + 2 * (2 + 1)
+    assert run.total_steps == most
+    reports = list(run)
+    assert [report.step for report in reports] == list(range(1, len(reports) + 1))
+    assert {report.total_steps for report in reports[:-1]} == {most}
+    # The last report is the first that knows: it is all that was done.
+    assert reports[-1].total_steps == run.total_steps == len(reports) < most
+    assert {report.losses["candidate"] for report in reports} <= {0.0, 1.0, 2.0}
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["stopped"] == {
+        "reason": "settled", "step": len(reports) - 6, "steps": 40, "total_steps": len(reports),
+    }  # fmt: skip
+    assert [entry["seed"] for entry in report["candidates"]] == [5, 6, 7]
+    assert sum(entry["chosen"] for entry in report["candidates"]) == 1
+
+
+def test_a_run_to_its_last_step_says_that() -> None:
+    run = start(glb(icosphere(1)), request(steps=3))
+    list(run)
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["stopped"] == {"reason": "steps", "step": 3, "steps": 3, "total_steps": 3}
+    assert report["candidates"] == [{"seed": 5, "grades": [], "chosen": True}]
+
+
+@pytest.mark.parametrize("stop", [3, 9, 30])
+def test_a_resumed_search_writes_the_same_bytes(stop: int) -> None:
+    asset, job = glb(icosphere(1)), request(**SEARCH)
+    whole, first = start(asset, job), start(asset, job)
+    for _ in whole:
+        pass
+    for report in first:
+        if report.step == stop:
+            break
+    second = start(asset, job, checkpoint=first.checkpoint())
+    assert second.step == stop
+    assert second.total_steps == 46
+    for _ in second:
+        pass
+    assert second.step == whole.step
+    assert second.finish()["result.glb"] == whole.finish()["result.glb"]

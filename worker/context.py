@@ -1,0 +1,84 @@
+"""What a worker process works with; made once, and shared by all attempts at all jobs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from meshdeform.assets import Limits
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import JobRun
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from worker.pulse import Pulse
+from worker.retry import PATIENCE_S
+from worker.watch import CancelListener
+
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+
+__all__ = ["StartRun", "Workplace"]
+
+
+class StartRun(Protocol):
+    """How a kind of job starts: `meshdeform.runs.text_deform.start`."""
+
+    def __call__(
+        self,
+        *,
+        asset: bytes,
+        filename: str,
+        request: JobRequest,
+        prior: Prior | None,
+        target: bytes | None,
+        target_filename: str,
+        checkpoint: bytes | None,
+        initial: bytes | None,
+        default_model: str,
+        limits: Limits | None,
+        device: str,
+    ) -> JobRun:
+        """Read the asset and get ready to run."""
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """Settings, the places where things lie, and how a run is started.
+
+    Attributes
+    ----------
+    settings : Settings
+    record, store : JobRecord, ObjectStore
+    listen : callable
+        Opens a listener for the cancel of a job.
+    start : StartRun
+    load_prior : callable
+        Gives the prior of a model; keeps it between jobs.
+    device : str
+    stopping : callable
+        True once this process shall end: the job is then handed back after its step.
+    worker_id : str
+        Who the leases of this process belong to: no other process, ever, has the same.
+    renew : callable
+        Ends this process after the job, because its device ran out of memory; the next one has a clean context.
+    pulse : Pulse
+        Tells the supervisor that something moves.
+    patience_s : float
+        How long an outage of the store or the record may last before a job is left to another attempt.
+    """
+
+    settings: Settings
+    record: JobRecord
+    store: ObjectStore
+    listen: Callable[[str], AbstractContextManager[CancelListener]]
+    start: StartRun
+    load_prior: Callable[[str], Prior]
+    device: str
+    stopping: Callable[[], bool]
+    worker_id: str
+    renew: Callable[[], None]
+    pulse: Pulse = field(default_factory=Pulse)
+    patience_s: float = PATIENCE_S
