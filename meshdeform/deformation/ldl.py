@@ -1,4 +1,4 @@
-"""Sparse LDL^T of a grounded Laplacian, and the kernels that a solve is made of.
+"""Factor a grounded Laplacian as L D L^T, sparsely, and solve with the factor.
 
 QDLDL factors. It solves one right-hand side a call, so the triangular solves are compiled here for the three
 coordinates at once: one pass over L serves all of them. Serial and in a fixed order, hence the same bits on every run.
@@ -16,13 +16,13 @@ import qdldl
 from numpy.typing import NDArray
 from scipy import sparse
 
-__all__ = ["Factor", "factorise", "multiply"]
+__all__ = ["Factor", "factorise"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 _SMALLEST_PIVOT = 1e-13
-"""Of the diagonal entry that it is left of; below it, cancellation has eaten all digits."""
+"""Smallest pivot, as a share of its diagonal entry: below it cancellation has consumed all digits."""
 
 
 @dataclass(frozen=True)
@@ -89,27 +89,6 @@ def factorise(matrix: sparse.csr_matrix, free: _Index) -> Factor | None:
         lower.data,
         1.0 / pivots,
     )
-
-
-def multiply(matrix: sparse.csr_matrix, dense: _Floats) -> _Floats:
-    """Product (N, 3) of a CSR matrix (N, M) and a dense one (M, 3)."""
-    out = np.empty((matrix.shape[0], 3))
-    _multiply(matrix.indptr, matrix.indices, matrix.data, np.ascontiguousarray(dense), out)
-    return out
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _multiply(indptr: _Index, indices: _Index, data: _Floats, dense: _Floats, out: _Floats) -> None:
-    for row in range(indptr.size - 1):
-        x, y, z = 0.0, 0.0, 0.0
-        for k in range(indptr[row], indptr[row + 1]):
-            value, column = data[k], indices[k]
-            x += value * dense[column, 0]
-            y += value * dense[column, 1]
-            z += value * dense[column, 2]
-        out[row, 0] = x
-        out[row, 1] = y
-        out[row, 2] = z
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

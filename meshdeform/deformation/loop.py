@@ -111,8 +111,9 @@ class Deformation:
         self._guidance = guidance
         self._device = device
         self._poisson = PoissonSystem(mesh)
-        self._regularizers = Regularizers(mesh)
-        self._attachments = Attachments(mesh, self._poisson.components)
+        rest = self._poisson.rest
+        self._regularizers = Regularizers(rest)
+        self._attachments = Attachments(rest, rest.components)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = Views(
             params.views,
@@ -135,13 +136,13 @@ class Deformation:
         self._smoothing = None
         if params.smoothing_start:
             self._smoothing = GradientSmoothing(mesh, params.smoothing_start, params.coarse_until)
-        self._limit = StepLimit(mesh, self._variables) if params.dirichlet_weight else None
+        self._limit = StepLimit(rest, self._variables) if params.dirichlet_weight else None
         self._settling = None
         if params.stop_when_settled:
             diagonal = float((mesh.verts.amax(0) - mesh.verts.amin(0)).norm()) if len(mesh.verts) else 0.0
             self._settling = Settling(params.stop_when_settled, diagonal)
         guarded = params.safeguard is not Safeguard.NONE
-        self._guard = SurfaceGuard(params.safeguard, mesh, self._variables) if guarded else None
+        self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
         self._whole = True
         if initial is not None:
             copy_into(self._variables, initial)

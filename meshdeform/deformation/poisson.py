@@ -25,10 +25,11 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
-from meshdeform.deformation.ldl import Factor, factorise, multiply
+from meshdeform.deformation.ldl import Factor, factorise
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.geometry.mesh import TriangleMesh, connected_components
-from meshdeform.geometry.operators import COLLAPSED_SHAPE, effective_face_areas, gradient_operator, vertex_areas
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.operators import COLLAPSED_SHAPE
+from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["PoissonSystem"]
 
@@ -51,14 +52,9 @@ class PoissonSystem:
 
     Attributes
     ----------
-    components : (V,) int64
-        Component of each vertex, as faces connect them.
-    num_components : int
-        Unused vertices are components of their own.
-    vertex_areas : (V,) float64
-        Weights of the centre of mass.
-    collapsed : (F,) bool
-        Faces without weight.
+    rest : RestMesh
+        The mesh. Its `collapsed_shape` is the one that the matrix was factored with: which faces have no weight is
+        asked here, and never computed again.
 
     Raises
     ------
@@ -67,33 +63,25 @@ class PoissonSystem:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self.mesh = mesh
-        self.components = connected_components(mesh.faces, mesh.verts.shape[0])
-        self.num_components = int(self.components.max()) + 1 if self.components.numel() else 0
-        self._labels = self.components.numpy()
-        areas = vertex_areas(mesh)
-        self.vertex_areas = torch.from_numpy(areas)
+        rest = RestMesh.of(mesh)
+        self._labels, self._count = rest.components.numpy(), rest.num_components
+        self.rest, self._factor, self._divergence = _prepare(rest, _ungrounded(self._labels))
+        self._divergence_t = self._divergence.T.tocsr()
+        areas = self.rest.vertex_areas
         # A component without area weighs its vertices alike.
         share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
         self._shares = (share / self._sums(share)[self._labels])[:, None]
-        # Solved around the origin and at unit size, whatever the object's own unit.
-        rest = mesh.verts.numpy()
-        self._scale = float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
-        self._scale = self._scale if self._scale > 0 else 1.0
-        self._rest_centres = self._sums(self._shares * rest)
-        unit = TriangleMesh(
-            (mesh.verts - torch.from_numpy(self._rest_centres)[self.components]) / self._scale, mesh.faces
-        )
-        self._factor, self._divergence, self.collapsed = _prepare(unit, _ungrounded(self._labels))
-        self._divergence_t = self._divergence.T.tocsr()
+        self._rest_centres = self._sums(self._shares * rest.verts.numpy())
 
-    def solve(self, jacobians: Tensor) -> Tensor:
+    def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
         """Vertices whose gradients fit the Jacobians best, each component's centre of mass where it was at rest.
 
         Parameters
         ----------
         jacobians : (F, 3, 3) float64
             ``edge_new = J @ edge_old``.
+        known : (V, 3) float64, optional
+            The solution, where it has been computed before for these very Jacobians: only the gradient is new.
 
         Returns
         -------
@@ -106,17 +94,17 @@ class PoissonSystem:
         NumericalError
             A Jacobian is not finite.
         """
-        if jacobians.shape != (self.mesh.faces.shape[0], 3, 3) or jacobians.dtype != torch.float64:
+        if jacobians.shape != (self.rest.faces.shape[0], 3, 3) or jacobians.dtype != torch.float64:
             raise ShapeError(
-                f"expected jacobians ({self.mesh.faces.shape[0]}, 3, 3) float64, "
+                f"expected jacobians ({self.rest.faces.shape[0]}, 3, 3) float64, "
                 f"got {tuple(jacobians.shape)} {jacobians.dtype}"
             )
-        result: Tensor = _Solve.apply(self, jacobians)  # type: ignore[no-untyped-call]
+        result: Tensor = _Solve.apply(self, jacobians, known)  # type: ignore[no-untyped-call]
         return result
 
     def _forward(self, jacobians: _Floats) -> _Floats:
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
-        verts: _Floats = self._scale * self._factor.solve(multiply(self._divergence, field))
+        verts: _Floats = self._factor.solve(self._divergence @ field)
         if not np.isfinite(verts).all():
             raise NumericalError("The Jacobians are not finite, or too large to solve for.")
         verts += (self._rest_centres - self._sums(self._shares * verts))[self._labels]
@@ -124,27 +112,29 @@ class PoissonSystem:
 
     def _backward(self, gradient: _Floats) -> _Floats:
         pulled = gradient - self._shares * self._sums(gradient)[self._labels]
-        field = multiply(self._divergence_t, self._factor.solve(self._scale * pulled))
+        field = self._divergence_t @ self._factor.solve(pulled)
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
 
     def _sums(self, values: _Floats) -> _Floats:
         """Sum over each component, (C,) of (V,) or (C, 3) of (V, 3), always in the order of the vertices."""
         if values.ndim == 1:
-            return np.bincount(self._labels, values, self.num_components).astype(np.float64)
-        return np.stack([np.bincount(self._labels, column, self.num_components) for column in values.T], 1)
+            return np.bincount(self._labels, values, self._count).astype(np.float64)
+        return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
 
 
 class _Solve(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: FunctionCtx, system: PoissonSystem, jacobians: Tensor) -> Tensor:
+    def forward(ctx: FunctionCtx, system: PoissonSystem, jacobians: Tensor, known: Tensor | None) -> Tensor:
         ctx.system = system  # type: ignore[attr-defined]
+        if known is not None:
+            return known.clone()
         return torch.from_numpy(system._forward(jacobians.detach().numpy()))
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor]:
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor, None]:
         system: PoissonSystem = ctx.system  # type: ignore[attr-defined]
-        return None, torch.from_numpy(system._backward(gradient.numpy()))
+        return None, torch.from_numpy(system._backward(gradient.numpy())), None
 
 
 def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -155,17 +145,16 @@ def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.flatnonzero(free)
 
 
-def _prepare(mesh: TriangleMesh, free: NDArray[np.int64]) -> tuple[Factor, sparse.csr_matrix, Tensor]:
-    """Factor, right-hand side's operator (V, 3F), and which faces (F,) it takes for collapsed."""
+def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix]:
+    """Return the mesh as it could be factored, the factor, and the right-hand side's operator (V, 3F)."""
     for shape in _SHAPES:
-        gradient = gradient_operator(mesh, collapsed_shape=shape)
-        areas = effective_face_areas(mesh, collapsed_shape=shape)
-        weighted = gradient.T @ sparse.diags(np.repeat(areas, 3))
-        springs, stretch, weights = _springs(mesh, np.flatnonzero(areas == 0))
+        taken = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
+        weighted = taken.gradient.T @ sparse.diags(np.repeat(taken.areas, 3))
+        springs, stretch, weights = _springs(taken, np.flatnonzero(~taken.solid))
         pull = springs.T @ sparse.diags(weights)
-        factor = factorise((weighted @ gradient + pull @ springs).tocsr(), free)
+        factor = factorise((weighted @ taken.gradient + pull @ springs).tocsr(), free)
         if factor is not None:
-            return factor, (weighted + pull @ stretch).tocsr(), torch.from_numpy(areas == 0)
+            return taken, factor, (weighted + pull @ stretch).tocsr()
     raise NumericalError(
         "The mesh's Laplacian could not be factored.",
         advice="Remove needle-thin triangles (for example: merge vertices by distance), then try again.",

@@ -1,22 +1,29 @@
-"""What keeps the asset itself: penalties that mean the same at every mesh resolution and every scale.
+"""Penalties that keep the asset what it was, the same at every mesh resolution and scale.
 
 The published forms are means over faces, vertices and edges, and two of them change with the tessellation: halving
-the edges divides the umbrella Laplacian by four and (1 - n_i . n_j)^2 by sixteen. Here each is a
-discretised integral over the rest surface of area A:
+the edges divides the umbrella Laplacian by four and (1 - n_i . n_j)^2 by sixteen. Here each is a discretised integral
+over the rest surface of area A:
 
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
   it has no unit, and a detail of the rest shape costs nothing, only its bending away from where it was
-* normal     1/A  sum_e a_e ((1 - n_i . n_j) (d_0 / d_e)^2)^2    with d_e the distance between the faces' centroids
-  at rest, a_e the edge's share of the area, and d_0 that distance on a uniform mesh of 5,000 faces, where the value is
-  exactly the published one
+* normal     1/A  sum_e a_e h((1 - cos b_e) (d_0 / d_e)^2)       b_e the change of the angle between the two faces'
+  normals since rest, d_e the distance between their centroids at rest, a_e the edge's share of the area, d_0 that
+  distance on a uniform mesh of 5,000 faces. h(y) = y^2 up to y_0, then 4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
-  plane: zero where no length changes, infinite where a face collapses. Not in the paper; `barrier.py` keeps steps from
-  jumping across
+  plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
+  from jumping across
 
-Sources: Xu et al. 2024, FusionDeformer, eq. 7 to 9; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
-Shells; Sorkine and Alexa 2007, As-rigid-as-possible surface modeling (the rotation-invariant form); Smith and Schaefer
-2015, Bijective Parameterization with Free Boundaries, eq. 2 (symmetric Dirichlet, here less its minimum).
+The normal term measures against rest: a crease costs nothing until it bends. Its h makes it independent of resolution
+in both kinds of bending. A smooth one has b_e in proportion to d_e, so y stays the same as the mesh is refined, and
+a_e adds up to the area. A crease bends by the same b_e at every resolution, so sqrt(y) grows as 1 / d_e while the area
+beside the crease shrinks as d_e. On a flat rest surface of the reference resolution, the value is exactly the published
+(1 - n_i . n_j)^2 up to an angle of 15 degrees.
+
+Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
+Shells (bending against rest); Huber 1964, Robust estimation of a location parameter (the change from square to linear);
+Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2 (symmetric Dirichlet, here less its
+minimum).
 """
 
 from __future__ import annotations
@@ -29,8 +36,9 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.deformation.rotations import closest_rotations
-from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
-from meshdeform.geometry.operators import cotangent_laplacian, effective_face_areas, sparse_product, vertex_areas
+from meshdeform.geometry.mesh import TriangleMesh, face_normals, safe_normalize
+from meshdeform.geometry.operators import sparse_product
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.requests.document import Rigidity
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
@@ -38,6 +46,8 @@ __all__ = ["REFERENCE_FACES", "Regularizers"]
 REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
+_CREASE = 1 - math.cos(math.radians(15))
+"""y_0: neighbours on the reference mesh that bend by more than 15 degrees bend at a crease."""
 _LEAST_DETERMINANT = 1e-16
 """Of C = F^T F, squared area ratios: below an area ratio of 1e-8 the energy goes on as if it were that."""
 
@@ -52,30 +62,30 @@ class Regularizers:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self._faces = mesh.faces
-        self._rest = mesh.verts
-        areas = effective_face_areas(mesh)
-        total = max(float(areas.sum()), 1e-300)
-        self._face_weights = torch.from_numpy(areas / total)
-        mass = vertex_areas(mesh)
+        rest = RestMesh.of(mesh)
+        self._faces, self._rest = rest.faces, rest.verts
+        total = max(float(rest.areas.sum()), 1e-300)
+        self._face_weights = torch.from_numpy(rest.areas / total)
+        mass = rest.vertex_areas
         used = mass > 0
         # Needle triangles have vertices of nearly no mass, and there M^-1 is no sensible curvature.
         floor = _MASS_FLOOR * float(mass[used].mean()) if used.any() else 1.0
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
-        self._half_operator = (root @ cotangent_laplacian(mesh)).tocsr()
-        self._init_edges(mesh, torch.from_numpy(areas), total)
-        self._solid = torch.from_numpy(np.flatnonzero(areas > 0))
-        self._inverse_rest = torch.linalg.inv(_in_plane(mesh.verts[mesh.faces[self._solid]]))
+        self._half_operator = (root @ rest.laplacian).tocsr()
+        self._init_edges(rest, torch.from_numpy(rest.areas), total)
+        self._solid = torch.from_numpy(np.flatnonzero(rest.solid))
+        self._inverse_rest = torch.linalg.inv(_in_plane(rest.verts[rest.faces[self._solid]]))
 
-    def _init_edges(self, mesh: TriangleMesh, areas: Tensor, total: float) -> None:
-        edges = edges_of(mesh.faces)
+    def _init_edges(self, mesh: RestMesh, areas: Tensor, total: float) -> None:
+        edges = mesh.edges
         # Which two faces continue each other is known only where exactly two meet, and not where one doubles the other.
         keep = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
         keep[keep.clone()] = (areas[edges.faces[keep]] > 0).all(1)
-        pairs = edges.faces[keep]
-        self._pairs = pairs
+        self._pairs, self._ends = edges.faces[keep], edges.edges[keep]
+        pairs = self._pairs
         # Neighbours wound against each other have opposite normals where the surface is flat.
         self._sign = torch.where(edges.consistent[keep], 1.0, -1.0).double()
+        self._rest_bend = self._bend(mesh.verts)
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
         squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
@@ -99,15 +109,26 @@ class Regularizers:
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Area-weighted mean (1 - n_i . n_j)^2 over neighbouring faces, at the reference resolution.
+        """Bending away from rest: area-weighted mean of h((1 - cos b) (d_0 / d)^2) over neighbouring faces.
 
         Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
         """
+        bend = self._bend(verts)
+        # cos b = cos(angle - rest angle). A face that collapsed on the way has a zero normal and costs a constant.
+        cosine = (bend * self._rest_bend).sum(1)
+        y = (1 - cosine).clamp_min(0) * self._edge_scale
+        linear = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
+        return (self._edge_weights * torch.where(y < _CREASE, y.square(), linear)).sum()
+
+    def _bend(self, verts: Tensor) -> Tensor:
+        """Return cosine and sine (E, 2) of the signed angle between the normals of neighbouring faces."""
         normals = face_normals(verts, self._faces)
         beside = normals.index_select(0, self._pairs.reshape(-1)).view(-1, 2, 3)
-        # Against 1 and not against |n|^2: a face that collapsed on the way has a zero normal and costs a constant.
-        cosine = self._sign * (beside[:, 0] * beside[:, 1]).sum(1)
-        return (self._edge_weights * ((1 - cosine) * self._edge_scale).square()).sum()
+        first, second = beside[:, 0], self._sign[:, None] * beside[:, 1]
+        ends = verts.index_select(0, self._ends.reshape(-1)).view(-1, 2, 3)
+        along = safe_normalize(ends[:, 1] - ends[:, 0])
+        sine = (along * torch.linalg.cross(first, second)).sum(1)
+        return torch.stack([(first * second).sum(1), sine], 1)
 
     def dirichlet(self, verts: Tensor) -> Tensor:
         """Area-weighted mean symmetric Dirichlet energy of (V, 3) positions, less that of a motion; no unit.

@@ -10,7 +10,7 @@ Sources: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4; Xu et al. 2024, Fu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import torch
 from torch import Tensor
@@ -18,9 +18,10 @@ from torch import Tensor
 from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.errors import CheckpointError
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.operators import gradient_operator
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.requests.document import Parametrization
+
+T = TypeVar("T")
 
 __all__ = ["JacobianField", "Variables", "VertexDisplacements", "copy_into", "make_variables"]
 
@@ -36,6 +37,9 @@ class Variables(Protocol):
 
     def jacobians(self) -> Tensor:
         """(F, 3, 3) float64 that the rigidity of the surface is measured by."""
+
+    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:
+        """Return, for each of `tensors`, the one of these that has its rows."""
 
     def place(self) -> Tensor:
         """Positions (V, 3) float64, differentiable in `tensors`."""
@@ -54,18 +58,18 @@ class JacobianField:
     """
 
     def __init__(self, poisson: PoissonSystem) -> None:
-        self._poisson = poisson
-        areas = torch.zeros(poisson.num_components, dtype=torch.float64)
-        areas.index_add_(0, poisson.components, poisson.vertex_areas)
+        self._poisson, self._rest = poisson, poisson.rest
+        rest, vertex_areas = poisson.rest, torch.from_numpy(poisson.rest.vertex_areas)
+        areas = torch.zeros(rest.num_components, dtype=torch.float64)
+        areas.index_add_(0, rest.components, vertex_areas)
         self._shares = areas / areas.sum()
-        self._gradient = gradient_operator(poisson.mesh)
-        normals = face_normals(poisson.mesh.verts, poisson.mesh.faces)
-        self._along_normal = normals[:, :, None] * normals[:, None, :]
-        self._weights = poisson.vertex_areas / areas.clamp_min(1e-300)[poisson.components]
+        self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
+        self._weights = vertex_areas / areas.clamp_min(1e-300)[rest.components]
         self.tensors = {
-            "jacobians": identity_jacobians(poisson.mesh.faces.shape[0]).requires_grad_(),
-            "translations": torch.zeros(poisson.num_components, 3, dtype=torch.float64, requires_grad=True),
+            "jacobians": identity_jacobians(rest.faces.shape[0]).requires_grad_(),
+            "translations": torch.zeros(rest.num_components, 3, dtype=torch.float64, requires_grad=True),
         }
+        self._solved: tuple[int, Tensor] | None = None
 
     def rates(self, translation_rate: float) -> dict[str, float]:
         """Jacobians at the job's rate, translations at their multiple of it."""
@@ -75,21 +79,32 @@ class JacobianField:
         """The variables themselves."""
         return self.tensors["jacobians"]
 
+    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (no tensor has a row a vertex)
+        """Jacobians have a row for each face, translations one for each component."""
+        return {"jacobians": of_face, "translations": of_component}
+
     def place(self) -> Tensor:
-        """Solve."""
-        translations = self.tensors["translations"]
+        """Solve for the vertices, and move each component by its translation.
+
+        Jacobians that have not changed since the last solve are not solved for again: a step's limits, the guard and
+        the next step's loss share one solution.
+        """
+        jacobians, translations = self.tensors["jacobians"], self.tensors["translations"]
+        known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
+        solution = self._poisson.solve(jacobians, known)
+        if known is None:
+            self._solved = (jacobians._version, solution.detach().clone())
         free = translations - self._shares @ translations
-        return self._poisson.solve(self.tensors["jacobians"]) + free[self._poisson.components]
+        return solution + free[self._rest.components]
 
     def adopt(self, verts: Tensor) -> None:
         """The Jacobians of the map from rest; along the normal, where a map of a surface has none, they stay."""
-        mesh, components = self._poisson.mesh, self._poisson.components
         with torch.no_grad():
             jacobians = self.tensors["jacobians"]
-            of_map = jacobians_from_verts(self._gradient, verts)
+            of_map = jacobians_from_verts(self._rest.gradient, verts)
             jacobians.copy_(of_map + (jacobians - of_map) @ self._along_normal)
             moved = torch.zeros_like(self.tensors["translations"])
-            moved.index_add_(0, components, self._weights[:, None] * (verts - mesh.verts))
+            moved.index_add_(0, self._rest.components, self._weights[:, None] * (verts - self._rest.verts))
             self.tensors["translations"].copy_(moved)
 
 
@@ -105,8 +120,12 @@ class VertexDisplacements:
 
     def __init__(self, mesh: TriangleMesh, poisson: PoissonSystem) -> None:
         self._mesh = mesh
-        self._shares = poisson.vertex_areas / poisson.vertex_areas.sum()
-        self._gradient = gradient_operator(mesh)
+        areas = torch.from_numpy(poisson.rest.vertex_areas)
+        self._shares = areas / areas.sum()
+        self._gradient = poisson.rest.gradient
+        rest_jacobians = jacobians_from_verts(self._gradient, mesh.verts)
+        # Leaves the penalty ||J - I||^2 to the surface alone.
+        self._normal_part = torch.eye(3, dtype=torch.float64) - rest_jacobians
         self.tensors = {"displacements": torch.zeros_like(mesh.verts, requires_grad=True)}
 
     def rates(self, translation_rate: float) -> dict[str, float]:  # noqa: ARG002 (parts move as their vertices do)
@@ -115,21 +134,21 @@ class VertexDisplacements:
 
     def jacobians(self) -> Tensor:
         """Those of the map from rest, with a normal part that leaves the penalty ||J - I||^2 to the surface alone."""
-        return jacobians_from_verts(self._gradient, self.place()) + self._normal_part()
+        return jacobians_from_verts(self._gradient, self.place()) + self._normal_part
+
+    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (one tensor only)
+        """Displacements have a row for each vertex."""
+        return {"displacements": of_vertex}
 
     def place(self) -> Tensor:
-        """Add."""
+        """Add the displacements to the rest positions."""
         displacements = self.tensors["displacements"]
         return self._mesh.verts + displacements - self._shares @ displacements
 
     def adopt(self, verts: Tensor) -> None:
-        """Subtract."""
+        """Set the displacements from the rest positions."""
         with torch.no_grad():
             self.tensors["displacements"].copy_(verts - self._mesh.verts)
-
-    def _normal_part(self) -> Tensor:
-        rest = jacobians_from_verts(self._gradient, self._mesh.verts)
-        return torch.eye(3, dtype=torch.float64) - rest
 
 
 def make_variables(kind: Parametrization, mesh: TriangleMesh, poisson: PoissonSystem) -> Variables:
@@ -143,11 +162,16 @@ def copy_into(variables: Variables, state: Mapping[str, Tensor]) -> None:
     Raises
     ------
     CheckpointError
-        They are of another mesh, or of another parametrisation.
+        They are of another mesh, or of a run that optimises other variables.
     """
     with torch.no_grad():
         for name, parameter in variables.tensors.items():
             stored = state.get(name)
-            if stored is None or stored.shape != parameter.shape:
-                raise CheckpointError(f"The checkpoint's {name} do not fit this mesh.")
+            if stored is None:
+                raise CheckpointError(f"The checkpoint is of a run that does not optimise {name}.")
+            if stored.shape != parameter.shape:
+                raise CheckpointError(
+                    f"The checkpoint is of another mesh: its {name} are {tuple(stored.shape)}, "
+                    f"this mesh's {tuple(parameter.shape)}."
+                )
             parameter.copy_(stored)

@@ -83,16 +83,16 @@ def mass_matrix(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE)
     return sparse.diags(np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape), 3))
 
 
-def vertex_areas(mesh: TriangleMesh) -> _Floats:
+def vertex_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> _Floats:
     """A third of the areas of the faces around each vertex, (V,)."""
-    areas = np.repeat(effective_face_areas(mesh) / 3, 3)
+    areas = np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape) / 3, 3)
     return np.bincount(mesh.faces.numpy().ravel(), weights=areas, minlength=mesh.verts.shape[0]).astype(np.float64)
 
 
-def cotangent_laplacian(mesh: TriangleMesh) -> sparse.csr_matrix:
+def cotangent_laplacian(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.csr_matrix:
     """The positive semi-definite cotangent Laplacian L = G^T M G, (V, V), dimensionless."""
-    gradient = gradient_operator(mesh)
-    return (gradient.T @ mass_matrix(mesh) @ gradient).tocsr()
+    gradient = gradient_operator(mesh, collapsed_shape=collapsed_shape)
+    return (gradient.T @ mass_matrix(mesh, collapsed_shape=collapsed_shape) @ gradient).tocsr()
 
 
 def sparse_product(matrix: sparse.csr_matrix, dense: Tensor) -> Tensor:

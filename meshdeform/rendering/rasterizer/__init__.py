@@ -13,10 +13,9 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.rendering.rasterizer.antialias import SilhouetteEdges, antialias
 from meshdeform.rendering.rasterizer.interpolate import interpolate
+from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
 
 __all__ = ["EMPTY_DEPTH", "Fragments", "SilhouetteEdges", "antialias", "interpolate", "rasterize"]
-
-EMPTY_DEPTH = 2.0
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,8 @@ class Fragments:
     face_ids : (B, H, W) int64
         Index of the face, -1 where nothing is seen. Row 0 is the top of the image.
     depth : (B, H, W) float32
-        Normalised device depth in [-1, 1], `EMPTY_DEPTH` where nothing is seen.
+        Normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it; `EMPTY_DEPTH` where nothing
+        is seen.
     """
 
     face_ids: Tensor

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
+
 __all__ = ["SilhouetteEdges", "antialias"]
 
 _EMPTY = torch.iinfo(torch.int64).max
@@ -56,9 +58,8 @@ def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
     (B, H, W, C), the antialiased image.
     """
     height, width, channels = image.shape[1:]
-    size = torch.tensor([width * 0.5, -height * 0.5], device=clip.device, dtype=clip.dtype)
-    centre = torch.tensor([width * 0.5, height * 0.5], device=clip.device, dtype=clip.dtype)
-    pixels = clip[..., :2] / clip[..., 3:] * size + centre
+    ndc = clip[..., :2] / clip[..., 3:]
+    pixels = torch.stack([(ndc[..., 0] + 1) * (width * 0.5), (1 - ndc[..., 1]) * (height * 0.5)], -1)
     crossing = _crossings(pixels.detach(), clip.detach(), edges, height, width)
     n_verts = clip.shape[1]
     flat_pixels = pixels.reshape(-1, 2)
@@ -153,7 +154,7 @@ def _visible(
     # The edge must lie before what is seen beyond it; of several edges between the same two pixels the nearest wins.
     index = (on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)).nonzero()[:, 0]
     pair = torch.minimum(inside[index], outside[index]) * 2 + crossing.by_row[index].long()
-    fixed = ((z_edge[index].double().clamp(-1, 1) + 1) * 2**30).long()
+    fixed = ((z_edge[index].double().clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()
     rank = (fixed << 31) | torch.arange(index.numel(), device=index.device)
     best = torch.full((depth.numel() * 2,), _EMPTY, dtype=torch.int64, device=index.device)
     best.scatter_reduce_(0, pair, rank, "amin")

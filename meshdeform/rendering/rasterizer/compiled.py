@@ -13,6 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
+
 __all__ = ["rasterize_compiled"]
 
 _SUB = 256
@@ -100,6 +102,6 @@ def rasterize_compiled(clip: Tensor, faces: Tensor, height: int, width: int) -> 
     (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
     face_ids = torch.full((clip.shape[0], height, width), -1, dtype=torch.int64)
-    depth = torch.full((clip.shape[0], height, width), 2.0, dtype=torch.float32)
+    depth = torch.full((clip.shape[0], height, width), EMPTY_DEPTH, dtype=torch.float32)
     _rasterize(clip.double().contiguous().numpy(), faces.contiguous().numpy(), face_ids.numpy(), depth.numpy())
     return face_ids, depth

@@ -51,13 +51,17 @@ def interpolate(
 def interpolate_torch(
     clip: Tensor, values: Tensor, faces: Tensor, pixels: Tensor, face_of_pixel: Tensor, height: int, width: int
 ) -> Tensor:
-    """The same in plain torch, for any device and dtype; see `interpolate`."""
+    """Interpolate in plain torch, on any device; see `interpolate`.
+
+    The areas are computed in float64 as in the compiled loop: x - p w cancels, and in float32 the gradients of small
+    faces are off by percents.
+    """
     view = torch.div(pixels, height * width, rounding_mode="floor")
     within = pixels % (height * width)
-    x = ((within % width).to(clip.dtype) + 0.5) * (2.0 / width) - 1
-    y = 1 - (torch.div(within, width, rounding_mode="floor").to(clip.dtype) + 0.5) * (2.0 / height)
+    x = ((within % width).double() + 0.5) * (2.0 / width) - 1
+    y = 1 - (torch.div(within, width, rounding_mode="floor").double() + 0.5) * (2.0 / height)
     index = (view[:, None] * clip.shape[1] + faces[face_of_pixel]).reshape(-1)
-    p = clip.reshape(-1, 4).index_select(0, index).view(-1, 3, 4)
+    p = clip.reshape(-1, 4).index_select(0, index).view(-1, 3, 4).double()
     q = p[..., :2] - torch.stack([x, y], -1)[:, None] * p[..., 3:]
     j, k = q[:, [1, 2, 0]], q[:, [2, 0, 1]]
     area = j[..., 0] * k[..., 1] - j[..., 1] * k[..., 0]
@@ -66,7 +70,7 @@ def interpolate_torch(
     # Two selections, for the gradient of a quotient by zero would be NaN even where its value is not taken.
     weights = torch.where(flat, 1 / 3, area / torch.where(flat, 1.0, total))
     corner = values.reshape(-1, values.shape[-1]).index_select(0, index).view(-1, 3, values.shape[-1])
-    return (corner * weights[..., None]).sum(1)
+    return (corner.double() * weights[..., None]).sum(1).to(values.dtype)
 
 
 @numba.njit(cache=True, nogil=True)

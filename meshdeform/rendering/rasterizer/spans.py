@@ -11,7 +11,10 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-__all__ = ["rasterize_spans"]
+__all__ = ["EMPTY_DEPTH", "rasterize_spans"]
+
+EMPTY_DEPTH = 3.0
+"""Depth where nothing is seen: beyond what any point in front of the cameras has, those past the far plane as well."""
 
 _SUB = 256
 _HALF = 128
@@ -47,7 +50,7 @@ def rasterize_spans(clip: Tensor, faces: Tensor, height: int, width: int) -> tup
         _fill(key, t % n_faces, (t // n_faces) * height, planes, left[t], right[t], top[t], bottom[t], width)
     empty = key == _EMPTY
     face_ids = torch.where(empty, -1, key & 0xFFFFFFFF)
-    depth = torch.where(empty, 2.0, (key >> 32).double() * 2.0**-30 - 1).float()
+    depth = torch.where(empty, EMPTY_DEPTH, (key >> 32).double() * 2.0**-29 - 1).float()
     return face_ids.view(views, height, width), depth.view(views, height, width)
 
 
@@ -100,8 +103,9 @@ def _fill(
             j, column = _expand(length, length_end, start2, stop2)
             column = column + lo[j]
             z = z_0[i[j]] + z_y[i[j]] * row[j] + z_x[i[j]] * column
-            inside = z >= -1
-            fixed = ((z.clamp(-1, 1) + 1) * 2**30).long()
+            inside = (z >= -1) & (z < EMPTY_DEPTH)
+            # Depths -1 .. 3 in 31 bits: one more, and the shifted key would be negative and win over all others.
+            fixed = ((z.clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()
             pixel = (first_row[i[j]] + row[j]) * width + column
             key.scatter_reduce_(0, pixel, torch.where(inside, (fixed << 32) | face[i[j]], _EMPTY), "amin")
 

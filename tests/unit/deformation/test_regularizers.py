@@ -12,7 +12,7 @@ from torch import Tensor
 from meshdeform.deformation.jacobians import completed_jacobians, identity_jacobians
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, grid, icosphere, join, uv_sphere
+from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
 
 F64 = torch.float64
 
@@ -79,11 +79,61 @@ def test_the_laplacian_term_does_not_see_a_shear_inside_a_plane() -> None:
     torch.testing.assert_close(regularizers.laplacian(sheared + bump) - regularizers.laplacian(sheared), alone)
 
 
-def test_the_normal_term_of_a_sphere_is_known() -> None:
-    """Neighbours at distance d turn by about d / r, so (1 - cos)^2 (d0 / d)^4 is d0^4 / 4 r^4."""
-    mesh = icosphere(4, 3.0)
-    reference_sq = 4 * 4 * math.pi / (3 * math.sqrt(3) * 5000)
-    assert float(Regularizers(mesh).normal(mesh.verts)) == pytest.approx(reference_sq**2 / 4, rel=0.08)
+def rolled(mesh: TriangleMesh, angle: float) -> Tensor:
+    """Roll a unit sheet into an arc of this angle, evenly."""
+    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    along = (x + 0.5) * angle
+    return torch.stack([torch.sin(along) / angle, y, (1 - torch.cos(along)) / angle], 1)
+
+
+def folded(mesh: TriangleMesh, angle: float) -> Tensor:
+    """Fold a unit sheet along its middle by this angle."""
+    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    beyond = x.clamp_min(0)
+    return torch.stack([x - beyond + beyond * math.cos(angle), y, beyond * math.sin(angle)], 1)
+
+
+@pytest.mark.parametrize("mesh", [icosphere(3), box(4), torus()])
+def test_the_rest_shape_costs_nothing_whatever_creases_it_has(mesh: TriangleMesh) -> None:
+    regularizers = Regularizers(mesh)
+    assert float(regularizers.normal(mesh.verts)) < 1e-20
+    turned = mesh.verts @ torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64))[0]
+    assert float(regularizers.normal(2.5 * turned + 1.0)) < 1e-20
+
+
+def test_a_smooth_bend_costs_the_same_at_every_resolution() -> None:
+    """A sheet rolled to curvature k: neighbours at distance d across the roll turn by k d, so y = (k d_0)^2 / 2."""
+    costs = [float(Regularizers(grid(n)).normal(rolled(grid(n), 2.0))) for n in (20, 40, 80)]
+    assert costs[1] == pytest.approx(costs[2], rel=0.03)
+    assert costs[0] == pytest.approx(costs[2], rel=0.08)
+
+
+def test_a_bent_crease_costs_the_same_at_every_resolution() -> None:
+    """As an integral of the fourth power, the published form costs eight times as much after one subdivision."""
+    costs = [float(Regularizers(grid(n)).normal(folded(grid(n), 1.0))) for n in (50, 100, 200)]
+    assert costs[0] == pytest.approx(costs[2], rel=0.2)
+    assert costs[1] == pytest.approx(costs[2], rel=0.1)
+
+
+def test_both_ways_of_bending_a_crease_cost_alike() -> None:
+    """The angle has a sign: opening a right angle is not the same as leaving it, though both have a cosine."""
+    mesh = grid(20)
+    creased = TriangleMesh(folded(mesh, math.pi / 4), mesh.faces)
+    regularizers = Regularizers(creased)
+    sharper, flatter = regularizers.normal(folded(mesh, math.pi / 2)), regularizers.normal(mesh.verts)
+    mirrored = regularizers.normal(folded(mesh, -math.pi / 4))
+    assert float(sharper) == pytest.approx(float(flatter), rel=1e-9)
+    assert float(mirrored) > 1.5 * float(sharper)
+
+
+def test_a_flat_sheet_of_the_reference_resolution_costs_what_is_published() -> None:
+    """Ten degrees at one line of edges that are d_0 apart: the sum of (1 - cos)^2, weighted by the edges' areas."""
+    mesh = grid(50)  # 5,000 faces
+    angle = math.radians(10)
+    regularizers = Regularizers(mesh)
+    published = (regularizers._edge_weights * (1 - regularizers._bend(folded(mesh, angle))[:, 0]).square()).sum()
+    scale = float(regularizers._edge_scale[regularizers._bend(folded(mesh, angle))[:, 1].abs() > 0.01].mean())
+    assert float(regularizers.normal(folded(mesh, angle))) == pytest.approx(float(published) * scale**2, rel=1e-6)
 
 
 def test_flat_neighbours_cost_nothing_whichever_way_they_are_wound() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from meshdeform.deformation import surface_guard as safeguard
+from meshdeform.deformation import step_repair
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.optimizer import make_optimizer
 from meshdeform.deformation.poisson import PoissonSystem
@@ -86,7 +86,7 @@ def test_parts_that_run_into_each_other_are_held_where_they_meet() -> None:
 
 def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two spheres that are pushed through each other as wholes, and no position may be put back by itself."""
-    monkeypatch.setattr(safeguard, "_HOLD_RINGS", ())
+    monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())
     small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
     pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
     variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
@@ -99,6 +99,40 @@ def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPat
     assert guard.correct(optimizer) == len(pair.faces)
     assert broken(pair, variables.place().detach()) == 0
     assert float(variables.tensors["translations"].detach()[0, 0]) in (0.5, 0.25, 0.1)
+
+
+def test_a_second_blend_that_suffices_is_the_end_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hard random steps on a sphere: what the second, wider blend has mended must not be thrown away."""
+    entered: list[str] = []
+    hold = step_repair.StepRepair._hold_positions
+
+    def noted(self, *args):  # type: ignore[no-untyped-def]
+        entered.append("hold")
+        return hold(self, *args)
+
+    monkeypatch.setattr(step_repair.StepRepair, "_hold_positions", noted)
+    blends: list[int] = []
+    blend = step_repair.StepRepair._blend
+
+    def counted(self, *args):  # type: ignore[no-untyped-def]
+        blends.append(1)
+        return blend(self, *args)
+
+    monkeypatch.setattr(step_repair.StepRepair, "_blend", counted)
+    for seed in (1, 2, 20, 35):
+        system = PoissonSystem(MESH)
+        variables = make_variables(Parametrization.JACOBIANS, MESH, system)
+        guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
+        generator = torch.Generator().manual_seed(seed)
+        noise = torch.randn(len(MESH.faces), 3, 3, generator=generator, dtype=torch.float64)
+        with torch.no_grad():
+            variables.tensors["jacobians"].add_(noise)
+        blends.clear()
+        entered.clear()
+        optimizer = make_optimizer(Optimizer.ADAM, [{"params": list(variables.tensors.values()), "lr": 1.0}])
+        guard.correct(optimizer)
+        assert broken(MESH, variables.place().detach()) == 0
+        assert (len(blends), entered) == (2, []), f"seed {seed}"
 
 
 def test_what_was_broken_at_rest_may_stay() -> None:

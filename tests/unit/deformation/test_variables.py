@@ -7,7 +7,7 @@ import torch
 
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.deformation.variables import copy_into, make_variables
+from meshdeform.deformation.variables import JacobianField, copy_into, make_variables
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
@@ -72,3 +72,29 @@ def test_any_shape_can_be_adopted_also_of_several_parts(kind: Parametrization) -
     found = variables.place().detach()
     shift = (wished - found).mean(0)
     torch.testing.assert_close(found + shift, wished, atol=1e-8, rtol=0)
+
+
+def test_jacobians_that_have_not_changed_are_solved_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step places its shape for the loss, for its limit and for the guard: one solve serves all three."""
+    solved: list[int] = []
+    forward = PoissonSystem._forward
+    monkeypatch.setattr(PoissonSystem, "_forward", lambda self, field: (solved.append(1), forward(self, field))[1])
+    variables = JacobianField(PoissonSystem(icosphere(1)))
+    first = variables.place()
+    again = variables.place()
+    assert torch.equal(first, again)
+    assert len(solved) == 1
+    again[:, 0].square().sum().backward()
+    fresh = JacobianField(PoissonSystem(icosphere(1)))
+    fresh.place()[:, 0].square().sum().backward()
+    for name, tensor in variables.tensors.items():
+        assert tensor.grad is not None
+        assert torch.equal(tensor.grad, fresh.tensors[name].grad)  # type: ignore[arg-type]
+    solved.clear()
+    with torch.no_grad():
+        variables.tensors["translations"].add_(1.0)
+        variables.place()
+        assert not solved, "translations are added to the same solution"
+        variables.tensors["jacobians"].mul_(1.1)
+    torch.testing.assert_close(variables.place(), 1.1 * first.detach())
+    assert len(solved) == 1

@@ -50,6 +50,20 @@ def test_the_nearer_triangle_wins_whatever_the_order(backend) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("far", [0.99, 1.0, 1.5, 2.9, 3.5])
+def test_what_lies_at_or_beyond_the_far_plane_stays_behind(backend, far: float) -> None:
+    near = [(0, 0, 0.0), (8, 0, 0.0), (0, 8, 0.0)]
+    behind = [(0, 0, far), (8, 0, far), (0, 8, far)]
+    faces = torch.tensor([[0, 1, 2], [3, 4, 5]])
+    for points, winner in ((near + behind, 0), (behind + near, 1)):
+        ids, depth = backend(flat(points), faces, 8, 8)
+        assert set(ids.unique().tolist()) == {-1, winner}
+        assert float(depth[ids >= 0].abs().max()) < 1e-6
+    _, depth = backend(flat(behind), faces[:1], 8, 8)
+    torch.testing.assert_close(depth[0, 1, 1], torch.tensor(min(far, EMPTY_DEPTH)))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_both_sides_are_seen(backend) -> None:
     clip = flat([(1, 1, 0), (7, 1, 0), (1, 7, 0)])
     front, _ = backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)
