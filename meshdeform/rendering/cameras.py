@@ -2,9 +2,12 @@
 
 Conventions: +Y is up and +Z is the asset's front (glTF). Azimuth 0 looks at the front (the camera stands on +Z),
 azimuth 90 at the asset's left side (the camera stands on +X). Clip space is OpenGL's: x right, y up,
--w <= z <= w. The camera stands where the unit sphere at the origin just fits the view.
+-w <= z <= w. The camera stands where a given sphere at the origin just fits the view.
 
-Source of the ranges: Xu et al. 2024, FusionDeformer, section 3.3 (orthogonal views).
+The published code stands at three half extents of the shape, measured anew at every step: a shape that grows stays as
+large in the picture, and never leaves it. `Framing` does so with bounds of its own.
+
+Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal views).
 """
 
 from __future__ import annotations
@@ -15,10 +18,19 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["NUM_VIEWS", "CameraRange", "Cameras", "fixed_cameras", "sample_orthogonal_cameras", "sample_random_cameras"]
+__all__ = [
+    "NUM_VIEWS",
+    "CameraRange",
+    "Cameras",
+    "Framing",
+    "fixed_cameras",
+    "sample_orthogonal_cameras",
+    "sample_random_cameras",
+]
 
 NUM_VIEWS = 4
-_MARGIN = 1.05
+UNIT_SPHERE = 1.05
+"""Radius of the sphere that just fits the view unless something else is asked for: the unit sphere and a margin."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +41,34 @@ class CameraRange:
     elevation_max_deg: float = 30.0
     fov_min_deg: float = 30.0
     fov_max_deg: float = 45.0
+
+
+@dataclass(frozen=True)
+class Framing:
+    """How large a shape is in the picture, and when the camera follows it.
+
+    Attributes
+    ----------
+    share : float
+        Of the view that the shape spans at rest: its half extent over the radius of the sphere that just fits the view.
+    largest : float
+        Share up to which the shape may grow in the picture before the camera goes back with it. Where it is `share`,
+        the camera follows at once, whether the shape grows or shrinks.
+    """
+
+    share: float
+    largest: float
+
+    def fitting_radius(self, rest: float, now: float) -> float:
+        """Return the radius of the sphere that just fits the view.
+
+        Parameters
+        ----------
+        rest, now : float
+            Half extent of the shape, its largest coordinate about the origin, at rest and as it stands.
+        """
+        room = self.largest / self.share
+        return min(max(rest, now / room), now * room) / self.share
 
 
 @dataclass(frozen=True)
@@ -79,9 +119,9 @@ def fixed_cameras(
     fov_deg: float = 37.5,
     *,
     views: int = NUM_VIEWS,
-    distance_scale: float = 1.0,
+    fitting_radius: float = UNIT_SPHERE,
 ) -> Cameras:
-    """Cameras at azimuths ``azimuth_deg + 90 k``, or at the given ones, that look at the origin.
+    """Place cameras at azimuths ``azimuth_deg + 90 k``, or at the given ones, that look at the origin.
 
     Parameters
     ----------
@@ -89,17 +129,18 @@ def fixed_cameras(
         One azimuth for view 0, or one a view; one elevation for all views, or one a view.
     views : int
         How many, where `azimuth_deg` does not say it.
-    distance_scale : float
-        Multiplies the distance at which the unit sphere just fits (larger shows more).
+    fitting_radius : float
+        Radius of the sphere around the origin that just fits the view.
     """
     if isinstance(azimuth_deg, int | float):
         azimuths = tuple(float(azimuth_deg + 90 * k) for k in range(views))
     else:
         azimuths, views = azimuth_deg, len(azimuth_deg)
     elevations = (elevation_deg,) * views if isinstance(elevation_deg, int | float) else tuple(elevation_deg)
-    distance = distance_scale * _MARGIN / math.sin(math.radians(fov_deg) / 2)
+    distance = fitting_radius / math.sin(math.radians(fov_deg) / 2)
     focal = 1 / math.tan(math.radians(fov_deg) / 2)
-    near, far = max(distance - 3.0, 0.05), distance + 3.0
+    # In proportion to what is seen, so that a bias in depth means about the same length at every field of view.
+    near, far = max(distance - 2 * fitting_radius, 0.05 * fitting_radius), distance + 2 * fitting_radius
     projection = torch.tensor(
         [
             [focal, 0, 0, 0],
@@ -114,7 +155,9 @@ def fixed_cameras(
     return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, float(fov_deg))
 
 
-def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -> Cameras:
+def sample_orthogonal_cameras(
+    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = UNIT_SPHERE
+) -> Cameras:
     """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
 
     Each elevation and the shared field of view are uniform in `bounds`.
@@ -124,25 +167,30 @@ def sample_orthogonal_cameras(bounds: CameraRange, generator: torch.Generator) -
     bounds : CameraRange
     generator : torch.Generator on the CPU
         The job's only source of randomness.
+    fitting_radius : float
+        Radius of the sphere around the origin that just fits the view.
     """
     u = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
     azimuth = -180 + 360 * u[0]
     fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[1]
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
     elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
-    return fixed_cameras(azimuth, elevations, fov)
+    return fixed_cameras(azimuth, elevations, fov, fitting_radius=fitting_radius)
 
 
-def sample_random_cameras(bounds: CameraRange, generator: torch.Generator, views: int = NUM_VIEWS) -> Cameras:
+def sample_random_cameras(
+    bounds: CameraRange, generator: torch.Generator, views: int = NUM_VIEWS, fitting_radius: float = UNIT_SPHERE
+) -> Cameras:
     """Draw cameras that know nothing of each other: azimuths ~ U(-180, 180), elevations uniform, one field of view.
 
-    What the paper compares its orthogonal views with (Xu et al. 2024, section 4.3).
+    What the paper compares its orthogonal views with (Xu et al. 2024, section 5.3).
     """
     u = torch.rand(1 + 2 * views, generator=generator, dtype=torch.float64).tolist()
     fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[0]
     azimuths = tuple(-180 + 360 * a for a in u[1 : 1 + views])
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
-    return fixed_cameras(azimuths, tuple(bounds.elevation_min_deg + span * e for e in u[1 + views :]), fov)
+    elevations = tuple(bounds.elevation_min_deg + span * e for e in u[1 + views :])
+    return fixed_cameras(azimuths, elevations, fov, fitting_radius=fitting_radius)
 
 
 def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:

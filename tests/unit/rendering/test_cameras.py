@@ -10,6 +10,7 @@ import torch
 from meshdeform.rendering.cameras import (
     CameraRange,
     Cameras,
+    Framing,
     fixed_cameras,
     sample_orthogonal_cameras,
     sample_random_cameras,
@@ -50,6 +51,41 @@ def test_the_unit_sphere_just_fits(fov: float) -> None:
     reach = (clip[:, :2] / clip[:, 3:]).abs().max()
     assert 0.85 < reach < 1.0
     assert (clip[:, 2] / clip[:, 3]).abs().max() < 1
+
+
+def test_a_framed_sphere_reaches_its_share_and_is_followed() -> None:
+    framing = Framing(share=0.5, largest=0.8)
+    for now, share in (
+        (0.3, 0.5),
+        (0.2, 0.5 * 0.2 / 0.3),
+        (0.4, 0.5 * 0.4 / 0.3),
+        (0.48, 0.8),
+        (3.0, 0.8),
+        (0.01, 0.5 / 1.6),
+    ):
+        radius = framing.fitting_radius(0.3, now)
+        assert now / radius == pytest.approx(share), now
+        cameras = fixed_cameras(0.0, 0.0, 40.0, fitting_radius=radius)
+        # The tangent from the eye to the sphere meets the view's border where its sine is the half angle's.
+        distance = float(cameras.eye[0].norm())
+        assert now / distance == pytest.approx(share * math.sin(math.radians(20.0)), rel=1e-5)
+    follows = Framing(share=0.9, largest=0.9)
+    assert follows.fitting_radius(0.3, 0.1) == pytest.approx(0.1 / 0.9)
+    assert follows.fitting_radius(0.3, 2.0) == pytest.approx(2.0 / 0.9)
+
+
+@pytest.mark.parametrize("radius", [0.1, 1.05, 40.0])
+def test_a_bias_in_depth_means_a_similar_length_at_every_field_of_view(radius: float) -> None:
+    """The antialiasing compares depths with a constant: it must not tell other silhouettes apart at 45 than at 30."""
+    lengths = []
+    for fov in (30.0, 37.5, 45.0):
+        cameras = fixed_cameras(0.0, 0.0, fov, fitting_radius=radius)
+        points = torch.tensor([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1e-2 * radius, 1.0]])
+        clip = points @ cameras.view_proj[0].mT
+        z = clip[:, 2] / clip[:, 3]
+        lengths.append(1e-2 * 1e-4 / float(z[1] - z[0]))  # of a radius, for a bias of 1e-4
+    assert max(lengths) < 2 * min(lengths)
+    assert max(lengths) < 1e-3
 
 
 def test_nearer_points_have_smaller_depth() -> None:
