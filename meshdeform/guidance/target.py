@@ -16,23 +16,40 @@ was 0.0099 of the radius with them and 0.0086 without).
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import StepContext
 from meshdeform.rendering.cameras import NUM_VIEWS
+from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
-if TYPE_CHECKING:
-    from meshdeform.geometry.mesh import TriangleMesh
-
-__all__ = ["TARGET_STYLE", "TargetGuidance"]
+__all__ = ["TARGET_STYLE", "TargetGuidance", "place_target"]
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 _TENTH = 0.1
+
+
+def place_target(target: TriangleMesh, rest: TriangleMesh) -> TriangleMesh:
+    """Scale a target as its source was scaled, and put its centre of mass where the source's is.
+
+    The Poisson solve keeps the centre of mass of the deformed mesh for ever. A target that is placed by its bounding
+    box has another one unless it is symmetric, and the mesh can only reach it by stretching.
+
+    Parameters
+    ----------
+    target : TriangleMesh
+        In any unit, anywhere.
+    rest : TriangleMesh
+        The source at rest, in the frame of the cameras.
+    """
+    placed = Frame.around(target.verts).place(target)
+    shift = RestMesh.of(rest).centre_of_mass() - RestMesh.of(placed).centre_of_mass()
+    return TriangleMesh(placed.verts + shift, placed.faces)
 
 
 class TargetGuidance:
@@ -41,8 +58,7 @@ class TargetGuidance:
     Parameters
     ----------
     mesh : TriangleMesh
-        The target, in the frame of the mesh that is deformed. The caller scales both the same way and puts both centres
-        of mass (of the surface) at the origin: with `translation_rate` 0 the deformed one cannot leave it.
+        The target, in the frame of the mesh that is deformed, with its centre of mass: see `place_target`.
     style : RenderStyle
     device : str or torch.device
         Where the views are drawn.

@@ -18,11 +18,12 @@ from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ParameterError, PromptError
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.normals import transform_normals, transform_tangents
 from meshdeform.geometry.operators import effective_face_areas
 from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuidance, place_target
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
@@ -93,7 +94,7 @@ def start(
     frame = Frame.around(welded.mesh.verts)
     mesh = frame.place(welded.mesh)
     with clock.phase("prepare"):
-        guidance = _guidance(request, params, prior, target, target_filename, limits, device)
+        guidance = _guidance(request, params, mesh, prior, target, target_filename, limits, device)
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
@@ -111,6 +112,7 @@ def start(
 def _guidance(
     request: JobRequest,
     params: ResolvedParams,
+    rest: TriangleMesh,
     prior: Prior | None,
     target: bytes | None,
     target_filename: str,
@@ -124,9 +126,8 @@ def _guidance(
             )
         shape = load_asset(target, target_filename, limits).surface
         goal = weld(shape.positions, shape.triangles).mesh
-        return TargetGuidance(
-            Frame.around(goal.verts).place(goal), device=device, identity={"sha256": sha256_hex(target)}
-        )
+        identity = {"id": "target", "revision": "", "sha256": sha256_hex(target)}
+        return TargetGuidance(place_target(goal, rest), device=device, identity=identity)
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:
