@@ -15,8 +15,8 @@ discretised integral over the rest surface of area A:
   jumping across
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 7 to 9; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
-Shells; Sorkine and Alexa 2007, As-rigid-as-possible surface modeling (the rotation-invariant form); Smith and Schaefer
-2015, Bijective Parameterization with Free Boundaries, eq. 2 (symmetric Dirichlet, here less its minimum).
+Shells; Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2 (symmetric Dirichlet, here less
+its minimum).
 """
 
 from __future__ import annotations
@@ -28,10 +28,8 @@ import torch
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.deformation.rotations import closest_rotations
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
 from meshdeform.geometry.operators import cotangent_laplacian, effective_face_areas, sparse_product, vertex_areas
-from meshdeform.requests.document import Rigidity
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
 
@@ -84,13 +82,9 @@ class Regularizers:
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
 
-    def jacobian(self, jacobians: Tensor, kind: Rigidity = Rigidity.IDENTITY) -> Tensor:
-        """Area-weighted mean ||J - R||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians.
-
-        R is the identity, or the closest rotation: with that, a leg that turns costs nothing and one that stretches
-        does (as rigid as possible).
-        """
-        rigid = closest_rotations(jacobians) if kind is Rigidity.ROTATION else torch.eye(3, dtype=jacobians.dtype)
+    def jacobian(self, jacobians: Tensor) -> Tensor:
+        """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
+        rigid = torch.eye(3, dtype=jacobians.dtype)
         return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
 
     def laplacian(self, verts: Tensor) -> Tensor:
