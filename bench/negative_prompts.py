@@ -30,11 +30,6 @@ PAIRS = (
     ("a mushroom", "a mushroom with a big cap", "a mushroom with a small cap"),
     ("a rocket", "a rocket with big fins", "a rocket with small fins"),
 )
-MODES: dict[str, dict[str, object]] = {
-    "unconditional": {},
-    "perpendicular, 1": {"negative": "perpendicular"},
-    "perpendicular, 3": {"negative": "perpendicular", "negative_weight": 3.0},
-}
 
 
 def main() -> None:
@@ -59,17 +54,15 @@ def main() -> None:
             pass
         return TriangleMesh(frame.leave(deformation.verts()), rest.faces)
 
-    print("| prompt | rather than | negative | none | the first | the second | flipped, cut |")
-    print("|---|---|---|---|---|---|---|")
+    print("| prompt | rather than | none | the first | the second | flipped, cut |")
+    print("|---|---|---|---|---|---|")
     for prompt, first, second in PAIRS:
-        plain = deformed(prompt)
-        for mode, options in MODES.items():
-            shapes = [plain, *(deformed(prompt, negative_prompt=text, **options) for text in (first, second))]
-            scores = [judge.log_likelihoods(shape, [first, second]).tolist() for shape in shapes]
-            found = [measures(rest, shape) for shape in shapes]
-            bad = [sum(quality[name] for quality in found) for name in ("flipped_faces", "self_intersections_added")]
-            sides = " | ".join(f"{one - other:+.1f}" for one, other in scores)
-            print(f"| {first} | {second} | {mode} | {sides} | {bad[0]:.0f}, {bad[1]:.0f} |", flush=True)
+        shapes = [deformed(prompt), *(deformed(prompt, negative_prompt=text) for text in (first, second))]
+        scores = [judge.log_likelihoods(shape, [first, second]).tolist() for shape in shapes]
+        found = [measures(rest, shape) for shape in shapes]
+        bad = [sum(quality[name] for quality in found) for name in ("flipped_faces", "self_intersections_added")]
+        sides = " | ".join(f"{one - other:+.1f}" for one, other in scores)
+        print(f"| {first} | {second} | {sides} | {bad[0]:.0f}, {bad[1]:.0f} |", flush=True)
 
 
 if __name__ == "__main__":

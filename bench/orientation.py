@@ -32,7 +32,7 @@ def main() -> None:
     level = prior.alphas_cumprod[at].view(1, 1, 1, 1)
     errors = {noun: np.zeros(len(TURNS)) for noun in NOUNS}
     for kind, noun in enumerate(NOUNS):
-        embedding = prior.encode_prompt(str(ParsedPrompt(noun)))
+        embedding = prior.encode_texts(str(ParsedPrompt(noun)))
         for number in range(arguments.members):
             rng = np.random.default_rng([77, kind, number])
             shape = member(noun, (), rng)
@@ -43,7 +43,7 @@ def main() -> None:
             noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(number))
             noisy = level.sqrt() * clean + (1 - level).sqrt() * noise
             for turn, degrees in enumerate(TURNS):
-                _, text = prior.predict_noise(noisy, at, embedding, fixed_cameras(azimuth + degrees, 15.0))
+                (text,) = prior.predict_noise(noisy, at, embedding, fixed_cameras(azimuth + degrees, 15.0))
                 guessed = (noisy - (1 - level).sqrt() * text) / level.sqrt()
                 errors[noun][turn] += float((guessed - clean).square().mean())
     total = np.sum(list(errors.values()), 0)

@@ -42,10 +42,10 @@ def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, fl
     cameras = fixed_cameras(30.0, 15.0)
     side = 2 * prior.style.view_size
     guidance = ScoreDistillation(prior, prompt, guidance_scale=scale)
-    embedding = prior.encode_prompt(prompt)
-    image = torch.rand(1, 3, side, side, device=prior.device, requires_grad=True)
+    embedding, device = prior.encode_texts(prompt, "").flip(0), prior.alphas_cumprod.device
+    image = torch.rand(1, 3, side, side, device=device, requires_grad=True)
     z_t = prior.encode_image(image).detach()
-    timestep = torch.tensor([prior.num_timesteps // 2], device=prior.device)
+    timestep = torch.tensor([prior.num_timesteps // 2], device=device)
     generator = torch.Generator()
 
     def encode() -> None:
@@ -63,7 +63,7 @@ def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, fl
         loss.backward()
 
     measured = {
-        name: median_seconds(action, prior.device, repeats)
+        name: median_seconds(action, device, repeats)
         for name, action in (
             ("encode, forward", encode),
             ("encode, forward and backward", encode_and_back),
@@ -71,9 +71,7 @@ def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, fl
             ("whole step", step),
         )
     }
-    measured["encode a prompt (once a job)"] = median_seconds(
-        lambda: prior.encode_prompt(prompt), prior.device, repeats
-    )
+    measured["encode a prompt (once a job)"] = median_seconds(lambda: prior.encode_texts(prompt, ""), device, repeats)
     return measured
 
 
@@ -96,7 +94,7 @@ def main() -> None:
         measured = parts(prior, arguments.prompt, 7.5, arguments.repeats)
     whole = measured["whole step"]
     print(
-        f"{arguments.model} on {prior.device}, {prior.dtype}, threads: {arguments.threads}, loaded in {loading:.1f} s"
+        f"{arguments.model} on {prior.alphas_cumprod.device}, threads: {arguments.threads}, loaded in {loading:.1f} s"
     )
     for name, seconds in measured.items():
         print(f"{name:32} {seconds * 1e3:9.2f} ms  {seconds / whole:6.1%} of a step")

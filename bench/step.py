@@ -72,7 +72,7 @@ def main() -> None:
         (regularizers.jacobian(jacobians) + regularizers.laplacian(leaf) + regularizers.normal(leaf)).backward()
 
     image = combine_views(renderer.render(mesh.verts, cameras)).detach()
-    embedding = prior.encode_prompt(arguments.prompt)
+    embedding = prior.encode_texts(arguments.prompt, "")
 
     def network() -> None:
         prior.predict_noise(image, torch.tensor([500]), embedding, cameras)

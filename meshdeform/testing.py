@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -50,9 +51,6 @@ class FakePrior:
     """
 
     num_timesteps = 1000
-    device = torch.device("cpu")
-    dtype = torch.float32
-    unwanted = ""
 
     def __init__(self, optimum: TriangleMesh | Tensor | None = None, *, view_size: int = 24) -> None:
         if optimum is None:
@@ -66,7 +64,6 @@ class FakePrior:
         else:
             content = optimum.verts.numpy().tobytes() + optimum.faces.numpy().tobytes()
         self.style = RenderStyle(view_size=view_size, supersample=1, shading="normals")
-        self.single_style = RenderStyle(view_size=2 * view_size, supersample=1, shading="normals")
         self.alphas_cumprod = torch.linspace(0.999, 0.001, self.num_timesteps)
         self.identity = {"id": "fake", "revision": "", "sha256": hashlib.sha256(content).hexdigest()}
         self.prompts: list[tuple[str, ...]] = []
@@ -81,10 +78,11 @@ class FakePrior:
             return combine_views(renderer.render(self._optimum.verts, cameras))
 
     def singles(self, cameras: Cameras) -> Tensor:
-        """The optimum as each camera sees it by itself: (B, 3, S, S) float32 in [0, 1]."""
+        """Return the optimum as each camera sees it by itself, as large as the four together: (B, 3, S, S) float32."""
         if isinstance(self._optimum, Tensor):
             return self._optimum.expand(len(cameras.azimuths_deg), -1, -1, -1)
-        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.single_style)
+        style = replace(self.style, view_size=2 * self.style.view_size)
+        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], style)
         with torch.no_grad():
             return renderer.render(self._optimum.verts, cameras).permute(0, 3, 1, 2)
 
@@ -93,11 +91,7 @@ class FakePrior:
         self.prompts.append((prompt, *others))
         return torch.zeros(1 + len(others), 1)
 
-    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Tensor:
-        """Rows of the negative prompt and of the prompt."""
-        return self.encode_texts(prompt, negative_prompt).flip(0)
-
-    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
+    def encode_image(self, image: Tensor) -> Tensor:
         """Scale from [0, 1] to [-1, 1]."""
         return image * 2.0 - 1.0
 

@@ -41,7 +41,15 @@ def evaluate(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Any parameter (docs/parameters.md); repeatable. Each ablation is one.",
+            help="Any parameter (docs/parameters.md); repeatable.",
+            rich_help_panel=_METHOD,
+        ),
+    ] = None,
+    ablation: Annotated[
+        str | None,
+        typer.Option(
+            help="Take a part out of the method: vertices, single_views, no_jacobian, no_laplacian or no_normal "
+            "(docs/quality.md).",
             rich_help_panel=_METHOD,
         ),
     ] = None,
@@ -106,8 +114,12 @@ def evaluate(
         raise typer.BadParameter("folders are compared; give --compare as well", param_hint="FOLDERS")
     settings = load_settings(device=device, model=model)
     options = {**_set(settings_ or []), "steps": steps, "preset": preset}
+
+    def plan() -> Plan:
+        return _plan(suite, out, options, checkpoint_at or [], prior, seeds, settings, judge, clip, ablation)
+
     if dry_run:
-        _list(_plan(suite, out, options, checkpoint_at or [], prior, seeds, settings, judge, clip), limit, as_json)
+        _list(plan(), limit, as_json)
         return
     from meshdeform.evaluation import runner
     from meshdeform.evaluation.tables import table
@@ -119,8 +131,8 @@ def evaluate(
         if rejudge:
             document = runner.rejudge(_kept_plan(out, settings, judge, clip), say=say)
         else:
-            plan = _plan(suite, out, options, checkpoint_at or [], prior, seeds, settings, judge, clip)
-            document = runner.run(plan, jobs=jobs or runner.default_jobs(plan), limit=limit, say=say)
+            wanted = plan()
+            document = runner.run(wanted, jobs=jobs or runner.default_jobs(wanted), limit=limit, say=say)
     except KeyboardInterrupt:
         raise OutcomeError(
             ExitCode.INTERRUPTED, "interrupted", "Interrupted.", f"The same command goes on in {out}."
@@ -173,16 +185,22 @@ def _plan(
     settings: Settings,
     judge: str,
     clip: Path | None,
+    ablation: str | None,
 ) -> Plan:
+    from meshdeform.evaluation.ablations import Ablation, ablated_params
     from meshdeform.evaluation.plan import Plan
     from meshdeform.evaluation.suite import find_suite
     from meshdeform.requests.document import resolve
     from meshdeform.runs.devices import resolve_device
 
+    if ablation is not None and ablation not in list(Ablation):
+        raise typer.BadParameter(f"{ablation!r} is not one of {', '.join(Ablation)}", param_hint="--ablation")
+    chosen = Ablation(ablation) if ablation is not None else None
     suite = find_suite(suite_name)
     if seeds is not None:
         suite = suite.with_seeds(_seeds(seeds))
     params = resolve(_params({"preset": suite.preset, "model": _model(prior, settings), **_without_none(options)}))
+    params = ablated_params(params, chosen)
     late = [step for step in checkpoint_at if step > params.steps]
     if late:
         raise ParameterError(f"--checkpoint-at {late[0]} is after the last step, {params.steps}.")
@@ -195,6 +213,7 @@ def _plan(
         device=resolve_device(settings.device),
         judge=judge,
         clip=str(clip.resolve()) if clip else "",
+        ablation=chosen,
     )
 
 

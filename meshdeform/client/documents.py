@@ -81,11 +81,11 @@ class _AsItCame(BaseModel):
         return {**{name: getattr(self, name) for name in self.model_fields_set}, **(self.model_extra or {})}
 
 
-class _Params(_AsItCame, DeformParams):
+class _Params(_AsItCame, DeformParams):  # type: ignore[misc]
     model_config = _OPEN
 
 
-class _Resolved(_AsItCame, ResolvedParams):
+class _Resolved(_AsItCame, ResolvedParams):  # type: ignore[misc]
     model_config = _OPEN
 
 

@@ -8,6 +8,7 @@ regularisers and lets Adam move the Jacobians::
     image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
             + w_a attachments(verts)                                (assets of several parts; not in the paper)
+            + w_d dirichlet(verts)                                  (the barrier; not in the paper)
 
 The Poisson solution is unique up to one translation per connected component. The paper pins it; where an asset has
 several components we optimise it as well (`translation_rate`; 0 is the paper), because a wheel must be able to follow
@@ -21,7 +22,7 @@ Gao et al. 2023, TextDeformer, section 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import torch
@@ -29,28 +30,21 @@ from torch import Tensor
 
 from meshdeform.deformation.attachments import Attachments
 from meshdeform.deformation.checkpoint import Checkpoint
-from meshdeform.deformation.optimizer import make_optimizer
+from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.deformation.schedules import annealed
-from meshdeform.deformation.settling import Settling
-from meshdeform.deformation.smoothing import GradientSmoothing
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
-from meshdeform.deformation.variables import copy_into, make_variables
+from meshdeform.deformation.variables import JacobianField, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
 from meshdeform.rendering.cameras import CameraRange
-from meshdeform.rendering.shading import Renderer
-from meshdeform.rendering.views import Views
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.views import OrthogonalGrid, Views
 from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
-
-_GRADE_SEED = 20_230_703
-_GRADE_DRAWS = 8
-"""Grids of views, each with its own cameras, timestep and noise, that a grade is the mean over."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +80,11 @@ class Deformation:
     initial : mapping of name to Tensor, optional
         The tensors of a checkpoint of the same mesh, whose shape the run begins with; its parameters may be others, and
         neither its optimiser's moments nor its random numbers go on. Regularisers stay relative to the rest mesh.
+    variables : callable
+        Makes what the optimiser moves, for the rest mesh of a Poisson system: the paper's Jacobians unless given.
+    views : callable
+        Makes what a step shows to the guidance, for the cameras' bounds and the guidance's style: the paper's four
+        orthogonal views in one picture unless given.
 
     Raises
     ------
@@ -104,6 +103,8 @@ class Deformation:
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
         initial: Mapping[str, Tensor] | None = None,
+        variables: Callable[[PoissonSystem], Variables] = JacobianField,
+        views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -115,32 +116,16 @@ class Deformation:
         self._regularizers = Regularizers(rest)
         self._attachments = Attachments(rest, rest.components)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
-        self._views = Views(
-            params.views,
-            bounds,
-            guidance,
-            resolution_start=params.resolution_start,
-            coarse_until=params.coarse_until,
-        )
+        self._views = views(bounds, guidance.style)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
-        self._variables = make_variables(params.parametrization, mesh, self._poisson)
+        self._variables = variables(self._poisson)
         rates = self._variables.rates(params.translation_rate)
-        self._optimizer = make_optimizer(
-            params.optimizer,
-            [
-                {"params": [tensor], "lr": params.learning_rate * rates[name], "multiple": rates[name]}
-                for name, tensor in self._variables.tensors.items()
-            ],
+        self._optimizer = Adam(
+            {"params": [tensor], "lr": params.learning_rate * rates[name]}
+            for name, tensor in self._variables.tensors.items()
         )
-        self._smoothing = None
-        if params.smoothing_start:
-            self._smoothing = GradientSmoothing(mesh, params.smoothing_start, params.coarse_until)
         self._limit = StepLimit(rest, self._variables) if params.dirichlet_weight else None
-        self._settling = None
-        if params.stop_when_settled:
-            diagonal = float((mesh.verts.amax(0) - mesh.verts.amin(0)).norm()) if len(mesh.verts) else 0.0
-            self._settling = Settling(params.stop_when_settled, diagonal)
         guarded = params.safeguard is not Safeguard.NONE
         self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
         self._whole = True
@@ -152,17 +137,9 @@ class Deformation:
             self.restore(checkpoint)
 
     @property
-    def settled(self) -> bool:
-        """Whether the run has ended before its last step, because the shape went nowhere any more.
-
-        Asked at steps after which the guard has looked: what a run ends with is whole.
-        """
-        return self._settling is not None and self.step % EVERY_STEPS == 0 and self._settling.settled
-
-    @property
     def done(self) -> bool:
         """Whether no step is left."""
-        return self.step >= self.params.steps or self.settled
+        return self.step >= self.params.steps
 
     def __iter__(self) -> Iterator[Step]:
         """Run the steps that are left; stop iterating at any time and `checkpoint` holds the rest.
@@ -184,22 +161,6 @@ class Deformation:
         with torch.no_grad():
             return self._variables.place()
 
-    @torch.no_grad()
-    def grade(self) -> float:
-        """How badly the shape shows what is asked for, as far as the guidance can tell; smaller is better.
-
-        Every shape is asked about with the same cameras and noise, and the run's own random numbers stay where they
-        are: shapes of the same guidance can be compared.
-        """
-        generator = torch.Generator().manual_seed(_GRADE_SEED)
-        verts = self._variables.place().to(self._device)
-        found = []
-        for _ in range(_GRADE_DRAWS):
-            cameras = self._views.sample(generator).to(self._device)
-            image = self._views.arrange(self._renderer.render(verts, cameras))
-            found.append(self._guidance.grade(image, StepContext(0, 1, cameras, generator)))
-        return math.fsum(found) / len(found)
-
     def checkpoint(self) -> Checkpoint:
         """Everything that the rest of the run depends on, copied.
 
@@ -217,8 +178,7 @@ class Deformation:
             for key, value in self._optimizer.state.get(parameter, {}).items()
         }
         whole = self._guard.state if self._guard is not None else {}
-        pace = self._settling.state if self._settling is not None else {}
-        state = {**tensors, **moments, **whole, **pace, "generator": self._generator.get_state()}
+        state = {**tensors, **moments, **whole, "generator": self._generator.get_state()}
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
     def _advance(self) -> dict[str, float]:
@@ -230,8 +190,6 @@ class Deformation:
             self._generator.set_state(drawn)
             raise
         self._whole = False
-        for group in self._optimizer.param_groups:
-            group["lr"] = group["multiple"] * self._between(self.params.learning_rate, self.params.learning_rate_end)
         old = self._limit.copy() if self._limit is not None else {}
         self._optimizer.step()
         if self._limit is not None:
@@ -240,34 +198,22 @@ class Deformation:
             # The last step is always looked at: what a run ends with is whole.
             due = (self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps
             logs["held_faces"] = float(self._guard.correct(self._optimizer)) if due else 0.0
-        if self._settling is not None:
-            self._settling.add(verts)
-            logs["speed"] = self._settling.speed
         self._whole = True
         return {"total": total, **logs}
-
-    @property
-    def _fraction(self) -> float:
-        return self.step / max(self.params.steps - 1, 1)
-
-    def _between(self, begin: float, end: float) -> float:
-        """What has this value at the first step and that at the last."""
-        return annealed(begin, end, self._fraction, self.params.annealing)
 
     def _loss(self) -> tuple[float, dict[str, float], Tensor]:
         p = self.params
         cameras = self._views.sample(self._generator).to(self._device)
         verts = self._variables.place()
-        renderer = self._renderer.at(self._views.size(self._fraction))
-        image = self._views.arrange(renderer.render(verts.to(self._device), cameras))
+        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, logs = self._guidance.loss(image, context)
-        keep, held = self._regularizers, self._between(1.0, p.regularizer_scale_end)
+        keep = self._regularizers
         terms = {
             "guidance": p.guidance_weight * guidance.double().cpu(),
-            "jacobian": held * p.jacobian_reg_weight * keep.jacobian(self._variables.jacobians(), p.rigidity),
-            "laplacian": held * p.laplacian_weight * keep.laplacian(verts),
-            "normal": held * p.normal_weight * keep.normal(verts),
+            "jacobian": p.jacobian_reg_weight * keep.jacobian(self._variables.jacobians()),
+            "laplacian": p.laplacian_weight * keep.laplacian(verts),
+            "normal": p.normal_weight * keep.normal(verts),
             "attachment": p.attachment_weight * self._attachments.penalty(verts),
         }
         if p.dirichlet_weight:
@@ -275,10 +221,6 @@ class Deformation:
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
         total.backward()  # type: ignore[no-untyped-call]
-        if self._smoothing is not None:
-            jacobians = self._variables.tensors["jacobians"]
-            if jacobians.grad is not None:
-                jacobians.grad = self._smoothing.apply(jacobians.grad, self._fraction)
         gradients = [tensor.grad for tensor in self._variables.tensors.values()]
         finite = all(gradient is not None and bool(torch.isfinite(gradient).all()) for gradient in gradients)
         if not math.isfinite(total.item()) or not finite:
@@ -303,8 +245,6 @@ class Deformation:
             }
         if self._guard is not None:
             self._guard.restore(state)
-        if self._settling is not None:
-            self._settling.restore(state)
         self._generator.set_state(state["generator"])
         self._whole = True
         self.step = checkpoint.step

@@ -1,18 +1,13 @@
-"""Adam, and Adam whose steps have one size for all faces.
+"""Adam.
 
 ::
 
     m <- b1 m + (1 - b1) g        v <- b2 v + (1 - b2) g^2        x <- x - lr m_hat / (sqrt(v_hat) + 1e-8)
 
-Adam divides every entry's gradient by that entry's own spread, so a face that no view pulls moves as fast as one that
-all views pull, along whatever noise it gets. `AdamUniform` takes ``max v_hat`` over the tensor in place of ``v_hat``,
-as Nicolet et al. do for vertices: where there is little force there is little motion.
-
 Not torch's own: to make one of those loads torch's compiler with everything that it needs, which takes longer than
 the whole of a short run and as much memory as the prior. The numbers are the same to the last bit; a test compares.
 
-Sources: Kingma & Ba 2015, Adam, algorithm 1; Nicolet et al. 2021, Large steps in inverse rendering of geometry,
-section 3.4.
+Source: Kingma & Ba 2015, Adam, algorithm 1.
 """
 
 from __future__ import annotations
@@ -24,9 +19,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from meshdeform.requests.document import Optimizer
-
-__all__ = ["Adam", "AdamUniform", "make_optimizer"]
+__all__ = ["Adam"]
 
 _EPSILON = 1e-8
 
@@ -74,13 +67,9 @@ class Adam:
                 done = float(state["step"])
                 state["exp_avg"].lerp_(parameter.grad, 1 - first)
                 state["exp_avg_sq"].mul_(second).addcmul_(parameter.grad, parameter.grad, value=1 - second)
-                spread = self._spread(state["exp_avg_sq"], 1 - second**done)
+                root = (1 - second**done) ** 0.5
+                spread = (state["exp_avg_sq"].sqrt() / root).add_(_EPSILON)
                 parameter.addcdiv_(state["exp_avg"], spread, value=-group["lr"] / (1 - first**done))
-
-    def _spread(self, squares: Tensor, share: float) -> Tensor:
-        """What a step is divided by; `share` of the squares' mean is known so far."""
-        root: float = share**0.5
-        return (squares.sqrt() / root).add_(_EPSILON)
 
     def _state(self, parameter: Tensor) -> dict[str, Tensor]:
         state = self.state[parameter]
@@ -89,15 +78,3 @@ class Adam:
             state["exp_avg"] = torch.zeros_like(parameter)
             state["exp_avg_sq"] = torch.zeros_like(parameter)
         return state
-
-
-class AdamUniform(Adam):
-    """Adam with one spread a tensor, the largest."""
-
-    def _spread(self, squares: Tensor, share: float) -> Tensor:
-        return super()._spread(squares.max(), share)
-
-
-def make_optimizer(kind: Optimizer, groups: list[dict[str, Any]]) -> Adam:
-    """The optimiser of a run, over groups of one tensor each with its `lr`."""
-    return AdamUniform(groups) if kind is Optimizer.ADAM_UNIFORM else Adam(groups)

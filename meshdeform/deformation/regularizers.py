@@ -35,11 +35,9 @@ import torch
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.deformation.rotations import closest_rotations
 from meshdeform.geometry.mesh import TriangleMesh, face_normals, safe_normalize
 from meshdeform.geometry.operators import sparse_product
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.requests.document import Rigidity
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
 
@@ -94,13 +92,9 @@ class Regularizers:
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
 
-    def jacobian(self, jacobians: Tensor, kind: Rigidity = Rigidity.IDENTITY) -> Tensor:
-        """Area-weighted mean ||J - R||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians.
-
-        R is the identity, or the closest rotation: with that, a leg that turns costs nothing and one that stretches
-        does (as rigid as possible).
-        """
-        rigid = closest_rotations(jacobians) if kind is Rigidity.ROTATION else torch.eye(3, dtype=jacobians.dtype)
+    def jacobian(self, jacobians: Tensor) -> Tensor:
+        """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
+        rigid = torch.eye(3, dtype=jacobians.dtype)
         return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
 
     def laplacian(self, verts: Tensor) -> Tensor:

@@ -1,10 +1,9 @@
-"""What the optimiser moves: per-face Jacobians (the method), or the vertices themselves (what it is compared with).
+"""What the optimiser moves: one Jacobian for each face, integrated to vertices by the Poisson solve.
 
-Jacobians are integrated by the Poisson solve, so a gradient on one face moves the surface around it smoothly and at
-all scales; plain vertex displacements follow each gradient where it falls. The paper's first claim is that the former
-is what makes large deformations clean; both are here so that the claim can be measured.
+A gradient on one face thereby moves the surface around it smoothly and at all scales. The optimisation knows its
+variables by the interface `Variables` only, so that an ablation can put others in their place.
 
-Sources: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4; Xu et al. 2024, FusionDeformer, section 4.3 (ablation).
+Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 """
 
 from __future__ import annotations
@@ -18,12 +17,10 @@ from torch import Tensor
 from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.errors import CheckpointError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.requests.document import Parametrization
 
 T = TypeVar("T")
 
-__all__ = ["JacobianField", "Variables", "VertexDisplacements", "copy_into", "make_variables"]
+__all__ = ["JacobianField", "Variables", "copy_into"]
 
 
 class Variables(Protocol):
@@ -106,54 +103,6 @@ class JacobianField:
             moved = torch.zeros_like(self.tensors["translations"])
             moved.index_add_(0, self._rest.components, self._weights[:, None] * (verts - self._rest.verts))
             self.tensors["translations"].copy_(moved)
-
-
-class VertexDisplacements:
-    """One displacement for each vertex: ``verts = rest + d``, less the motion of the centre of mass.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    poisson : PoissonSystem
-        Of the same mesh, for the weights of the centre of mass.
-    """
-
-    def __init__(self, mesh: TriangleMesh, poisson: PoissonSystem) -> None:
-        self._mesh = mesh
-        areas = torch.from_numpy(poisson.rest.vertex_areas)
-        self._shares = areas / areas.sum()
-        self._gradient = poisson.rest.gradient
-        rest_jacobians = jacobians_from_verts(self._gradient, mesh.verts)
-        # Leaves the penalty ||J - I||^2 to the surface alone.
-        self._normal_part = torch.eye(3, dtype=torch.float64) - rest_jacobians
-        self.tensors = {"displacements": torch.zeros_like(mesh.verts, requires_grad=True)}
-
-    def rates(self, translation_rate: float) -> dict[str, float]:  # noqa: ARG002 (parts move as their vertices do)
-        """The job's rate."""
-        return {"displacements": 1.0}
-
-    def jacobians(self) -> Tensor:
-        """Those of the map from rest, with a normal part that leaves the penalty ||J - I||^2 to the surface alone."""
-        return jacobians_from_verts(self._gradient, self.place()) + self._normal_part
-
-    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (one tensor only)
-        """Displacements have a row for each vertex."""
-        return {"displacements": of_vertex}
-
-    def place(self) -> Tensor:
-        """Add the displacements to the rest positions."""
-        displacements = self.tensors["displacements"]
-        return self._mesh.verts + displacements - self._shares @ displacements
-
-    def adopt(self, verts: Tensor) -> None:
-        """Set the displacements from the rest positions."""
-        with torch.no_grad():
-            self.tensors["displacements"].copy_(verts - self._mesh.verts)
-
-
-def make_variables(kind: Parametrization, mesh: TriangleMesh, poisson: PoissonSystem) -> Variables:
-    """The variables of a run that begins at rest."""
-    return VertexDisplacements(mesh, poisson) if kind is Parametrization.VERTICES else JacobianField(poisson)
 
 
 def copy_into(variables: Variables, state: Mapping[str, Tensor]) -> None:

@@ -20,8 +20,7 @@ from typing import Any
 
 import torch
 
-from meshdeform.deformation.candidates import CandidateRun
-from meshdeform.deformation.loop import Deformation
+from meshdeform.evaluation.ablations import deformation_of
 from meshdeform.evaluation.clip_judge import ClipJudge
 from meshdeform.evaluation.measures import measures
 from meshdeform.evaluation.mesh_file import read_ply, write_ply
@@ -39,8 +38,8 @@ from meshdeform.support.atomic_files import write_files
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path"]
 
 _RECORD = "record.json"
-_PACE = ("step_s_median", "seconds", "steps_done", "candidates")
-"""Seconds of a step and of all of them, for information; the steps done, candidates counted; the candidates."""
+_PACE = ("step_s_median", "seconds")
+"""Seconds of a step and of all of them, for information."""
 
 
 def item_folder(folder: Path, item: Item) -> Path:
@@ -127,7 +126,7 @@ class Evaluator:
         rest = self._source(item)
         frame = Frame.around(rest.verts)
         guidance = score_distillation(self.prior, item.prompt, params)
-        run = CandidateRun(Deformation(frame.place(rest), guidance, params, device=self._plan.device))
+        run = deformation_of(self._plan.ablation, frame.place(rest), guidance, params, device=self._plan.device)
         shapes, seconds = {}, []
         before = time.perf_counter()
         for step in run:
@@ -135,14 +134,7 @@ class Evaluator:
             if step.step in self._plan.steps:
                 shapes[step.step] = TriangleMesh(frame.leave(run.verts()), rest.faces)
             before = time.perf_counter()
-        # A run that settled stands still from there on, and one that tried candidates is over when all of them are.
-        end = TriangleMesh(frame.leave(run.verts()), rest.faces)
-        shapes |= {steps: end for steps in self._plan.steps if steps not in shapes}
-        shapes[params.steps] = end
-        pace = dict(
-            zip(_PACE, (statistics.median(seconds), math.fsum(seconds), run.step, run.to_report()), strict=True)
-        )
-        return rest, shapes, pace
+        return rest, shapes, dict(zip(_PACE, (statistics.median(seconds), math.fsum(seconds)), strict=True))
 
     def _keep(
         self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], pace: dict[str, Any]

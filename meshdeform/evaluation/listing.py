@@ -19,9 +19,9 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
 
     Returns
     -------
-    `suite`, `folder`, `model`, `device`, `judge`, `clip`, `checkpoints` (the steps after which a shape is judged),
-    `params`, `items` (each with `source`, `prompt` and `seed`), `deformations`, `steps_in_all`, and `warnings`, which
-    say what the run itself would refuse.
+    `suite`, `folder`, `model`, `device`, `judge`, `clip`, `ablation`, `checkpoints` (the steps after which a shape is
+    judged), `params`, `items` (each with `source`, `prompt` and `seed`), `deformations`, `steps_in_all`, and
+    `warnings`, which say what the run itself would refuse.
     """
     items = plan.suite.items(limit)
     warnings = []
@@ -36,6 +36,7 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
         "device": plan.device,
         "judge": plan.judge,
         "clip": plan.clip or None,
+        "ablation": plan.ablation,
         "checkpoints": list(plan.steps),
         "params": plan.params.model_dump(mode="json", exclude={"seed", "model", "checkpoint_every_steps"}),
         "items": [{"source": item.source, "prompt": item.prompt, "seed": item.seed} for item in items],
@@ -55,6 +56,7 @@ def listing(plan: Plan, *, limit: int | None = None) -> str:
         "",
         f"model     {found['model']} on {found['device']}; judge {found['judge']}; CLIP {found['clip'] or 'none'}",
         f"params    {parameters}",
+        *([f"ablation  {found['ablation']}"] if found["ablation"] else []),
         f"judged    after {', '.join(str(step) for step in found['checkpoints'])} steps",
         f"in all    {found['deformations']} deformations, {found['steps_in_all']:,} steps, into {found['folder']}",
         *(f"warning   {warning}" for warning in found["warnings"]),

@@ -14,6 +14,7 @@ from typing import Any
 
 import meshdeform
 from meshdeform.errors import ParameterError
+from meshdeform.evaluation.ablations import Ablation
 from meshdeform.evaluation.sources import mesh_sha256, source_mesh
 from meshdeform.evaluation.suite import Suite
 from meshdeform.requests.document import ResolvedParams
@@ -49,6 +50,8 @@ class Plan:
         As in `retrieval.load_judge`.
     clip : str
         Folder of a CLIP model, or empty.
+    ablation : Ablation, optional
+        What is taken out of the method; its parameters are in `params` already.
     """
 
     suite: Suite
@@ -59,6 +62,7 @@ class Plan:
     device: str = "cpu"
     judge: str = "builtin"
     clip: str = ""
+    ablation: Ablation | None = None
 
 
 def code_sha256() -> str:
@@ -91,6 +95,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
         "seeds": list(suite.seeds),
         "sources": sources,
         "steps": list(plan.steps),
+        "ablation": plan.ablation,
         "params": params,
         "prior": prior,
         "device": plan.device,

@@ -26,8 +26,7 @@ def write_report(folder: Path) -> dict[str, Any]:
     -------
     dict
         `manifest`; `summary`: for each number of steps `overall`, `by_prompt` and `by_source`; `done`, `failed` and
-        `expected` items; `steps_done_mean`, the steps of a deformation, which are fewer than the last of the plan where
-        runs settle and more where they try candidates; `step_s_median`, for information; `records`.
+        `expected` items; `step_s_median`, for information; `records`.
 
     Raises
     ------
@@ -45,7 +44,6 @@ def write_report(folder: Path) -> dict[str, Any]:
         "done": len(good),
         "failed": len(records) - len(good),
         "summary": [_sums(good, steps, manifest) for steps in manifest["steps"]],
-        "steps_done_mean": _mean_steps(good),
         "step_s_median": statistics.median(record["step_s_median"] for record in good) if good else None,
         "records": records,
     }
@@ -57,12 +55,6 @@ def write_report(folder: Path) -> dict[str, Any]:
         }
     )
     return document
-
-
-def _mean_steps(records: list[dict[str, Any]]) -> float | None:
-    """Records that were made before steps could differ have none."""
-    known = [record["steps_done"] for record in records if "steps_done" in record]
-    return statistics.fmean(known) if known else None
 
 
 def read_results(folder: Path) -> dict[str, Any]:
@@ -112,9 +104,9 @@ def _page(document: dict[str, Any]) -> str:
     last = summary[-1]
     judge, clip = manifest["judge"], manifest["clip"]
     lines = [
-        f"# Suite `{manifest['suite']}`, preset `{manifest['params']['preset']}`, prior `{manifest['prior']['id']}`\n",
+        f"# Suite `{manifest['suite']}`, preset `{manifest['params']['preset']}`, prior `{manifest['prior']['id']}`"
+        + (f", ablation `{manifest['ablation']}`\n" if manifest.get("ablation") else "\n"),
         f"{document['done']} of {document['expected']} done, {document['failed']} failed. "
-        + (f"{mean:.1f} steps each on average. " if (mean := document["steps_done_mean"]) is not None else "")
         + f"Judge: {judge.get('id') or judge['missing']}; CLIP: {clip.get('id') or clip['missing']}. "
         "Retrieval with its 95 % interval; docs/quality.md defines every column.\n",
         table("steps", [(str(row["steps"]), row["overall"]) for row in summary], "Overall"),

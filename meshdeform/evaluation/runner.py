@@ -73,7 +73,7 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
     if plan.clip and plan.params.model != BUILTIN_MODEL:
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     for prompt in plan.suite.prompts:
-        evaluator.prior.encode_prompt(prompt, plan.params.negative_prompt)
+        evaluator.prior.encode_texts(prompt, plan.params.negative_prompt)
     wanted = manifest(plan, dict(evaluator.prior.identity), *_who_judges(plan, evaluator))
     found = read_manifest(plan.folder)
     if found is not None:

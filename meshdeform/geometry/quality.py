@@ -16,7 +16,7 @@ from scipy import sparse
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
 
-__all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "folded_faces", "measure"]
+__all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "measure"]
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -191,8 +191,3 @@ class FaceNeighbours:
         limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
         against = (around * cross).sum(1) < limit
         return np.asarray(against[self._same.reshape(-1)])
-
-
-def folded_faces(verts: _Floats, faces: _Faces) -> NDArray[np.bool_]:
-    """Which faces (F,) are folded over; `FaceNeighbours` says what that means, and serves for many shapes."""
-    return FaceNeighbours(faces).folded(verts)

@@ -26,7 +26,7 @@ class StepContext:
     total_steps : int
         Length of the whole run; a resumed run has the same.
     cameras : Cameras
-        The four cameras that drew the image.
+        The four cameras that drew the image, or one for each picture.
     generator : torch.Generator on the CPU
         The job's only source of randomness. Draw on the CPU and move the result, so that a seed means the same on
         every device.
@@ -51,10 +51,6 @@ class Guidance(Protocol):
         """How views must look."""
 
     @property
-    def single_style(self) -> RenderStyle:
-        """How a view must look that is a picture of its own."""
-
-    @property
     def identity(self) -> dict[str, str]:
         """`id`, `revision` and `sha256`, for the report."""
 
@@ -75,13 +71,4 @@ class Guidance(Protocol):
         ------
         NumericalError
             It is not finite.
-        """
-
-    def grade(self, image: Tensor, context: StepContext) -> float:
-        """Say how badly the views show what is asked for, to choose among shapes; smaller is better.
-
-        Parameters
-        ----------
-        image, context
-            As for `loss`. Shapes are compared with the same cameras, and with generators of the same seed.
         """

@@ -24,7 +24,6 @@ from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import StepContext
-from meshdeform.rendering.cameras import NUM_VIEWS
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
@@ -74,7 +73,7 @@ class TargetGuidance:
         device: str | torch.device = "cpu",
         identity: dict[str, str] | None = None,
     ) -> None:
-        self.style = self.single_style = style
+        self.style = style
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
         self._verts = mesh.verts.to(device)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
@@ -95,20 +94,13 @@ class TargetGuidance:
             The loss is not finite.
         """
         with torch.no_grad():
-            views = self._renderer.render(self._verts, context.cameras)
-            grid = image.shape[0] == 1 and len(views) == NUM_VIEWS
-            target = combine_views(views) if grid else views.permute(0, 3, 1, 2)
+            target = combine_views(self._renderer.render(self._verts, context.cameras))
         if image.shape != target.shape:
             raise ShapeError(f"expected an image {tuple(target.shape)}, got {tuple(image.shape)}")
         error = (image - target).square().mean()
         if not torch.isfinite(error):
             raise NumericalError(f"The views cannot be compared with the target at step {context.step + 1}.")
         return error / _TENTH**2, {"target_mse": error.item()}
-
-    @torch.no_grad()
-    def grade(self, image: Tensor, context: StepContext) -> float:
-        """The loss."""
-        return float(self.loss(image, context)[0])
 
 
 def _sha256(mesh: TriangleMesh) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-import torch
 from torch import Tensor
 
 if TYPE_CHECKING:
@@ -22,32 +21,16 @@ class Prior(Protocol):
         """How views must look."""
 
     @property
-    def single_style(self) -> RenderStyle:
-        """How a view must look that is a picture of its own."""
-
-    @property
     def num_timesteps(self) -> int:
         """T."""
 
     @property
     def alphas_cumprod(self) -> Tensor:
-        """(T,) float32 on `device`: abar_t, the signal's share of the variance of z_t."""
+        """(T,) float32 where the model computes: abar_t, the signal's share of the variance of z_t."""
 
     @property
     def identity(self) -> dict[str, str]:
         """`id`, `revision` and `sha256`, for the report."""
-
-    @property
-    def device(self) -> torch.device:
-        """Where it computes."""
-
-    @property
-    def dtype(self) -> torch.dtype:
-        """What it computes in; z0 and the predicted noise are float32 all the same."""
-
-    @property
-    def unwanted(self) -> str:
-        """A text for pictures of bad quality, which noise-free score distillation tells from good ones; or nothing."""
 
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
         """Turn the texts of a job into rows for `predict_noise`; called once a job.
@@ -56,11 +39,11 @@ class Prior(Protocol):
         ----------
         prompt : str
         others : str
-            Negative prompts, the prompt with a view; an empty one says nothing.
+            Negative prompts; an empty one says nothing.
 
         Returns
         -------
-        (1 + len(others), ...) on `device`: the prompt's row first.
+        (1 + len(others), ...) where the model computes: the prompt's row first.
 
         Raises
         ------
@@ -68,21 +51,17 @@ class Prior(Protocol):
             The model cannot use one of them.
         """
 
-    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Tensor:
-        """Rows of the negative prompt (or nothing) and of the prompt, in this order."""
-
-    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:
+    def encode_image(self, image: Tensor) -> Tensor:
         """Encode a picture, differentiably.
 
         Parameters
         ----------
         image : (B, 3, S, S) float32 in [0, 1]
-        generator : torch.Generator on the CPU, optional
-            For models whose encoder is random.
 
         Returns
         -------
-        (B, C, H, W) float32 on `device`: the latents, or the picture in [-1, 1] for a model that works on pixels.
+        (B, C, H, W) float32 where the model computes: the latents, or for a model that works on pixels the picture in
+        [-1, 1].
         """
 
     def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
@@ -93,8 +72,8 @@ class Prior(Protocol):
         z_t : (B, C, H, W) float32
             One grid of four views, or B single views.
         timestep : (B,) int64 in 0 .. T - 1
-        embedding : (N, ...) or (N, B, ...)
-            Rows of `encode_texts`, or mixtures of them; with B of each where every picture is told something else.
+        embedding : (N, ...)
+            Rows of `encode_texts`.
         cameras : Cameras
             Those of the grid's four views, or one a picture, for models that are conditioned on them.
 

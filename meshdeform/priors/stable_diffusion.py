@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 __all__ = ["StableDiffusionPrior"]
 
 _PREDICTIONS = ("epsilon", "v_prediction")
-_UNWANTED = "unrealistic, blurry, low quality, out of focus, ugly, low contrast, dull, dark, low-resolution, gloomy"
-"""Bad pictures in the words of Katzir et al. 2023, Noise-free score distillation, section 4."""
 
 
 class StableDiffusionPrior:
@@ -63,8 +60,6 @@ class StableDiffusionPrior:
     DependencyError
         The extra `sd` is not installed.
     """
-
-    unwanted = _UNWANTED
 
     def __init__(
         self,
@@ -120,7 +115,6 @@ class StableDiffusionPrior:
         self.style = RenderStyle(
             view_size=self.image_size // 2, supersample=1, shading="lambert", background=(1.0, 1.0, 1.0)
         )
-        self.single_style = replace(self.style, view_size=self.image_size)
 
     def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
         network, report = kind.from_pretrained(
@@ -154,17 +148,13 @@ class StableDiffusionPrior:
             if length > limit:
                 raise PromptError(
                     f"The text {shorten(text, 60)!r} has {length - 2} tokens; this model reads {limit - 2}.",
-                    advice="Say it in fewer words. View prompts add three or four tokens to the prompt.",
+                    advice="Say it in fewer words.",
                 )
         tokens = self._tokenizer(texts, padding="max_length", max_length=limit, return_tensors="pt").input_ids
         embedding: Tensor = self._text_encoder(tokens.to(self.device))[0]
         return embedding
 
-    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Tensor:
-        """Text embeddings (2, tokens, E): of the negative prompt, and of the prompt."""
-        return self.encode_texts(prompt, negative_prompt).flip(0)
-
-    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
+    def encode_image(self, image: Tensor) -> Tensor:
         """Latents (B, C, H, W) float32 of pictures; differentiable, and nothing random.
 
         A picture of another size than the model's own is resized (bilinear, antialiased).
@@ -198,14 +188,14 @@ class StableDiffusionPrior:
         ----------
         z_t : (B, C, H, W) float32
         timestep : (B,) int64
-        embedding : (N, tokens, E) or (N, B, tokens, E)
-            Rows of `encode_texts`, for all pictures or for each.
+        embedding : (N, tokens, E)
+            Rows of `encode_texts`.
         cameras : Cameras
             Not used: these models know nothing of cameras.
         """
         noisy, count = z_t.to(self.device), len(embedding)
         steps = timestep.to(self.device)
-        told = embedding.repeat_interleave(len(z_t), 0) if embedding.ndim == 3 else embedding.flatten(0, 1)
+        told = embedding.repeat_interleave(len(z_t), 0)
         every = noisy.to(self.dtype).repeat(count, 1, 1, 1)
         output = self._unet(every, steps.repeat(count), encoder_hidden_states=told).sample.float()
         predictions: tuple[Tensor, ...] = output.chunk(count)

@@ -15,7 +15,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
 from meshdeform.record.workers import WorkerRegistry
-from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.requests.document import JobRequest, read_stored, resolve
 
 __all__ = ["Estimate", "estimate"]
 
@@ -128,12 +128,12 @@ class _Ahead:
 def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_model: str) -> int:
     if total_steps:
         return max(0, total_steps - step)
-    return _steps(JobRequest.model_validate(request), default_model)
+    return _steps(read_stored(request), default_model)
 
 
 def _steps(request: JobRequest, default_model: str) -> int:
     try:
-        return resolve(request.params, default_model=default_model).total_steps
+        return resolve(request.params, default_model=default_model).steps
     except MeshdeformError:
         # A default that has changed since it was accepted; its worker will say so.
-        return request.params.steps or 0
+        return request.params.steps if "steps" in request.params.model_fields_set else 0

@@ -20,7 +20,7 @@ from meshdeform.record.models import (
     StoredFile,
 )
 from meshdeform.record.schema import jobs
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import read_stored
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job"]
 
@@ -78,7 +78,7 @@ def job(row: Row) -> Job:
     return Job(
         id=row.id,
         state=JobState(row.state),
-        request=JobRequest.model_validate(row.request),
+        request=read_stored(row.request),
         asset=StoredFile.model_validate(row.asset),
         target=StoredFile.model_validate(row.target) if row.target else None,
         error=JobError.model_validate(row.error) if row.error else None,

@@ -1,22 +1,10 @@
-"""The named choices of a job's document: torch-free, one place for every enumeration."""
+"""The named choices of a job's document. Imports nothing: the command line offers them before it loads pydantic."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = [
-    "Annealing",
-    "Distillation",
-    "GuidanceKind",
-    "JobKind",
-    "NegativePrompt",
-    "Optimizer",
-    "Parametrization",
-    "Preset",
-    "Rigidity",
-    "Safeguard",
-    "ViewMode",
-]
+__all__ = ["GuidanceKind", "JobKind", "Preset", "Safeguard"]
 
 
 class JobKind(StrEnum):
@@ -40,62 +28,9 @@ class GuidanceKind(StrEnum):
     TARGET = "target"
 
 
-class Parametrization(StrEnum):
-    """What the optimiser moves."""
-
-    JACOBIANS = "jacobians"
-    VERTICES = "vertices"
-
-
-class ViewMode(StrEnum):
-    """Which views a step shows to the guidance, and how."""
-
-    ORTHOGONAL_GRID = "orthogonal_grid"
-    ORTHOGONAL_BATCH = "orthogonal_batch"
-    RANDOM_BATCH = "random_batch"
-    RANDOM_SINGLE = "random_single"
-
-
-class Distillation(StrEnum):
-    """Which direction of the diffusion prior pulls."""
-
-    SDS = "sds"
-    CSD = "csd"
-    NFSD = "nfsd"
-    ISM = "ism"
-
-
-class NegativePrompt(StrEnum):
-    """What becomes of the negative prompt."""
-
-    UNCONDITIONAL = "unconditional"
-    PERPENDICULAR = "perpendicular"
-
-
-class Rigidity(StrEnum):
-    """What a Jacobian is compared with."""
-
-    IDENTITY = "identity"
-    ROTATION = "rotation"
-
-
-class Optimizer(StrEnum):
-    """How gradients become steps."""
-
-    ADAM = "adam"
-    ADAM_UNIFORM = "adam_uniform"
-
-
 class Safeguard(StrEnum):
     """What a step must not do to the surface."""
 
     NONE = "none"
     FLIPS = "flips"
     INTERSECTIONS = "intersections"
-
-
-class Annealing(StrEnum):
-    """How a value goes from the first step to the last."""
-
-    LINEAR = "linear"
-    COSINE = "cosine"

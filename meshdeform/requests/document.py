@@ -6,31 +6,22 @@ values. All can be imported from here.
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from pydantic import Field, StringConstraints
 
-from meshdeform.requests.choices import (
-    Distillation,
-    GuidanceKind,
-    JobKind,
-    NegativePrompt,
-    Optimizer,
-    Parametrization,
-    Preset,
-    Rigidity,
-    Safeguard,
-    ViewMode,
-)
+from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, Safeguard
 from meshdeform.requests.parameters import (
     BUILTIN_MODEL,
     DEFAULT_SD_MODEL,
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
     DeformParams,
+    ResolvedParams,
     StrictModel,
 )
-from meshdeform.requests.resolve import ResolvedParams, resolve
+from meshdeform.requests.resolve import resolve
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -44,19 +35,14 @@ __all__ = [
     "MAX_RETENTION_S",
     "MAX_STEPS",
     "DeformParams",
-    "Distillation",
     "GuidanceKind",
     "JobKind",
     "JobRequest",
-    "NegativePrompt",
-    "Optimizer",
     "OutputOptions",
-    "Parametrization",
     "Preset",
     "ResolvedParams",
-    "Rigidity",
     "Safeguard",
-    "ViewMode",
+    "read_stored",
     "resolve",
 ]
 
@@ -136,3 +122,17 @@ class JobRequest(StrictModel):
     def workload(self) -> str:
         """Jobs of the same workload take about as long a step; the basis of estimates."""
         return f"{self.kind}/{self.params.guidance}/{self.params.model or ''}"
+
+
+def read_stored(document: Mapping[str, Any]) -> JobRequest:
+    """Read a request that was accepted earlier, perhaps by a version with parameters that are gone now.
+
+    Those are dropped: what a new request is refused for must not hide an old job.
+
+    Parameters
+    ----------
+    document : mapping
+        As the record keeps it.
+    """
+    params = {name: value for name, value in document.get("params", {}).items() if name in DeformParams.model_fields}
+    return JobRequest.model_validate({**document, "params": params})

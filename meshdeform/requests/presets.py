@@ -1,50 +1,15 @@
-"""The values behind the presets: the paper's, and what differs from them for each kind of guidance.
+"""What the presets have in place of the paper's values, for each kind of guidance.
 
-Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its public configuration.
+The paper's values themselves are the defaults in `meshdeform.requests.parameters`.
 """
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
-__all__ = ["OVERRIDES", "PAPER", "Family"]
+__all__ = ["OVERRIDES", "Family"]
 
 Family = Literal["builtin", "sd", "target"]
-
-PAPER: dict[str, Any] = {
-    "steps": 5000,
-    "learning_rate": 0.0025,
-    "translation_rate": 0.0,
-    "guidance_scale": 100.0,
-    "guidance_rescale": 0.0,
-    "distillation": "sds",
-    "noise_draws": 1,
-    "optimizer": "adam",
-    "rigidity": "identity",
-    "safeguard": "none",
-    "timestep_min": 0.02,
-    "timestep_min_end": 0.02,
-    "timestep_max": 0.98,
-    "timestep_max_end": 0.98,
-    "guidance_weight": 1.0,
-    "jacobian_reg_weight": 16.0,
-    "laplacian_weight": 0.16,
-    "normal_weight": 1600.0,
-    "attachment_weight": 0.0,
-    "dirichlet_weight": 0.0,
-    "regularizer_scale_end": 1.0,
-    "annealing": "linear",
-    "resolution_start": 1.0,
-    "smoothing_start": 0.0,
-    "coarse_until": 0.5,
-    "stop_when_settled": 0.0,
-    "candidates": 1,
-    "candidate_steps": 25,
-    "elevation_min_deg": 0.0,
-    "elevation_max_deg": 30.0,
-    "fov_min_deg": 30.0,
-    "fov_max_deg": 45.0,
-}
 
 # What a preset of ours never does to a surface.
 _GUARDED: dict[str, Any] = {"safeguard": "intersections"}
@@ -64,9 +29,8 @@ _BUILTIN: dict[str, Any] = {
     "guidance_scale": 7.5,
     "guidance_rescale": 0.7,
     "timestep_min": 0.75,
-    "timestep_min_end": 0.75,
     "normal_weight": 6000.0,
-    # Halves the distortion at the same retrieval (docs/quality_schedules.md, The barrier). Other priors and targets
+    # Halves the distortion at the same retrieval (docs/quality.md, The barrier). Other priors and targets
     # pull with other strengths; what weight suits them was not measured.
     "dirichlet_weight": 10.0,
 }

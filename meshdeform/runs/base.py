@@ -26,7 +26,7 @@ class StepReport:
     step : int
         Steps done, from 1.
     total_steps : int
-        At most so many in all; less once it is known that the run ends before.
+        Steps in all.
     phase : str
         `optimizing`.
     losses : dict of name to value
@@ -43,7 +43,7 @@ class JobRun(Protocol):
 
     @property
     def total_steps(self) -> int:
-        """At most so many steps in all; at the end, so many as were done."""
+        """Steps in all."""
 
     @property
     def step(self) -> int:

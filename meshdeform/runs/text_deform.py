@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +12,6 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.usd import require_usd, write_usdz
-from meshdeform.deformation.candidates import CandidateRun
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
@@ -103,10 +101,9 @@ def start(
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         shape = load_shape(initial, sha256_hex(asset)) if initial is not None else None
-        deformation = Deformation(mesh, guidance, params, device=device, initial=shape)
-        candidates = CandidateRun(deformation, state)
+        deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state, initial=shape)
     facts = RunFacts(request, params, sha256_hex(asset), len(asset), filename, guidance.identity, run, device)
-    return TextDeformRun(loaded, welded, frame, candidates, facts, clock)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock)
 
 
 def _guidance(
@@ -143,7 +140,7 @@ class TextDeformRun:
         asset: Asset,
         welded: WeldedMesh,
         frame: Frame,
-        deformation: CandidateRun,
+        deformation: Deformation,
         facts: RunFacts,
         clock: PhaseClock,
     ) -> None:
@@ -158,8 +155,8 @@ class TextDeformRun:
 
     @property
     def total_steps(self) -> int:
-        """At most so many steps in all, those of candidates included; at the end, so many as were done."""
-        return self._deformation.total_steps
+        """Steps in all."""
+        return self._facts.params.steps
 
     @property
     def step(self) -> int:
@@ -222,24 +219,10 @@ class TextDeformRun:
             usdz=usdz,
             history=self._history,
             first_step=self._first_step,
-            ended=self._ended(),
             clock=self._clock,
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
-
-    def _ended(self) -> dict[str, Any]:
-        """Why and when the run ended, and how its candidates fared."""
-        own = self._deformation.deformation
-        return {
-            "stopped": {
-                "reason": "settled" if own.settled and own.step < own.params.steps else "steps",
-                "step": own.step,
-                "steps": own.params.steps,
-                "total_steps": self._deformation.step,
-            },
-            "candidates": self._deformation.to_report(),
-        }
 
     def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
         """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""

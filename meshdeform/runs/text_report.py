@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,7 +55,6 @@ def build_report(
     usdz: Usdz | None = None,
     history: LossHistory,
     first_step: int,
-    ended: Mapping[str, Any],
     clock: PhaseClock,
 ) -> bytes:
     """Make `report.json`.
@@ -76,8 +74,6 @@ def build_report(
     history : LossHistory
     first_step : int
         Steps that an earlier attempt had done.
-    ended : mapping
-        `stopped`: why and after how many steps the run ended; `candidates`: the seeds tried, and their grades.
     clock : PhaseClock
     """
     with clock.phase("measure"):
@@ -106,7 +102,6 @@ def build_report(
         "quality": quality.to_dict(),
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
-        **ended,
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }

@@ -95,19 +95,20 @@ def test_an_item_done_again_is_the_same_to_the_bit(run: Path) -> None:
     assert mesh.read_bytes() == before
 
 
-def test_the_end_of_a_search_is_what_its_seed_alone_gives_and_all_steps_are_counted(tmp_path: Path) -> None:
-    search = ["--set", "candidates=2", "--set", "candidate_steps=1"]
-    assert evaluated(tmp_path / "search", *QUICK, *search, "--limit", "1").exit_code == 0
-    document = results(tmp_path / "search")
-    assert document["steps_done_mean"] == 3
-    (record,) = document["records"]
-    (seed,) = [entry["seed"] for entry in record["candidates"] if entry["chosen"]]
-    assert evaluated(tmp_path / "alone", *QUICK, "--seeds", str(seed), "--limit", "1").exit_code == 0
-    alone = results(tmp_path / "alone")
-    assert alone["steps_done_mean"] == 2
-    name = "steps-000002.ply"
-    found = (tmp_path / "search" / "items" / FIRST / name).read_bytes()
-    assert found == (tmp_path / "alone" / "items" / f"sphere--a-mushroom--seed{seed}" / name).read_bytes()
+@pytest.mark.parametrize("ablation", ["vertices", "single_views", "no_jacobian", "no_laplacian", "no_normal"])
+def test_an_ablation_runs_and_is_named_in_the_manifest(tmp_path: Path, finished: Path, ablation: str) -> None:
+    done = evaluated(tmp_path / "run", *QUICK, "--limit", "1", "--ablation", ablation)
+    assert done.exit_code == 0, done.output
+    assert results(tmp_path / "run")["manifest"]["ablation"] == ablation
+    assert f"ablation `{ablation}`" in (tmp_path / "run" / "table.md").read_text()
+    shapes = [(run / "items" / FIRST / "steps-000002.ply").read_bytes() for run in (tmp_path / "run", finished)]
+    assert shapes[0] != shapes[1]
+
+
+def test_an_unknown_ablation_is_refused(tmp_path: Path) -> None:
+    refused = evaluated(tmp_path, *QUICK, "--ablation", "everything")
+    assert refused.exit_code == 2
+    assert "single_views" in refused.stderr
 
 
 @pytest.mark.parametrize(
@@ -118,6 +119,7 @@ def test_the_end_of_a_search_is_what_its_seed_alone_gives_and_all_steps_are_coun
         ([*QUICK, "--preset", "paper"], "params.preset"),
         ([*QUICK, "--seeds", "1"], "seeds"),
         (["--steps", "2"], "steps"),
+        ([*QUICK, "--ablation", "vertices"], "ablation"),
     ],
 )
 def test_a_folder_of_other_parameters_is_refused_and_stays_as_it_was(run: Path, options: list[str], named: str) -> None:

@@ -15,7 +15,7 @@ from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
 
 if TYPE_CHECKING:
-    from meshdeform.requests.document import JobRequest
+    from meshdeform.requests.document import DeformParams, JobRequest
 
 __all__ = ["Row", "make_rows"]
 
@@ -139,7 +139,8 @@ class _Digests:
 
     def key(self, wish: Wish, request: JobRequest) -> str:
         files = [self._file(wish.asset), self._file(wish.target) if wish.target else ""]
-        said = request.model_dump(mode="json", exclude_defaults=True)
+        said = request.model_dump(mode="json", exclude_defaults=True, exclude={"params"})
+        said |= {"params": params} if (params := _chosen(request.params)) else {}
         return hashlib.sha256(json.dumps([files, said, wish.name], sort_keys=True).encode()).hexdigest()
 
     def _file(self, path: Path) -> str:
@@ -150,6 +151,14 @@ class _Digests:
             except OSError as error:
                 raise ParameterError(f"{path} cannot be read: {error.strerror}.", advice="Check the path.") from error
         return self._known[path]
+
+
+def _chosen(params: DeformParams) -> dict[str, Any]:
+    """Return what was written and means something: a default that no preset changes is as good as left out."""
+    from meshdeform.requests.parameters import FROM_PRESET, DeformParams
+
+    usual = {name: field.default for name, field in DeformParams.model_fields.items() if name not in FROM_PRESET}
+    return {n: v for n, v in params.model_dump(mode="json").items() if n not in usual or v != usual[n]}
 
 
 def _names(

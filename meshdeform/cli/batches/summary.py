@@ -50,7 +50,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
         "preset": request.params.preset.value,
         "seed": request.params.seed,
         "model": params.get("model", request.params.model),
-        "steps": params.get("steps", request.params.steps),
+        "steps": params.get("steps", request.params.model_dump().get("steps")),
         "seconds": line.get("seconds"),
         "loss": (line.get("losses") or {}).get("total"),
         **{name: quality.get(name) for name in _QUALITY},

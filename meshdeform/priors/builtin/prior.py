@@ -22,7 +22,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.schedule import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
-from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
@@ -46,12 +46,8 @@ class BuiltinPrior:
     """
 
     style = STYLE
-    """Of the four views of a grid."""
-    single_style = SINGLE_STYLE
-    """Of single views."""
+    """Of the four views of a grid; a view by itself is drawn at twice that size."""
     num_timesteps = NUM_TIMESTEPS
-    unwanted = ""
-    """It has no words for bad pictures; it has seen none."""
 
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS) -> None:
         network, metadata = read_network(weights)
@@ -82,11 +78,7 @@ class BuiltinPrior:
         text: Tensor = self._network.text(torch.cat(rows).to(self.device))
         return text
 
-    def encode_prompt(self, prompt: str, negative_prompt: str = "") -> Tensor:
-        """Text vectors (2, E) float32: of the negative prompt or nothing, and of the prompt."""
-        return self.encode_texts(prompt, negative_prompt).flip(0)
-
-    def encode_image(self, image: Tensor, generator: torch.Generator | None = None) -> Tensor:  # noqa: ARG002
+    def encode_image(self, image: Tensor) -> Tensor:
         """Scale pictures (B, 3, 128, 128) from [0, 1] to [-1, 1]; differentiable, and nothing random."""
         return image * 2.0 - 1.0
 
@@ -99,8 +91,8 @@ class BuiltinPrior:
         z_t : (B, 3, 128, 128) float32
             One grid of four views, or B single views.
         timestep : (B,) int64
-        embedding : (N, E) or (N, B, E) float32
-            Rows of `encode_texts`, for all pictures or for each.
+        embedding : (N, E) float32
+            Rows of `encode_texts`.
         cameras : Cameras
             Four for a grid, of which the first's azimuth is used; or one a picture, each with its own azimuth.
 
@@ -125,6 +117,6 @@ class BuiltinPrior:
         steps = timestep.to(self.device).repeat(texts)
         azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * texts, device=self.device)
         single = None if grid else torch.ones(texts * count, dtype=torch.bool, device=self.device)
-        told = embedding.repeat_interleave(count, 0) if embedding.ndim == 2 else embedding.flatten(0, 1)
+        told = embedding.repeat_interleave(count, 0)
         clean = self._network(every, steps, told, azimuth, single)
         return noise_from_clean(clean, every, steps, self.alphas_cumprod).chunk(texts)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 import torch
 from torch import Tensor
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.optimizer import make_optimizer
+from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.step_limit import StepLimit
-from meshdeform.deformation.variables import make_variables
+from meshdeform.deformation.variables import JacobianField, Variables
+from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.mesh import TriangleMesh, face_areas
 from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
-from meshdeform.requests.document import DeformParams, Optimizer, Parametrization, resolve
+from meshdeform.requests.document import DeformParams, resolve
 
 F64 = torch.float64
+
+KINDS = (JacobianField, VertexDisplacements)
 
 
 def scaled(verts: Tensor, *factors: float) -> Tensor:
@@ -67,11 +71,11 @@ def test_its_gradient_is_right() -> None:
         assert torch.autograd.gradcheck(Regularizers(mesh).dirichlet, ((mesh.verts + 0.1 * noise).requires_grad_(),))
 
 
-@pytest.mark.parametrize("kind", list(Parametrization))
-def test_what_would_jump_across_is_held_and_the_rest_goes_on(kind: Parametrization) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_would_jump_across_is_held_and_the_rest_goes_on(kind: Callable[[PoissonSystem], Variables]) -> None:
     """One vertex of a flat sheet is thrown across its neighbours, in the plane, while the sheet is stretched."""
     mesh = grid(8)
-    variables = make_variables(kind, mesh, PoissonSystem(mesh))
+    variables = kind(PoissonSystem(mesh))
     limit = StepLimit(mesh, variables)
     old, before = limit.copy(), variables.place().detach().clone()
     goal = mesh.verts.clone()
@@ -81,7 +85,7 @@ def test_what_would_jump_across_is_held_and_the_rest_goes_on(kind: Parametrizati
     variables.adopt(goal)
     (name,) = set(variables.tensors) - {"translations"}
     tensor = variables.tensors[name]
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [tensor], "lr": 1.0}])
+    optimizer = Adam([{"params": [tensor], "lr": 1.0}])
     optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
     assert 0 < limit.keep(optimizer, old, before) < len(mesh.faces)
     after = variables.place().detach()
@@ -101,12 +105,12 @@ def normals(mesh: TriangleMesh, verts: Tensor) -> Tensor:
 
 def test_a_step_that_turns_all_over_is_not_taken() -> None:
     mesh = grid(3)
-    variables = make_variables(Parametrization.JACOBIANS, mesh, PoissonSystem(mesh))
+    variables = JacobianField(PoissonSystem(mesh))
     limit = StepLimit(mesh, variables)
     old, before = limit.copy(), variables.place().detach().clone()
     with torch.no_grad():
         variables.tensors["jacobians"][:, 0, 0] = -1.0
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [variables.tensors["jacobians"]], "lr": 1.0}])
+    optimizer = Adam([{"params": [variables.tensors["jacobians"]], "lr": 1.0}])
     assert limit.keep(optimizer, old, before) == len(mesh.faces)
     assert (normals(mesh, variables.place().detach())[:, 2] > 0).all()
 

@@ -7,23 +7,24 @@ import torch
 
 from meshdeform.deformation import step_repair
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.optimizer import make_optimizer
+from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.surface_guard import SurfaceGuard
-from meshdeform.deformation.variables import Variables, make_variables
+from meshdeform.deformation.variables import JacobianField, Variables
+from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import folded_faces
+from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.requests.document import DeformParams, Optimizer, Parametrization, Safeguard, resolve
+from meshdeform.requests.document import DeformParams, Safeguard, resolve
 
 MESH = icosphere(2)
 
 
 def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
     faces = mesh.faces.numpy()
-    return int((folded_faces(verts.numpy(), faces) | intersecting_faces(verts.numpy(), faces)).sum())
+    return int((FaceNeighbours(faces).folded(verts.numpy()) | intersecting_faces(verts.numpy(), faces)).sum())
 
 
 def poked(variables: Variables, mesh: TriangleMesh, depth: float) -> None:
@@ -37,23 +38,23 @@ def poked(variables: Variables, mesh: TriangleMesh, depth: float) -> None:
 
 
 def test_a_whole_shape_is_left_as_it_is() -> None:
-    variables = make_variables(Parametrization.VERTICES, MESH, PoissonSystem(MESH))
+    variables = VertexDisplacements(PoissonSystem(MESH))
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
     poked(variables, MESH, 0.3)
     before = variables.place().detach().clone()
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": list(variables.tensors.values()), "lr": 1.0}])
+    optimizer = Adam([{"params": list(variables.tensors.values()), "lr": 1.0}])
     assert guard.correct(optimizer) == 0
     assert torch.equal(variables.place(), before)
 
 
 def test_what_went_through_is_put_back_and_the_rest_keeps_its_gain() -> None:
-    variables = make_variables(Parametrization.VERTICES, MESH, PoissonSystem(MESH))
+    variables = VertexDisplacements(PoissonSystem(MESH))
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
     poked(variables, MESH, 2.6)
     assert broken(MESH, variables.place().detach()) > 0
     tensor = variables.tensors["displacements"]
     wished = tensor.detach().clone()
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [tensor], "lr": 1.0}])
+    optimizer = Adam([{"params": [tensor], "lr": 1.0}])
     optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
     held = guard.correct(optimizer)
     assert 0 < held < len(MESH.faces)
@@ -68,12 +69,12 @@ def test_what_went_through_is_put_back_and_the_rest_keeps_its_gain() -> None:
 def test_parts_that_run_into_each_other_are_held_where_they_meet() -> None:
     small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
     pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
-    variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
+    variables = JacobianField(PoissonSystem(pair))
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
     with torch.no_grad():
         variables.tensors["translations"][0, 0] += 1.0
     tensors = list(variables.tensors.values())
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": tensors, "lr": 1.0}])
+    optimizer = Adam([{"params": tensors, "lr": 1.0}])
     for tensor in tensors:
         optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
     assert 0 < guard.correct(optimizer) < len(pair.faces)
@@ -89,13 +90,13 @@ def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())
     small = TriangleMesh(MESH.verts * 0.3, MESH.faces)
     pair = join(small, TriangleMesh(small.verts + torch.tensor([1.0, 0.0, 0.0]), small.faces))
-    variables = make_variables(Parametrization.JACOBIANS, pair, PoissonSystem(pair))
+    variables = JacobianField(PoissonSystem(pair))
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
     with torch.no_grad():
         variables.tensors["translations"][0, 0] += 1.0
     assert broken(pair, variables.place().detach()) > 0
     tensors = list(variables.tensors.values())
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": tensors, "lr": 1.0}])
+    optimizer = Adam([{"params": tensors, "lr": 1.0}])
     assert guard.correct(optimizer) == len(pair.faces)
     assert broken(pair, variables.place().detach()) == 0
     assert float(variables.tensors["translations"].detach()[0, 0]) in (0.5, 0.25, 0.1)
@@ -121,7 +122,7 @@ def test_a_second_blend_that_suffices_is_the_end_of_it(monkeypatch: pytest.Monke
     monkeypatch.setattr(step_repair.StepRepair, "_blend", counted)
     for seed in (1, 2, 20, 35):
         system = PoissonSystem(MESH)
-        variables = make_variables(Parametrization.JACOBIANS, MESH, system)
+        variables = JacobianField(system)
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)
         generator = torch.Generator().manual_seed(seed)
         noise = torch.randn(len(MESH.faces), 3, 3, generator=generator, dtype=torch.float64)
@@ -129,7 +130,7 @@ def test_a_second_blend_that_suffices_is_the_end_of_it(monkeypatch: pytest.Monke
             variables.tensors["jacobians"].add_(noise)
         blends.clear()
         entered.clear()
-        optimizer = make_optimizer(Optimizer.ADAM, [{"params": list(variables.tensors.values()), "lr": 1.0}])
+        optimizer = Adam([{"params": list(variables.tensors.values()), "lr": 1.0}])
         guard.correct(optimizer)
         assert broken(MESH, variables.place().detach()) == 0
         assert (len(blends), entered) == (2, []), f"seed {seed}"
@@ -140,9 +141,9 @@ def test_what_was_broken_at_rest_may_stay() -> None:
     verts[verts[:, 1].argmax(), 1] = -3.0
     spiked = TriangleMesh(verts, MESH.faces)
     assert broken(spiked, verts) > 0
-    variables = make_variables(Parametrization.JACOBIANS, spiked, PoissonSystem(spiked))
+    variables = JacobianField(PoissonSystem(spiked))
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, spiked, variables)
-    optimizer = make_optimizer(Optimizer.ADAM, [{"params": [variables.jacobians()], "lr": 1.0}])
+    optimizer = Adam([{"params": [variables.jacobians()], "lr": 1.0}])
     assert guard.correct(optimizer) == 0
 
 
@@ -166,7 +167,7 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
         for _ in run:
             pass
     assert torch.equal(whole.verts(), resumed.verts())
-    folded = folded_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
+    folded = FaceNeighbours(mesh.faces.numpy()).folded(whole.verts().numpy()).any()
     cut = intersecting_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
     assert bool(folded) is (safeguard is Safeguard.NONE)
     assert bool(cut) is (safeguard is not Safeguard.INTERSECTIONS)

@@ -1,31 +1,34 @@
-"""What the optimiser moves: both parametrisations stand for rest at the start, and go where they are pulled."""
+"""What the optimiser moves, Jacobians or an ablation's displacements: at rest first, then where they are pulled."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import pytest
 import torch
 
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.deformation.variables import JacobianField, copy_into, make_variables
+from meshdeform.deformation.variables import JacobianField, Variables, copy_into
 from meshdeform.errors import CheckpointError
+from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.requests.document import Parametrization
 
 MESH = icosphere(2)
+KINDS = (JacobianField, VertexDisplacements)
 
 
-@pytest.mark.parametrize("kind", list(Parametrization))
-def test_they_begin_at_rest_without_any_strain(kind: Parametrization) -> None:
-    variables = make_variables(kind, MESH, PoissonSystem(MESH))
+@pytest.mark.parametrize("kind", KINDS)
+def test_they_begin_at_rest_without_any_strain(kind: Callable[[PoissonSystem], Variables]) -> None:
+    variables = kind(PoissonSystem(MESH))
     torch.testing.assert_close(variables.place(), MESH.verts, atol=1e-9, rtol=0)
     assert float(Regularizers(MESH).jacobian(variables.jacobians()).detach()) == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", list(Parametrization))
-def test_a_stretch_is_measured_alike(kind: Parametrization) -> None:
-    variables = make_variables(kind, MESH, PoissonSystem(MESH))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stretch_is_measured_alike(kind: Callable[[PoissonSystem], Variables]) -> None:
+    variables = kind(PoissonSystem(MESH))
     stretch = torch.tensor([1.0, 1.5, 1.0], dtype=torch.float64)
     state = {
         "jacobians": torch.diag(stretch).repeat(len(MESH.faces), 1, 1),
@@ -41,8 +44,8 @@ def test_a_stretch_is_measured_alike(kind: Parametrization) -> None:
 
 def test_a_pull_on_one_vertex_moves_it_alone_or_the_surface_with_it() -> None:
     reach = {}
-    for kind in Parametrization:
-        variables = make_variables(kind, MESH, PoissonSystem(MESH))
+    for kind in KINDS:
+        variables = kind(PoissonSystem(MESH))
         before = variables.place()
         before[0, 1].backward()
         with torch.no_grad():
@@ -50,21 +53,21 @@ def test_a_pull_on_one_vertex_moves_it_alone_or_the_surface_with_it() -> None:
                 tensor += 0.1 * tensor.grad
         moved = (variables.place().detach() - before.detach()).norm(dim=1)
         reach[kind] = float((moved > 0.05 * moved.max()).double().mean())
-    assert reach[Parametrization.VERTICES] < 0.02
-    assert reach[Parametrization.JACOBIANS] > 0.2
+    assert reach[VertexDisplacements] < 0.02
+    assert reach[JacobianField] > 0.2
 
 
 def test_a_checkpoint_of_the_other_kind_is_refused() -> None:
     system = PoissonSystem(MESH)
-    jacobians, vertices = (make_variables(kind, MESH, system) for kind in Parametrization)
+    jacobians, vertices = (kind(system) for kind in KINDS)
     with pytest.raises(CheckpointError, match="displacements"):
         copy_into(vertices, jacobians.tensors)
 
 
-@pytest.mark.parametrize("kind", list(Parametrization))
-def test_any_shape_can_be_adopted_also_of_several_parts(kind: Parametrization) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_any_shape_can_be_adopted_also_of_several_parts(kind: Callable[[PoissonSystem], Variables]) -> None:
     mesh = join(MESH, TriangleMesh(0.5 * MESH.verts + 3.0, MESH.faces))
-    variables = make_variables(kind, mesh, PoissonSystem(mesh))
+    variables = kind(PoissonSystem(mesh))
     generator = torch.Generator().manual_seed(0)
     wished = mesh.verts * torch.tensor([1.0, 2.0, 0.7]) + 0.1 * torch.randn(mesh.verts.shape, generator=generator)
     wished[: len(MESH.verts), 0] += 0.5

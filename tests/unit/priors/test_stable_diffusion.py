@@ -18,7 +18,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
-from tests.unit.priors.combined import guided
+from tests.unit.priors.combined import guided, text_rows
 
 CAMERAS = fixed_cameras(0.0, 15.0)
 SIZE = 128
@@ -98,23 +98,23 @@ def test_gradient_checkpointing_changes_no_gradient(tiny_stable_diffusion: Path,
 
 
 def test_the_text_embedding_holds_the_negative_prompt_and_the_prompt(prior: StableDiffusionPrior) -> None:
-    both = prior.encode_prompt("a mushroom", "blurry")
+    both = text_rows(prior, "a mushroom", "blurry")
     assert both.shape == (2, 77, 32)
-    assert torch.equal(prior.encode_prompt("a mushroom", "")[1], both[1])
-    torch.testing.assert_close(prior.encode_prompt("blurry")[1], both[0])
+    assert torch.equal(text_rows(prior, "a mushroom", "")[1], both[1])
+    torch.testing.assert_close(text_rows(prior, "blurry")[1], both[0])
     assert not torch.allclose(both[0], both[1])
 
 
 def test_a_prompt_that_would_be_cut_is_refused(prior: StableDiffusionPrior) -> None:
-    prior.encode_prompt("x" * 75)
+    text_rows(prior, "x" * 75)
     with pytest.raises(PromptError, match="has 76 tokens; this model reads 75"):
-        prior.encode_prompt("x" * 76)
+        text_rows(prior, "x" * 76)
     with pytest.raises(PromptError, match=r"blurry xx.* has 213 tokens"):
-        prior.encode_prompt("", "blurry " + "xx " * 100 + "y" * 7)
+        text_rows(prior, "", "blurry " + "xx " * 100 + "y" * 7)
 
 
 def test_classifier_free_guidance_is_uncond_plus_s_times_the_difference(prior: StableDiffusionPrior) -> None:
-    embedding, z_t, at = prior.encode_prompt("a vase", "blurry"), noise(1, 4, 16, 16), torch.tensor([300])
+    embedding, z_t, at = text_rows(prior, "a vase", "blurry"), noise(1, 4, 16, 16), torch.tensor([300])
     uncond, text = (
         prior._unet(z_t, at, encoder_hidden_states=embedding[row : row + 1]).sample.detach() for row in (0, 1)
     )
@@ -145,7 +145,7 @@ def test_v_prediction_equals_the_noise_that_its_velocity_stands_for(
         eps = (z_t - signal * clean) / sigma
         return Output(signal * eps - sigma * clean)
 
-    embedding, z_t = prior.encode_prompt("a vase"), noise(1, 4, 16, 16)
+    embedding, z_t = text_rows(prior, "a vase"), noise(1, 4, 16, 16)
     monkeypatch.setattr(prior._unet, "forward", tells_noise)
     monkeypatch.setattr(other._unet, "forward", tells_velocity)
     torch.testing.assert_close(
@@ -206,9 +206,9 @@ def test_bfloat16_agrees_roughly_and_still_speaks_float32(
     assert latents.dtype == torch.float32
     torch.testing.assert_close(latents, prior.encode_image(picture()), rtol=0.1, atol=0.02)
     z_t, at = noise(1, 4, 16, 16), torch.tensor([300])
-    predicted = guided(*half.predict_noise(z_t, at, half.encode_prompt("a vase"), CAMERAS), 1.0)
+    predicted = guided(*half.predict_noise(z_t, at, text_rows(half, "a vase"), CAMERAS), 1.0)
     assert predicted.dtype == torch.float32
-    expected = guided(*prior.predict_noise(z_t, at, prior.encode_prompt("a vase"), CAMERAS), 1.0)
+    expected = guided(*prior.predict_noise(z_t, at, text_rows(prior, "a vase"), CAMERAS), 1.0)
     assert (predicted - expected).norm() < 0.1 * expected.norm()
 
 
@@ -243,15 +243,3 @@ def test_pickled_weights_are_not_opened(copy: Path) -> None:
     weights.rename(weights.with_suffix(".bin"))
     with pytest.raises(ModelError, match="needs safetensors"):
         load_prior(str(copy), device="cpu")
-
-
-def test_every_picture_can_be_told_something_else(prior: StableDiffusionPrior) -> None:
-    """Mixtures of rows, one for each picture, give what each picture alone would be told."""
-    rows = prior.encode_texts("a vase", "", "a dog")
-    z_t, at = noise(2, 4, 16, 16), torch.tensor([300, 700])
-    for_all = prior.predict_noise(z_t, at, rows, CAMERAS)
-    assert len(for_all) == 3
-    each = prior.predict_noise(z_t, at, torch.stack([rows[[0, 2]], rows[[1, 1]]]), CAMERAS)
-    assert len(each) == 2
-    torch.testing.assert_close(each[0], torch.stack([for_all[0][0], for_all[2][1]]), atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(each[1], for_all[1], atol=1e-4, rtol=1e-4)

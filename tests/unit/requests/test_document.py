@@ -6,7 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import DeformParams, JobRequest, Preset, ResolvedParams, resolve
+from meshdeform.requests.document import DeformParams, JobRequest, Preset, ResolvedParams, read_stored, resolve
+from meshdeform.requests.parameters import FROM_PRESET
 
 
 def test_what_the_user_wrote_wins_over_the_preset() -> None:
@@ -72,3 +73,51 @@ def test_requests_are_stripped_and_bounded() -> None:
     for bad in ({"prompt": "a" * 1001}, {"metadata": {"": "x"}}, {"metadata": {"k": "v" * 501}}, {"kind": "cook"}):
         with pytest.raises(ValidationError):
             JobRequest.model_validate(bad)
+
+
+def test_what_was_not_written_is_not_said_again() -> None:
+    assert DeformParams(steps=5000, seed=0).model_dump(mode="json") == {"steps": 5000, "seed": 0}
+    assert set(resolve(DeformParams()).model_dump()) == set(DeformParams.model_fields)
+
+
+def test_what_equals_the_papers_value_is_written_all_the_same() -> None:
+    assert resolve(DeformParams.model_validate({"steps": 5000})).steps == 5000
+
+
+def test_null_means_left_out_where_the_preset_decides_and_nowhere_else() -> None:
+    nulls = dict.fromkeys([*FROM_PRESET, "model"])
+    read = DeformParams.model_validate(nulls)
+    assert read.model_fields_set == set()
+    assert resolve(read) == resolve(DeformParams())
+    for name in set(DeformParams.model_fields) - set(nulls):
+        with pytest.raises(ValidationError):
+            DeformParams.model_validate({name: None})
+
+
+def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
+    for mode in ("validation", "serialization"):
+        for name, member in DeformParams.model_json_schema(mode=mode)["properties"].items():
+            assert ("default" in member) == (name not in FROM_PRESET), name
+            if name in FROM_PRESET:
+                assert "Default: the preset's. Paper: " in member["description"]
+                assert {"type": "null"} in member["anyOf"]
+    resolved = ResolvedParams.model_json_schema(mode="serialization")
+    assert set(resolved["required"]) == set(resolved["properties"]) == set(DeformParams.model_fields)
+    assert not any("anyOf" in member for member in resolved["properties"].values())
+
+
+OLD = {
+    "distillation": "ism", "ism_interval": 0.05, "ism_stride": 0.2, "noise_draws": 2, "candidates": 4,
+    "candidate_steps": 25, "stop_when_settled": 0.3, "smoothing_start": 0.1, "resolution_start": 0.5,
+    "coarse_until": 0.5, "rigidity": "rotation", "learning_rate_end": 0.01, "annealing": "cosine",
+    "regularizer_scale_end": 1.0, "timestep_min_end": 0.02, "view_prompts": True, "negative": "perpendicular",
+    "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OLD)
+def test_a_parameter_of_an_earlier_version_is_refused_in_a_new_request_and_dropped_from_a_stored_one(name: str) -> None:
+    document = {"prompt": "a vase", "params": {"preset": "preview", "seed": 3, name: OLD[name]}}
+    with pytest.raises(ValidationError):
+        JobRequest.model_validate(document)
+    assert read_stored(document).params.model_dump(mode="json") == {"preset": "preview", "seed": 3}
