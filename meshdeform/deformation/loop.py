@@ -39,7 +39,7 @@ from meshdeform.deformation.variables import JacobianField, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
-from meshdeform.rendering.cameras import CameraRange
+from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.rendering.views import OrthogonalGrid, Views
 from meshdeform.requests.document import ResolvedParams, Safeguard
@@ -117,6 +117,8 @@ class Deformation:
         self._attachments = Attachments(rest, rest.components)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
+        self._framing = Framing(params.framing, params.framing_max)
+        self._rest_extent = float(rest.verts.abs().max())
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
         self._variables = variables(self._poisson)
@@ -203,21 +205,24 @@ class Deformation:
 
     def _loss(self) -> tuple[float, dict[str, float], Tensor]:
         p = self.params
-        cameras = self._views.sample(self._generator).to(self._device)
         verts = self._variables.place()
-        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras))
+        radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
+        cameras = self._views.sample(self._generator, radius).to(self._device)
+        scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
+        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, logs = self._guidance.loss(image, context)
         keep = self._regularizers
-        terms = {
-            "guidance": p.guidance_weight * guidance.double().cpu(),
-            "jacobian": p.jacobian_reg_weight * keep.jacobian(self._variables.jacobians()),
-            "laplacian": p.laplacian_weight * keep.laplacian(verts),
-            "normal": p.normal_weight * keep.normal(verts),
-            "attachment": p.attachment_weight * self._attachments.penalty(verts),
+        penalties: dict[str, tuple[float, Callable[[], Tensor]]] = {
+            "jacobian": (p.jacobian_reg_weight, lambda: keep.jacobian(self._variables.jacobians())),
+            "laplacian": (p.laplacian_weight, lambda: keep.laplacian(verts)),
+            "normal": (p.normal_weight, lambda: keep.normal(verts)),
+            "attachment": (p.attachment_weight, lambda: self._attachments.penalty(verts)),
+            "dirichlet": (p.dirichlet_weight, lambda: keep.dirichlet(verts)),
         }
-        if p.dirichlet_weight:
-            terms["dirichlet"] = p.dirichlet_weight * keep.dirichlet(verts)
+        terms = {"guidance": p.guidance_weight * guidance.double().cpu()}
+        # A weight of 0 is off: 0 times an infinite penalty would be no number.
+        terms |= {name: weight * penalty() for name, (weight, penalty) in penalties.items() if weight}
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
         total.backward()  # type: ignore[no-untyped-call]

@@ -133,9 +133,9 @@ class SingleViews:
         self._bounds = bounds
         self.style = replace(style, view_size=2 * style.view_size)
 
-    def sample(self, generator: torch.Generator) -> Cameras:
+    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
         """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator)
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
 
     def arrange(self, images: Tensor) -> Tensor:
         """Give views (4, S, S, 3) as pictures (4, 3, S, S)."""

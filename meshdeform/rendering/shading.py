@@ -1,17 +1,19 @@
 """Differentiable shading of the deformed mesh from several cameras, and the combination of the views in one image.
 
 Two kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (what the builtin
-prior learned), `lambert` lights a neutral clay with smooth normals from the camera's upper left (what a photograph
-trained model understands best). Both treat surfaces as two-sided.
+prior learned), `lambert` lights a neutral clay with smooth normals. A fixed scene lights it from the camera's upper
+left, and a quarter of the light comes from everywhere; in a varied one (`scenes.py`) light and background change with
+every view, and the clay is the published one: half of white, lit by 5 / pi, black where no light falls. Both kinds of
+shading treat surfaces as two-sided.
 
-Source of the combination of orthogonal views: Xu et al. 2024, FusionDeformer, section 3.3.
+Source of the combination of orthogonal views: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass, replace
-from typing import Literal, Self
+import math
+from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -22,6 +24,7 @@ from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.rendering.scenes import Scene, sample_scene
 
 __all__ = ["RenderStyle", "Renderer", "combine_views"]
 
@@ -33,6 +36,8 @@ only: no step of an optimiser is that short. So its gradients are those of a fac
 """
 _AMBIENT = 0.25
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left, behind the viewer
+_VARIED_GAIN = 0.5 * 5 / math.pi
+"""Albedo times light of the published code."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,16 @@ class RenderStyle:
         Views are drawn at ``view_size * supersample`` and averaged down.
     shading : "normals" or "lambert"
     background : red, green and blue in [0, 1]
+        Of a fixed scene.
+    scene : "fixed" or "varied"
+        Whether background and light are always the same, or drawn for every view (`scenes.sample_scene`).
     """
 
     view_size: int = 64
     supersample: int = 2
     shading: Literal["normals", "lambert"] = "normals"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scene: Literal["fixed", "varied"] = "fixed"
 
 
 class Renderer:
@@ -78,13 +87,13 @@ class Renderer:
         self._background = torch.tensor(style.background, dtype=torch.float32, device=device)
         self._light = functional.normalize(torch.tensor(_LIGHT, dtype=torch.float32, device=device), dim=0)
 
-    def at(self, view_size: int) -> Self:
-        """The same with views of another size."""
-        other = copy.copy(self)
-        other.style = replace(self.style, view_size=view_size)
-        return other
+    def sample_scene(self, views: int, generator: torch.Generator) -> Scene | None:
+        """Draw the surroundings of so many views, or return None where the style's scene is fixed."""
+        if self.style.scene == "fixed":
+            return None
+        return sample_scene(views, self.style.view_size * self.style.supersample, generator, self.faces.device)
 
-    def render(self, verts: Tensor, cameras: Cameras) -> Tensor:
+    def render(self, verts: Tensor, cameras: Cameras, scene: Scene | None = None) -> Tensor:
         """Draw the mesh from every camera.
 
         Parameters
@@ -93,6 +102,8 @@ class Renderer:
             Deformed positions in the frame where the views show the unit sphere.
         cameras : Cameras
             B of them, on the mesh's device.
+        scene : Scene, optional
+            The surroundings of the B views; the style's fixed background and light unless given.
 
         Returns
         -------
@@ -112,15 +123,23 @@ class Renderer:
         fragments = rasterize(clip, self.faces, side, side)
         pixels = (fragments.face_ids.view(-1) >= 0).nonzero()[:, 0]
         face = fragments.face_ids.view(-1).index_select(0, pixels)
-        colour = self._colours(verts, clip, cameras, fragments, pixels, face)
-        image = self._background.expand(views * side * side, 3).index_copy(0, pixels, colour)
+        colour = self._colours(verts, clip, cameras, fragments, pixels, face, scene)
+        behind = self._background.expand(views * side * side, 3) if scene is None else scene.backgrounds.reshape(-1, 3)
+        image = behind.index_copy(0, pixels, colour)
         image = antialias(image.view(views, side, side, 3), clip, self.edges, fragments.depth)
         if self.style.supersample > 1:
             image = functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
         return image
 
     def _colours(
-        self, verts: Tensor, clip: Tensor, cameras: Cameras, fragments: Fragments, pixels: Tensor, face: Tensor
+        self,
+        verts: Tensor,
+        clip: Tensor,
+        cameras: Cameras,
+        fragments: Fragments,
+        pixels: Tensor,
+        face: Tensor,
+        scene: Scene | None,
     ) -> Tensor:
         height, width = fragments.face_ids.shape[1:]
         view = torch.div(pixels, height * width, rounding_mode="floor")
@@ -148,8 +167,10 @@ class Renderer:
             smooth = _damped(smooth, share)
             return 0.5 + 0.5 * facing * (flat + _motion_only(smooth, flat))
         smooth = _damped(self._smooth(clip, vertex_normal, pixels, face, solid, (height, width)), share)
-        diffuse = (functional.normalize(smooth, dim=-1, eps=1e-12) * facing) @ self._light
-        return (_AMBIENT + (1 - _AMBIENT) * diffuse.clamp_min(0))[:, None].expand(-1, 3)
+        light = self._light if scene is None else scene.lights.index_select(0, view)
+        diffuse = (functional.normalize(smooth, dim=-1, eps=1e-12) * facing * light).sum(-1).clamp_min(0)
+        brightness = _AMBIENT + (1 - _AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
+        return brightness[:, None].expand(-1, 3)
 
     def _smooth(
         self, clip: Tensor, vertex_normal: Tensor, pixels: Tensor, face: Tensor, solid: Tensor, size: tuple[int, int]

@@ -1,6 +1,6 @@
 """Which views a step shows to the guidance: four orthogonal ones, combined in one picture.
 
-Source: Xu et al. 2024, FusionDeformer, section 3.3.
+Source: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Views(Protocol):
     style: RenderStyle
     """How each view is drawn."""
 
-    def sample(self, generator: torch.Generator) -> Cameras:
-        """Draw the cameras of one step."""
+    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
+        """Draw the cameras of one step, whose views a sphere of this radius around the origin just fits."""
 
     def arrange(self, images: Tensor) -> Tensor:
         """Lay views (B, S, S, 3) out as the guidance takes them."""
@@ -43,9 +43,9 @@ class OrthogonalGrid:
         self._bounds = bounds
         self.style = style
 
-    def sample(self, generator: torch.Generator) -> Cameras:
+    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
         """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator)
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
 
     def arrange(self, images: Tensor) -> Tensor:
         """Combine views (4, S, S, 3) in one picture (1, 3, 2 S, 2 S)."""

@@ -52,6 +52,7 @@ _OF_PRESET = "x-of-preset"
 _ORDERED = (
     ("timestep_min", "timestep_max"),
     ("timestep_min", "timestep_max_end"),
+    ("framing", "framing_max"),
     ("elevation_min_deg", "elevation_max_deg"),
     ("fov_min_deg", "fov_max_deg"),
 )
@@ -193,7 +194,7 @@ class DeformParams(StrictModel):
     )
     guidance_weight: float = _of_preset(1.0, "Weight of the guidance's loss.", ge=0.0, le=_MAX_WEIGHT)
     jacobian_reg_weight: float = _of_preset(
-        16.0,
+        0.5 / 9,  # the published 0.5 is of the mean over nine entries
         "Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
         ge=0.0,
         le=_MAX_WEIGHT,
@@ -201,15 +202,15 @@ class DeformParams(StrictModel):
         form={"label": "Identity", "help": "Weight that keeps the asset like itself. Higher changes less."},
     )
     laplacian_weight: float = _of_preset(
-        0.16,
+        1e-4,
         "Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
     )
     normal_weight: float = _of_preset(
-        1600.0,
-        "Weight of the mean (1 - n_i . n_j)^2 over neighbouring faces.",
+        0.1,
+        "Weight of the bending of neighbouring faces away from rest (see docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
@@ -228,6 +229,20 @@ class DeformParams(StrictModel):
         "Weight of the mean symmetric Dirichlet energy, a barrier that no face collapses through (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
+    )
+    framing: float = _of_preset(
+        0.9,
+        "How large the asset is in the picture at rest: its half extent over the radius of the sphere that just fits "
+        "the view.",
+        ge=0.05,
+        le=2.0,
+    )
+    framing_max: float = _of_preset(
+        0.9,
+        "How large it may become in the picture before the camera goes back with it; where it equals `framing`, the "
+        "camera follows at once, as the published code does.",
+        ge=0.05,
+        le=2.0,
     )
     elevation_min_deg: float = _of_preset(0.0, "Lowest camera elevation in degrees.", ge=-89.0, le=89.0)
     elevation_max_deg: float = _of_preset(30.0, "Highest camera elevation in degrees.", ge=-89.0, le=89.0)
