@@ -67,6 +67,15 @@ def evaluate(
     seeds: Annotated[
         str | None, typer.Option(help="Instead of the suite's, e.g. 0,1,2.", rich_help_panel=_METHOD)
     ] = None,
+    source: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A mesh of yours (GLB, OBJ, PLY, STL) in place of the suite's; repeatable.",
+            rich_help_panel=_METHOD,
+            exists=True,
+            dir_okay=False,
+        ),
+    ] = None,
     judge: Annotated[
         str, typer.Option(help="builtin, none, or package.module:name.", rich_help_panel=_JUDGES)
     ] = "builtin",
@@ -116,7 +125,8 @@ def evaluate(
     options = {**_set(settings_ or []), "steps": steps, "preset": preset}
 
     def plan() -> Plan:
-        return _plan(suite, out, options, checkpoint_at or [], prior, seeds, settings, judge, clip, ablation)
+        own = tuple(str(path) for path in source or [])
+        return _plan(suite, out, options, checkpoint_at or [], prior, own, seeds, settings, judge, clip, ablation)
 
     if dry_run:
         _list(plan(), limit, as_json)
@@ -181,6 +191,7 @@ def _plan(
     options: dict[str, Any],
     checkpoint_at: list[int],
     prior: str,
+    sources: tuple[str, ...],
     seeds: str | None,
     settings: Settings,
     judge: str,
@@ -197,6 +208,8 @@ def _plan(
         raise typer.BadParameter(f"{ablation!r} is not one of {', '.join(Ablation)}", param_hint="--ablation")
     chosen = Ablation(ablation) if ablation is not None else None
     suite = find_suite(suite_name)
+    if sources:
+        suite = suite.with_sources(sources)
     if seeds is not None:
         suite = suite.with_seeds(_seeds(seeds))
     params = resolve(_params({"preset": suite.preset, "model": _model(prior, settings), **_without_none(options)}))

@@ -48,8 +48,8 @@ def item_folder(folder: Path, item: Item) -> Path:
 
 
 def source_path(folder: Path, name: str) -> Path:
-    """Where a source's mesh lies."""
-    return folder / "sources" / f"{name}.ply"
+    """Return where a source's mesh lies; `name` is that of a source, or the path of a mesh."""
+    return folder / "sources" / f"{Path(name).stem}.ply"
 
 
 def read_record(folder: Path, item: Item) -> dict[str, Any] | None:

@@ -19,13 +19,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from meshdeform.assets import load_asset
 from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
+from meshdeform.geometry.weld import weld
 
 __all__ = ["SOURCES", "mesh_sha256", "source_mesh"]
 
@@ -98,8 +101,22 @@ SOURCES: dict[str, Callable[[], TriangleMesh]] = {
 
 @cache
 def source_mesh(name: str) -> TriangleMesh:
-    """One of `SOURCES`, +Y up and looking along +Z, about 1 unit in size; made once a process."""
-    return SOURCES[name]()
+    """Return one of `SOURCES`, or the surface of a file, welded; made once a process.
+
+    Parameters
+    ----------
+    name : str
+        A name in `SOURCES` (+Y up and looking along +Z, about 1 unit in size), or the path of a GLB, OBJ, PLY or STL.
+
+    Raises
+    ------
+    AssetError
+        The file cannot be read.
+    """
+    if name in SOURCES:
+        return SOURCES[name]()
+    surface = load_asset(Path(name).read_bytes(), Path(name).name).surface
+    return weld(surface.positions, surface.triangles).mesh
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:

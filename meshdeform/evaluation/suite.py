@@ -17,6 +17,7 @@ of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of Fusio
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
@@ -67,7 +68,7 @@ class Item:
     @property
     def name(self) -> str:
         """A file name that tells it from every other item."""
-        return f"{self.source}--{self.prompt.replace(' ', '-')}--seed{self.seed}"
+        return f"{Path(self.source).stem}--{self.prompt.replace(' ', '-')}--seed{self.seed}"
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Suite:
     ----------
     name : str
     sources : tuple of str
-        Of `meshdeform.evaluation.sources.SOURCES`.
+        Of `meshdeform.evaluation.sources.SOURCES`, or paths of meshes.
     prompts : tuple of str
         Each is also what the results of the others are told from: retrieval is among all of these.
     seeds : tuple of int
@@ -102,6 +103,19 @@ class Suite:
             for number, prompt in enumerate(self.prompts)
         ]
         return every[:limit]
+
+    def with_sources(self, sources: tuple[str, ...]) -> Suite:
+        """Return the same suite with other sources.
+
+        Raises
+        ------
+        ParameterError
+            Two have the same name, without folder and ending.
+        """
+        names = [Path(source).stem for source in sources]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ParameterError(f"Two sources are called {twice[0]!r}.", advice="Give the files different names.")
+        return replace(self, sources=sources)
 
     def with_seeds(self, seeds: tuple[int, ...]) -> Suite:
         """The same with other seeds."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
 
+from meshdeform.assets import build_glb
 from meshdeform.errors import ParameterError
 from meshdeform.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
 from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh
@@ -12,6 +15,7 @@ from meshdeform.evaluation.suite import SUITES, find_suite
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
 from meshdeform.geometry.quality import measure
+from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
 
 SINGLE = [name for name in SOURCES if name != "toy"]
@@ -113,3 +117,16 @@ def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:
     assert {item.seed for item in SUITES["small"].with_seeds((3, 4)).items()} == {3, 4}
     with pytest.raises(ParameterError, match="no suite 'large'"):
         find_suite("large")
+
+
+def test_a_mesh_of_ones_own_takes_the_place_of_the_sources(tmp_path: Path) -> None:
+    path = tmp_path / "my cow.glb"
+    mesh = box(2)
+    path.write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    suite = find_suite("small").with_sources((str(path),))
+    assert {item.source for item in suite.items()} == {str(path)}
+    assert suite.items()[0].name.startswith("my cow--")
+    read = source_mesh(str(path))
+    assert len(read.faces) == len(mesh.faces)
+    with pytest.raises(ParameterError, match="called 'my cow'"):
+        suite.with_sources((str(path), str(tmp_path / "other" / "my cow.obj")))
