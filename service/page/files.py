@@ -14,7 +14,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path, PurePosixPath
 
-__all__ = ["PAGE_HEADERS", "PageFile", "PageFiles"]
+__all__ = ["PAGE_HEADERS", "PageFile", "PageFiles", "page_file"]
 
 PAGE_HEADERS = {
     # Its own scripts and styles, bytes that it holds itself (blob:, data:), and no other host at all. WebAssembly is
@@ -132,7 +132,11 @@ def _version(found: Traversable) -> tuple[int, int]:
 
 
 def _read(found: Traversable, content_type: str) -> PageFile:
-    content = found.read_bytes()
+    return page_file(found.read_bytes(), content_type)
+
+
+def page_file(content: bytes, content_type: str) -> PageFile:
+    """Return what is served for some bytes, compressed where that gains anything."""
     compressed = None
     if content_type not in _DENSE and len(content) >= _LEAST_COMPRESSED:
         # Without a time, so that the same file is the same bytes everywhere.

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+import json
+
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
 
 from meshdeform.errors import NotFoundError
+from meshdeform.requests.document import DeformParams
 from service.http.ranges import matches
-from service.page.files import PAGE_HEADERS, PageFile, PageFiles
+from service.page.files import PAGE_HEADERS, PageFile, PageFiles, page_file
 from service.state import Parts, PartsDep
 
 __all__ = ["router"]
@@ -16,6 +20,7 @@ __all__ = ["router"]
 router = APIRouter(include_in_schema=False)
 _files = PageFiles()
 _INDEX = "index.html"
+_PARAMETERS = "parameters.json"
 
 
 @router.head("/")
@@ -44,7 +49,13 @@ def get_page_file(request: Request, parts: PartsDep, path: str) -> Response:
 def _find(parts: Parts, path: str) -> PageFile | None:
     if parts.settings.web == "off":
         raise HTTPException(404)
-    return _files.find(path)
+    return _parameters() if path == _PARAMETERS else _files.find(path)
+
+
+@functools.cache
+def _parameters() -> PageFile:
+    """The schema of a job's parameters, from which the page makes its form."""
+    return page_file(json.dumps(DeformParams.model_json_schema()).encode(), "application/json")
 
 
 def _answer(request: Request, found: PageFile) -> Response:

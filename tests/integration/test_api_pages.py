@@ -12,6 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from meshdeform.requests.document import DeformParams, Safeguard
+from meshdeform.requests.parameters import FORM
 from meshdeform.settings import Settings
 from service.page.files import PAGE_HEADERS
 from tests.integration.conftest import DEADLINE_S, serving
@@ -82,6 +84,19 @@ def test_every_file_of_the_page_comes_as_it_lies_there(http: httpx.Client, repos
         assert (answer.status_code, answer.content) == (200, path.read_bytes()), name
         assert "content-encoding" not in answer.headers
         assert answer.headers["content-type"].partition(";")[0] == TYPES[path.suffix], name
+
+
+def test_the_page_learns_the_parameters_from_their_declaration(http: httpx.Client) -> None:
+    answer = http.get("/web/parameters.json")
+    assert answer.headers["content-type"] == "application/json"
+    assert answer.headers["content-security-policy"] == PAGE_HEADERS["Content-Security-Policy"]
+    assert answer.headers["content-encoding"] == "gzip"
+    schema = answer.json()
+    assert schema == DeformParams.model_json_schema()
+    forms = {name: member[FORM] for name, member in schema["properties"].items() if FORM in member}
+    assert {"steps", "learning_rate", "safeguard", "negative_prompt"} <= set(forms)
+    assert all({"label", "help"} <= set(form) for form in forms.values())
+    assert {value for value, _ in forms["safeguard"]["choices"]} == set(Safeguard)
 
 
 def test_the_page_is_asked_for_again_and_costs_nothing_then(http: httpx.Client) -> None:

@@ -1,25 +1,40 @@
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { checkpointEvery, documents, fieldProblem, FIELDS, keptText, nothingKept, randomSeed, wishOf } from "../../service/web/app/params.js";
+import { checkpointEvery, documents, fieldProblem, fieldsOf, keptText, nothingKept, randomSeed, wishOf } from "../../service/web/app/params.js";
 
 const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, advanced: {}, kept: { params: {}, output: {} } };
+// What the server serves as web/parameters.json has the same members.
+const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
+const FIELDS = fieldsOf(openapi.components.schemas.DeformParams);
 const field = (name) => FIELDS.find((found) => found.name === name);
 
+test("the form offers what the server declares", () => {
+  const offered = FIELDS.map((found) => found.name);
+  assert.ok(offered.includes("steps") && offered.includes("negative_prompt") && !offered.includes("seed"));
+  assert.deepEqual(field("steps"), {
+    name: "steps", label: "Steps", help: "Optimiser iterations.", type: "integer", choices: undefined, min: 1, above: undefined, max: 50000,
+  });
+  assert.deepEqual(field("safeguard").choices.map(([value]) => value), ["intersections", "flips", "none"]);
+  assert.equal(field("negative_prompt").type, "text");
+  assert.deepEqual(fieldsOf(null), []);
+});
+
 test("one job asks for what was chosen and nothing else", () => {
-  assert.deepEqual(documents(WISH, 80, "g"), [
+  assert.deepEqual(documents(WISH, 80, "g", FIELDS), [
     { prompt: "a mushroom", params: { preset: "preview", model: "builtin", checkpoint_every_steps: 8, seed: 7 }, output: { morph: false } },
   ]);
 });
 
 test("variations differ by their seed and share a label", () => {
-  const found = documents({ ...WISH, variations: 3 }, 80, "g1");
+  const found = documents({ ...WISH, variations: 3 }, 80, "g1", FIELDS);
   assert.deepEqual(found.map((document) => document.params.seed), [7, 8, 9]);
   assert.deepEqual(found.map((document) => document.metadata), [1, 2, 3].map((number) => ({ group: "g1", variation: String(number) })));
 });
 
 test("what was typed under Advanced goes along as numbers; what is empty or wrong does not", () => {
-  const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", noise_draws: "2.5", guidance_scale: "" };
-  const { params } = documents({ ...WISH, advanced }, 80, "g")[0];
+  const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", normal_weight: "-2.5", guidance_scale: "" };
+  const { params } = documents({ ...WISH, advanced }, 80, "g", FIELDS)[0];
   assert.deepEqual(params, { preset: "preview", model: "builtin", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7 });
 });
 
@@ -29,6 +44,7 @@ test("what is wrong is said", () => {
   assert.match(fieldProblem(field("steps"), "many"), /number/);
   assert.match(fieldProblem(field("steps"), "0"), /At least 1/);
   assert.match(fieldProblem(field("steps"), "60000"), /50,000/);
+  assert.match(fieldProblem(field("learning_rate"), "0"), /More than 0/);
 });
 
 test("ten shapes on the way, at least one step apart", () => {
@@ -38,17 +54,17 @@ test("ten shapes on the way, at least one step apart", () => {
 test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
   const job = {
     prompt: "a vase",
-    params: { preset: "paper", seed: 3, learning_rate: 0.01, views: "random_batch", checkpoint_every_steps: 7 },
+    params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5, checkpoint_every_steps: 7 },
     output: { morph: true, usd: true },
   };
-  const kept = { params: { views: "random_batch" }, output: { usd: true } };
-  const wish = wishOf(job);
+  const kept = { params: { translation_rate: 0.5 }, output: { usd: true } };
+  const wish = wishOf(job, FIELDS);
   assert.deepEqual(wish, { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, advanced: { learning_rate: "0.01" }, kept });
-  const [document] = documents(wish, null, "g");
+  const [document] = documents(wish, null, "g", FIELDS);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, views: "random_batch" }, output: { morph: true, usd: true },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5 }, output: { morph: true, usd: true },
   });
-  assert.equal(keptText(kept), "views random_batch, output.usd true");
+  assert.equal(keptText(kept), "translation_rate 0.5, output.usd true");
   assert.equal(keptText(nothingKept()), "");
 });
 

@@ -1,7 +1,7 @@
 // @ts-check
 /**
- * The parameters that the page offers, and the request that a form means. Bounds are those of docs/parameters.md; the
- * server checks them again.
+ * The parameters that the page offers, and the request that a form means. What there is, its bounds and its words come
+ * from the server, which checks every request again.
  *
  * @typedef {object} Field
  * @property {string} name
@@ -9,6 +9,7 @@
  * @property {string} help
  * @property {"integer" | "number" | "choice" | "text"} type
  * @property {number} [min]
+ * @property {number} [above] What it must be more than.
  * @property {number} [max]
  * @property {[string, string][]} [choices] Value and label.
  *
@@ -35,43 +36,21 @@ export const PRESETS = /** @type {[string, string, string][]} */ ([
 export const MAX_VARIATIONS = 9;
 export const MAX_SEED = Number.MAX_SAFE_INTEGER;
 
-/** @type {Field[]} */
-export const FIELDS = [
-  { name: "steps", label: "Steps", help: "Optimiser iterations.", type: "integer", min: 1, max: 50000 },
-  {
-    name: "learning_rate", label: "Learning rate", type: "number", min: 0, max: 1,
-    help: "How far one step may go. Lower is calmer and needs more steps.",
-  },
-  {
-    name: "safeguard", label: "Safeguard", help: "What no step may do to the surface.", type: "choice",
-    choices: [["intersections", "No flips, no self-intersections"], ["flips", "No flipped faces"], ["none", "Off"]],
-  },
-  {
-    name: "guidance_scale", label: "Guidance scale", type: "number", min: 0, max: 1000,
-    help: "How strongly the prompt pulls.",
-  },
-  {
-    name: "jacobian_reg_weight", label: "Identity", type: "number", min: 0, max: 1000000,
-    help: "Weight that keeps the asset like itself. Higher changes less.",
-  },
-  {
-    name: "normal_weight", label: "Smoothness", type: "number", min: 0, max: 1000000,
-    help: "Weight against creases between neighbouring faces.",
-  },
-  {
-    name: "attachment_weight", label: "Attachment", type: "number", min: 0, max: 1000000,
-    help: "Weight that keeps separate parts together.",
-  },
-  {
-    name: "distillation", label: "Distillation", help: "Which direction of the prior pulls.", type: "choice",
-    choices: [
-      ["sds", "Score distillation (SDS)"], ["csd", "Classifier score (CSD)"], ["nfsd", "Noise-free (NFSD)"],
-      ["ism", "Interval score matching (ISM)"],
-    ],
-  },
-  { name: "noise_draws", label: "Noise draws", help: "Questions to the prior per step.", type: "integer", min: 1, max: 64 },
-  { name: "negative_prompt", label: "Negative prompt", help: "What it shall not become.", type: "text" },
-];
+/**
+ * The parameters that the form offers, as the server declares them.
+ *
+ * @param {any} schema What `web/parameters.json` says: the JSON schema of a job's parameters.
+ * @returns {Field[]}
+ */
+export function fieldsOf(schema) {
+  const offered = Object.entries(schema?.properties ?? {}).filter(([, member]) => member["x-form"]);
+  return offered.map(([name, member]) => {
+    const { label, help, choices } = member["x-form"];
+    const kind = (member.anyOf ?? [member]).find((/** @type {any} */ one) => one.type !== "null") ?? {};
+    const type = choices ? "choice" : kind.type === "integer" || kind.type === "number" ? kind.type : "text";
+    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum };
+  });
+}
 
 /**
  * What is wrong with what was typed; empty where it is fine or empty.
@@ -86,6 +65,7 @@ export function fieldProblem(field, text) {
   if (!Number.isFinite(number)) return "Enter a number.";
   if (field.type === "integer" && !Number.isInteger(number)) return "Enter a whole number.";
   if (field.min !== undefined && number < field.min) return `At least ${field.min.toLocaleString("en")}.`;
+  if (field.above !== undefined && number <= field.above) return `More than ${field.above.toLocaleString("en")}.`;
   if (field.max !== undefined && number > field.max) return `At most ${field.max.toLocaleString("en")}.`;
   return "";
 }
@@ -96,13 +76,14 @@ export function fieldProblem(field, text) {
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
  * @param {string} group The label's value; used where there are several.
+ * @param {Field[]} fields
  * @returns {Record<string, any>[]}
  */
-export function documents(wish, steps, group) {
+export function documents(wish, steps, group, fields) {
   /** @type {Record<string, any>} */
   const params = { ...wish.kept.params, preset: wish.preset };
   if (wish.model) params.model = wish.model;
-  for (const field of FIELDS) {
+  for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
     if (text === "" || fieldProblem(field, text)) continue;
     params[field.name] = field.type === "integer" || field.type === "number" ? Number(text) : text;
@@ -128,7 +109,7 @@ export function randomSeed(random = Math.random) {
 }
 
 // Not kept: what the form asks for itself, and the target of another kind of guidance, which it cannot send.
-const ASKED = new Set(["preset", "model", "seed", "checkpoint_every_steps", "guidance", ...FIELDS.map((field) => field.name)]);
+const ASKED = ["preset", "model", "seed", "checkpoint_every_steps", "guidance"];
 
 /** Nothing kept. @returns {Kept} */
 export function nothingKept() {
@@ -149,12 +130,14 @@ export function keptText(kept) {
  * What a form must hold to ask for a job again.
  *
  * @param {any} job
+ * @param {Field[]} fields
  * @returns {Wish}
  */
-export function wishOf(job) {
+export function wishOf(job, fields) {
   const params = job.params ?? {};
+  const asked = new Set([...ASKED, ...fields.map((field) => field.name)]);
   const advanced = Object.fromEntries(
-    FIELDS.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),
+    fields.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),
   );
   return {
     prompt: String(job.prompt ?? ""),
@@ -165,7 +148,7 @@ export function wishOf(job) {
     morph: Boolean(job.output?.morph),
     advanced,
     kept: {
-      params: Object.fromEntries(Object.entries(params).filter(([name]) => !ASKED.has(name))),
+      params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
       output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => name !== "morph" && value)),
     },
   };

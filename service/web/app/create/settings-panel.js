@@ -2,7 +2,7 @@
 /** Everything about a new job but its asset and its prompt. */
 import { button, fill, h, uniqueId } from "../dom.js";
 import { figure } from "../format.js";
-import { FIELDS, fieldProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { fieldProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 const OTHER = "\u0000other";
 
@@ -31,6 +31,9 @@ export class SettingsPanel {
     this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
+    /** @type {import("../params.js").Field[]} */
+    this.offered = [];
+    this.advancedGrid = h("div", { class: "advanced-grid" });
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"));
     this.kept = nothingKept();
     this.keptText = h("p", null);
@@ -40,10 +43,8 @@ export class SettingsPanel {
   }
 
   _build() {
-    for (const field of FIELDS) this.fields.set(field.name, this._field(field));
-    const rows = [...this.fields.values()].map((field) => field.row);
     const morph = h("label", { class: "check", for: "morph" }, this.morph, h("span", null, "Also write ", h("code", null, "morph.glb"), ", with an animation from before to after"));
-    this.advanced.append(h("div", { class: "advanced-grid" }, ...rows), morph);
+    this.advanced.append(this.advancedGrid, morph);
     const random = button("Random seed", () => {
       this.seed.value = String(randomSeed());
       this.onChange();
@@ -125,7 +126,7 @@ export class SettingsPanel {
 
   /** Whether all that was typed can be sent; what cannot is said beside it. */
   check() {
-    const good = FIELDS.map((field) => this._check(field)).every(Boolean);
+    const good = this.offered.map((field) => this._check(field)).every(Boolean);
     if (!good) this.advanced.open = true;
     return good;
   }
@@ -155,6 +156,13 @@ export class SettingsPanel {
       if (field.input instanceof HTMLInputElement) field.input.placeholder = typeof value === "number" ? figure(value) : String(value) || "none";
       else field.input.options[0].text = `As the preset: ${[...field.input.options].find((option) => option.value === value)?.text ?? value}`;
     }
+  }
+
+  /** @param {import("../params.js").Field[]} fields */
+  offerFields(fields) {
+    this.offered = fields;
+    this.fields = new Map(fields.map((field) => [field.name, this._field(field)]));
+    fill(this.advancedGrid, [...this.fields.values()].map((field) => field.row));
   }
 
   /** @param {import("../vocabulary.js").Catalogue} catalogue */

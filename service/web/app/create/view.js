@@ -6,7 +6,7 @@ import { Asset } from "../assets.js";
 import { fill, h } from "../dom.js";
 import { duration, roughly } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
-import { documents, wishOf } from "../params.js";
+import { documents, fieldsOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
@@ -29,6 +29,8 @@ export class CreateView {
     this.steps = /** @type {number | null} */ (null);
     this.busy = false;
     this.checks = 0;
+    /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
+    this.fields = Promise.resolve([]);
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
     this.prompt = new PromptField(() => this._changed());
@@ -60,14 +62,24 @@ export class CreateView {
 
   /** @param {string | null} from */
   async _begin(from) {
+    this.fields = this._learnFields();
     const models = requestJson("v1/models", { signal: this.scope.signal }).catch((error) => (isAbort(error) ? null : {}));
     const first = from ? this._assetOf(from) : draft ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name);
     const found = catalogue(await models);
+    await this.fields;
     if (this.scope.over) return;
     if (found.models.length) this.settings.offer(found);
     else this.settings.modelRow.hidden = true;
     if (!from && draft) this._restore(draft.wish);
     await first;
+  }
+
+  /** @returns {Promise<import("../params.js").Field[]>} */
+  async _learnFields() {
+    const schema = await requestJson("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
+    const fields = fieldsOf(schema);
+    this.settings.offerFields(fields);
+    return fields;
   }
 
   /** @param {string} id */
@@ -76,7 +88,7 @@ export class CreateView {
       const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
       const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
       await this.assets.use(new Asset(await response.blob(), job.asset.filename));
-      this._restore(wishOf(job));
+      this._restore(wishOf(job, await this.fields));
     } catch (error) {
       if (isAbort(error)) return;
       fill(this.problem, problemBox(error));
@@ -116,7 +128,7 @@ export class CreateView {
     // What is quick needs no word.
     const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
     try {
-      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "")[0]);
+      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
       const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.scope.signal, ...sent });
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
@@ -197,13 +209,13 @@ export class CreateView {
    */
   async _post(asset, wish) {
     // A preset chosen a moment ago has other steps than the last check knew.
-    const wanted = documents({ ...wish, variations: 1 }, null, "")[0];
+    const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
     const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(wanted)) });
     this.steps = checked.params.steps;
     const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
     /** @type {any[]} */
     const jobs = [];
-    for (const document of documents(wish, this.steps, group)) {
+    for (const document of documents(wish, this.steps, group, this.settings.offered)) {
       try {
         jobs.push(await requestOnce("v1/jobs", { ...(await asset.submission(document)) }));
       } catch (error) {
