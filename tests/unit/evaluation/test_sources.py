@@ -13,6 +13,7 @@ from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
 from meshdeform.geometry.quality import measure
 from meshdeform.priors.builtin.grammar import parse
+from tests.cases import each_case
 
 SINGLE = [name for name in SOURCES if name != "toy"]
 
@@ -21,7 +22,7 @@ def volume(mesh: TriangleMesh) -> float:
     return float((mesh.verts[mesh.faces[:, 0]] * face_cross(mesh.verts, mesh.faces)).sum() / 6)
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@each_case("name", SOURCES)
 def test_sources_are_closed_consistently_oriented_outwards_and_of_the_promised_size(name: str) -> None:
     mesh = source_mesh(name)
     edges = edges_of(mesh.faces)
@@ -31,7 +32,7 @@ def test_sources_are_closed_consistently_oriented_outwards_and_of_the_promised_s
     assert volume(mesh) > 0
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@each_case("name", SINGLE)
 def test_sources_of_one_piece_do_not_cut_themselves_and_have_the_genus_they_should(name: str) -> None:
     mesh = source_mesh(name)
     euler = len(mesh.verts) - len(edges_of(mesh.faces).edges) + len(mesh.faces)
@@ -39,7 +40,7 @@ def test_sources_of_one_piece_do_not_cut_themselves_and_have_the_genus_they_shou
     assert not intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy()).any()
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@each_case("name", SOURCES)
 def test_triangles_are_even(name: str) -> None:
     mesh = source_mesh(name)
     areas = face_areas(mesh.verts, mesh.faces)
@@ -85,9 +86,7 @@ def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
     assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
 
 
-@pytest.mark.parametrize(
-    ("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)]
-)
+@each_case(("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)])
 def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count: int) -> None:
     suite = SUITES[name]
     items = suite.items()
@@ -95,7 +94,7 @@ def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count:
     assert set(suite.sources) <= set(SOURCES)
 
 
-@pytest.mark.parametrize("name", SUITES)
+@each_case("name", SUITES)
 def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: str) -> None:
     suite = SUITES[name]
     some = suite.items(len(suite.prompts))
