@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import each_case
+
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
 NUMPY_FREE = [
     "meshdeform.errors",
@@ -77,19 +79,17 @@ def test_the_package_itself_imports_nothing_but_the_standard_library() -> None:
     assert set(result.stdout.split()) - bare - sys.stdlib_module_names == {"meshdeform"}
 
 
-@pytest.mark.parametrize("module", NUMPY_FREE)
+@each_case("module", NUMPY_FREE)
 def test_the_api_and_the_client_load_no_numpy(module: str) -> None:
     assert loaded_by(module) & {"numpy", *HEAVY} == set()
 
 
-@pytest.mark.parametrize("module", TORCH_FREE)
+@each_case("module", TORCH_FREE)
 def test_what_is_torch_free_loads_no_torch(module: str) -> None:
     assert loaded_by(module) & {"torch", "diffusers", "transformers"} == set()
 
 
-@pytest.mark.parametrize(
-    "module", ["meshdeform.client", "meshdeform.requests.document", "meshdeform.settings", "meshdeform.cli.app"]
-)
+@each_case("module", ["meshdeform.client", "meshdeform.requests.document", "meshdeform.settings", "meshdeform.cli.app"])
 def test_the_base_install_is_enough_for_the_client(module: str, repository: Path) -> None:
     refused = ["numpy", *HEAVY, "fastapi", "starlette", "uvicorn", "sqlalchemy", "alembic", "redis", "rq", "obstore"]
     assert loaded_by(module, before=_REFUSE % refused)

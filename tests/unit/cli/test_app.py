@@ -18,6 +18,7 @@ from meshdeform import errors
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
 from meshdeform.support.atomic_files import write_files
+from tests.cases import each_case
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_serve_and_stack_agree_on_the_address() -> None:
     assert (servers._HOST, servers._PORT) == (stack.DEFAULT_HOST, stack.DEFAULT_PORT)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("error", "code"),
     [
         (errors.AssetTruncatedError("x"), 3),
@@ -93,7 +94,7 @@ def test_exit_codes(error: errors.MeshdeformError, code: int) -> None:
     assert exit_code(error) == code
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("arguments", "code", "said"),
     [
         (["run", "nowhere.glb", "a vase"], ExitCode.USAGE, "does not exist"),

@@ -12,6 +12,7 @@ from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.views import Views
 from meshdeform.requests.document import DeformParams, ViewMode, resolve
 from meshdeform.testing import FakePrior
+from tests.cases import each_case
 
 SHAPES = {
     ViewMode.ORTHOGONAL_GRID: (1, 3, 48, 48),
@@ -21,7 +22,7 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("mode", list(ViewMode))
+@each_case("mode", list(ViewMode))
 def test_pictures_have_the_size_that_the_prior_wants(mode: ViewMode) -> None:
     guidance = ScoreDistillation(FakePrior(view_size=24), "", guidance_scale=1.0)
     views = Views(mode, CameraRange(), guidance)
@@ -32,7 +33,7 @@ def test_pictures_have_the_size_that_the_prior_wants(mode: ViewMode) -> None:
     assert views.arrange(images).shape == SHAPES[mode]
 
 
-@pytest.mark.parametrize("mode", list(ViewMode))
+@each_case("mode", list(ViewMode))
 def test_every_arrangement_reaches_the_shape_that_the_prior_knows(mode: ViewMode) -> None:
     params = resolve(DeformParams(views=mode, preset="paper", steps=60, learning_rate=0.02, guidance_scale=1.0))
     mesh = icosphere(2, 0.6)
