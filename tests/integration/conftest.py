@@ -1,4 +1,4 @@
-"""A record, a store and a real server for the tests of this folder, on SQLite and on PostgreSQL."""
+"""A record, a store and a real server on SQLite; what is marked `both_databases` runs on PostgreSQL, too."""
 
 from __future__ import annotations
 
@@ -31,9 +31,23 @@ from tests.servers import free_port
 DEADLINE_S = 30.0
 
 
-@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run what is marked `both_databases` on PostgreSQL as well."""
+    if "database_url" not in metafunc.fixturenames or "database_url" in _own_parameters(metafunc):
+        return
+    both = metafunc.definition.get_closest_marker("both_databases") is not None
+    databases = ["sqlite", "postgresql"] if both else ["sqlite"]
+    metafunc.parametrize("database_url", databases, indirect=True, scope="module")
+
+
+def _own_parameters(metafunc: pytest.Metafunc) -> list[str]:
+    """Return what the test's own `parametrize` marks name."""
+    return [str(mark.args[0]) for mark in metafunc.definition.iter_markers("parametrize")]
+
+
+@pytest.fixture(scope="module")
 def database_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A database of its own for the module."""
+    """A database of its own for the module: "sqlite" or "postgresql", as `pytest_generate_tests` says."""
     if request.param == "sqlite":
         yield f"sqlite:///{tmp_path_factory.mktemp('record') / 'record.sqlite'}"
         return

@@ -20,6 +20,7 @@ from typer.testing import CliRunner, Result
 from meshdeform.cli.app import app
 from meshdeform.evaluation.mesh_file import read_ply
 from meshdeform.evaluation.suite import SUITES
+from tests.cases import each_case
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -110,7 +111,7 @@ def test_the_end_of_a_search_is_what_its_seed_alone_gives_and_all_steps_are_coun
     assert found == (tmp_path / "alone" / "items" / f"sphere--a-mushroom--seed{seed}" / name).read_bytes()
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("options", "named"),
     [
         (["--steps", "3", "--checkpoint-at", "1"], "params.steps"),
@@ -186,7 +187,7 @@ def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) 
     assert missing.exit_code == 3
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("options", "code", "said"),
     [
         (["--suite", "large"], 3, "no suite"),

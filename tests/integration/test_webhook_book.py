@@ -19,6 +19,8 @@ from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import new_job, stored_file
 from tests.unit.webhooks.receiver import Receiver, receiving
 
+pytestmark = pytest.mark.both_databases
+
 SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 
 

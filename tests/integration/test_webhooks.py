@@ -1,4 +1,4 @@
-"""Messages to webhooks from the event to the receiver, on SQLite and on PostgreSQL, with real sockets."""
+"""Messages to webhooks from the event to the receiver, with real sockets."""
 
 from __future__ import annotations
 
@@ -93,6 +93,7 @@ def test_a_webhook_hears_only_of_what_it_asked_for(
     assert [message.verified(secret)["type"] for message in receiver.messages] == ["job.canceled"]
 
 
+@pytest.mark.both_databases
 def test_it_is_tried_by_the_schedule_and_then_given_up(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:
@@ -219,6 +220,7 @@ def test_gone_disables_the_webhook_until_it_is_enabled(
     assert delivery.run_once() == 1
 
 
+@pytest.mark.both_databases
 def test_many_answers_of_gone_at_once(record: JobRecord, delivery: WebhookDelivery, receiver: Receiver) -> None:
     for _ in range(2):
         record.webhooks.create("", receiver.url)
@@ -270,6 +272,7 @@ def test_a_replay_is_a_new_delivery_of_the_same_message(
     assert record.webhooks.delivery(webhook.id, first.id, "").state == "delivered"
 
 
+@pytest.mark.both_databases
 def test_senders_side_by_side_send_each_message_once(record: JobRecord, receiver: Receiver) -> None:
     webhook, _ = record.webhooks.create("", receiver.url)
     for _ in range(40):
@@ -294,6 +297,7 @@ def test_senders_side_by_side_send_each_message_once(record: JobRecord, receiver
     assert sums(record) == {"delivered": 40}
 
 
+@pytest.mark.both_databases
 def test_what_one_has_taken_another_does_not_get_until_the_takers_time_is_over(
     record: JobRecord, receiver: Receiver
 ) -> None:
@@ -334,6 +338,7 @@ def test_a_webhook_that_is_deleted_is_sent_nothing_more(
     assert sums(record) == {}
 
 
+@pytest.mark.both_databases
 def test_a_webhook_that_is_deleted_by_its_receivers_own_answer(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:

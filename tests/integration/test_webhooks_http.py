@@ -1,4 +1,4 @@
-"""Webhooks over HTTP, on SQLite and on PostgreSQL: the server sends while the tests look."""
+"""Webhooks over HTTP: the server sends while the tests look."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.webhooks import MAX_WEBHOOKS, TEST_EVENT
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving, stored_file
 from tests.unit.webhooks.receiver import Receiver, receiving
 
@@ -130,7 +131,7 @@ def test_nobody_finds_another_owners_webhook_over_http(record: JobRecord, http: 
     assert ann.get(path).status_code == 200
 
 
-@pytest.mark.parametrize(
+@each_case(
     "url",
     ["http://10.0.0.1/", "https://169.254.169.254/latest/meta-data/", "https://[::ffff:127.0.0.1]/", "ftp://127.0.0.1/",
      "https://user:secret@127.0.0.1/", "https://2130706433/", "http://127.0.0.1:22/", "no url"],
@@ -145,7 +146,7 @@ def test_an_address_that_may_not_be_called_is_refused(
     assert [found["url"] for found in ann.get("/v1/webhooks").json()["webhooks"]] == ["http://127.0.0.1:8080/"]
 
 
-@pytest.mark.parametrize(
+@each_case(
     "body",
     [{}, {"url": 5}, {"url": ""}, {"url": "https://example.com/" + "a" * 2000}, {"url": "http://127.0.0.1:80/", "x": 1},
      {"url": "http://127.0.0.1:80/", "events": ["job.progress"]}, {"url": "http://127.0.0.1:80/", "secret": "mine"}],
