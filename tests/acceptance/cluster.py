@@ -164,7 +164,7 @@ class Cluster:
         self.queue = JobQueue(self._environment["MESHDEFORM_REDIS_URL"], "meshdeform")
         self.parts: dict[str, Part] = {}
         self._port = free_port()
-        self.http = httpx.Client(base_url=f"http://{api_host}:{self._port}", timeout=30.0)
+        self.http = httpx.Client(base_url=f"http://{api_host}:{self._port}", timeout=DEADLINE_S)
         self._asset: StoredFile | None = None
 
     def start_api(self, *, inside: Sequence[str] = (), **environment: str) -> Part:

@@ -32,16 +32,7 @@ def proxied(
         cluster.clean_up()
 
 
-def test_jobs_run_on_an_s3_store(proxied: tuple[Cluster, FaultProxy]) -> None:
-    cluster, _ = proxied
-    cluster.start_api()
-    cluster.start_worker()
-    answer = cluster.post(STEPS)
-    assert answer.status_code == 202, answer.text
-    cluster.check(answer.json()["id"], steps=STEPS)
-
-
-@pytest.mark.parametrize("fault", ["error503", "refuse", "cut"])
+@pytest.mark.parametrize("fault", ["error503", "cut"])  # one that refuses is in test_worker_outages.py
 def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster, FaultProxy], fault: str) -> None:
     cluster, proxy = proxied
     cluster.start_api()

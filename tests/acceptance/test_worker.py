@@ -150,6 +150,7 @@ def test_a_killed_worker_process_is_replaced_without_a_wait_for_its_lease(deploy
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployment: Deployment) -> None:
     job = deployment.submit()
     with deployment.worker() as first:
@@ -161,6 +162,7 @@ def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployme
         assert deployment.finished(job).state is JobState.SUCCEEDED
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing_more(deployment: Deployment) -> None:
     job = deployment.submit(steps=300)
     with deployment.worker() as first:
@@ -180,6 +182,7 @@ def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing
         assert frozen.is_running()
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> None:
     job = deployment.submit(steps=50_000)
     with deployment.worker() as supervisor:
@@ -193,6 +196,7 @@ def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> 
     assert (done.state, done.error.code) == (JobState.FAILED, "worker_lost")
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_redis_that_loses_everything_loses_no_job(deployment: Deployment, redis_url: str) -> None:
     import redis
 
