@@ -13,7 +13,7 @@ _FIXTURE = "subtests"
 
 
 def each_case(
-    names: str | Sequence[str], cases: Iterable[Any], *, ids: Iterable[str] | Callable[[Any], str] | None = None
+    names: str | Sequence[str], cases: Iterable[Any], *, ids: Iterable[str] | Callable[[Any], str | None] | None = None
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Run a test once for every case without making each case a test of its own.
 
@@ -64,11 +64,11 @@ def _values(case: Any, count: int) -> tuple[Any, ...]:
     return (case,) if count == 1 else tuple(case)
 
 
-def _labels(table: list[tuple[Any, ...]], ids: Iterable[str] | Callable[[Any], str] | None) -> list[str]:
+def _labels(table: list[tuple[Any, ...]], ids: Iterable[str] | Callable[[Any], str | None] | None) -> list[str]:
     if ids is None:
         return [", ".join(_short(value) for value in values) for values in table]
     if callable(ids):
-        return [", ".join(ids(value) for value in values) for values in table]
+        return [", ".join(ids(value) or _short(value) for value in values) for values in table]
     return [str(label) for label in ids]
 
 

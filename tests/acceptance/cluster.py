@@ -34,7 +34,7 @@ from tests.servers import RedisServer, free_port
 T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[2]
 DEADLINE_S = 90.0
-LEASE_S = 3.0
+LEASE_S = 5.0
 EVERY = 4
 SPHERE = ROOT / "examples" / "sphere.glb"
 

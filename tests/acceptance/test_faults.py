@@ -205,7 +205,7 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
 def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
     points = f"worker.step=pause@6:{tmp_path / 'hang'};{tmp_path / 'hung'}"
     job_id = cluster.submit(STEPS)
-    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="2")
+    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="4")
     assert cluster.check(job_id, steps=STEPS).attempt == 2
 
 

@@ -70,16 +70,16 @@ def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
         cluster = Cluster(tmp_path, redis, storage_url=str(small_disk))
         try:
             cluster.start_api()
-            running = cluster.submit(300)
+            running = cluster.submit(600)
             cluster.start_worker()
             cluster.at_step(running, 20)
             with _kept_full(small_disk / "ballast"):
                 refused = cluster.post(STEPS)
                 assert refused.status_code == 503, refused.text
                 assert refused.json()["code"] == "unavailable"
-                cluster.when(running, "the end of the steps", lambda job: job.progress.step == 300)
+                cluster.when(running, "the end of the steps", lambda job: job.progress.step == 600)
                 assert not cluster.job(running).state.terminal
-            assert cluster.check(running, steps=300).attempt == 1
+            assert cluster.check(running, steps=600).attempt == 1
             posted = cluster.post(STEPS)
             assert posted.status_code == 202, posted.text
             cluster.check(posted.json()["id"], steps=STEPS)

@@ -28,7 +28,7 @@ from meshdeform.storage import ObjectStore
 from service.app import create_app
 from tests.servers import free_port
 
-DEADLINE_S = 30.0
+DEADLINE_S = 90.0
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

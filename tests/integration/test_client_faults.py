@@ -26,7 +26,7 @@ from tests.integration.streams import progress, recovered_run
 from tests.servers import NotInstalledError
 
 POLICY = Policy(
-    timeout_s=20.0, max_retries=100, reconnect_s=20.0, silence_s=1.0, first_pause_s=0.02, longest_pause_s=0.1
+    timeout_s=60.0, max_retries=1000, reconnect_s=60.0, silence_s=1.0, first_pause_s=0.02, longest_pause_s=0.1
 )
 
 
@@ -111,7 +111,7 @@ def test_an_api_that_dies_after_accepting_makes_one_job(cluster: Cluster, client
     api = cluster.start_api(MESHDEFORM_FAILPOINTS=f"api.recorded=kill;{cluster.folder / label}")
 
     def start_again() -> None:
-        assert api.process.wait(timeout=30) != 0
+        assert api.process.wait(timeout=90) != 0
         assert len(jobs_named(cluster, label)) == 1, "it died before it accepted"
         cluster.start_api()
 
