@@ -25,10 +25,14 @@ from meshdeform.record.schema import metadata
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.webhooks.delivery import WebhookDelivery
 from service.app import create_app
 from tests.servers import free_port
+from tests.unit.webhooks.receiver import Receiver, receiving
 
 DEADLINE_S = 90.0
+WEBHOOK_SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
+"""What lets messages go to a receiver on loopback."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -81,6 +85,19 @@ def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
 def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
     """A queued job."""
     return record.create(NewJob(JobRequest(prompt=prompt), stored_file(letter)))
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    """Something that takes messages to webhooks."""
+    with receiving() as found:
+        yield found
+
+
+@pytest.fixture
+def delivery(record: JobRecord) -> WebhookDelivery:
+    """What sends them."""
+    return WebhookDelivery(record, WEBHOOK_SETTINGS)
 
 
 @pytest.fixture(scope="session")

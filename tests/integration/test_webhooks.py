@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -20,22 +20,9 @@ from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 from meshdeform.record.webhooks import Webhook
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
-from tests.integration.conftest import DEADLINE_S, new_job
+from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job
 from tests.servers import free_port
 from tests.unit.webhooks.receiver import Message, Receiver, receiving
-
-SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
-
-
-@pytest.fixture
-def delivery(record: JobRecord) -> WebhookDelivery:
-    return WebhookDelivery(record, SETTINGS)
 
 
 def make_due(record: JobRecord) -> None:
@@ -277,7 +264,7 @@ def test_senders_side_by_side_send_each_message_once(record: JobRecord, receiver
     webhook, _ = record.webhooks.create("", receiver.url)
     for _ in range(40):
         new_job(record)
-    senders = [WebhookDelivery(record, SETTINGS) for _ in range(3)]
+    senders = [WebhookDelivery(record, WEBHOOK_SETTINGS) for _ in range(3)]
     start = threading.Barrier(len(senders))
     counts: list[int] = []
 
@@ -363,7 +350,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
         return 204
 
     webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
-    with WebhookDelivery(record, SETTINGS):
+    with WebhookDelivery(record, WEBHOOK_SETTINGS):
         new_job(record)
         eventually(lambda: only_delivery(record, webhook).state == "delivered")
         receiver.answer = answer
@@ -374,7 +361,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
     newest = record.webhooks.deliveries(webhook.id, "").deliveries[0]
     assert (newest.state, newest.attempts) == ("pending", 0)
     receiver.answer = None
-    assert WebhookDelivery(record, SETTINGS).run_once() == 1
+    assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 1
 
 
 def test_what_webhooks_can_hear_of_is_what_the_record_writes() -> None:

@@ -17,13 +17,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving, stored_file
-from tests.unit.webhooks.receiver import Receiver, receiving
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
+from tests.unit.webhooks.receiver import Receiver
 
 
 def eventually(found: Callable[[], Any]) -> Any:
