@@ -66,7 +66,7 @@ def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp
     assert {path.name for path in tmp_path.iterdir()} >= {"m.glb", "m.report.json", "m.png"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_installed_wheel_serves_the_page(installed: Path, tmp_path: Path) -> None:
     with serving(tmp_path / "data", PYTHONPATH=str(installed)) as service:
         page = service.http.get("/")

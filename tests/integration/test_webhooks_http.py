@@ -138,6 +138,7 @@ def test_an_address_that_may_not_be_called_is_refused(
     for answer in (ann.post("/v1/webhooks", json={"url": url}), ann.patch(path, json={"url": url})):
         assert (answer.status_code, answer.json()["code"]) == (422, "webhook_address")
     assert [found["url"] for found in ann.get("/v1/webhooks").json()["webhooks"]] == ["http://127.0.0.1:8080/"]
+    ann.delete(path)
 
 
 @each_case(

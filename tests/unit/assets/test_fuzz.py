@@ -16,7 +16,7 @@ from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS
 from tests.unit.assets.test_replace import rich
 
 SEED = 20_260_202
-MUTANTS = 200
+MUTANTS = 100
 MAX_MEMORY = 64 * 2**20
 
 
