@@ -1,4 +1,8 @@
-"""Both clients behind one interface, so that every test of the one is a test of the other."""
+"""Both clients behind one interface, so that a test of the one is a test of the other.
+
+The logic is one set of generators that both drive, and a test compares their signatures. So most tests run on `Client`
+alone; what `both_clients` marks runs on each, because there an event loop can differ from a thread.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,15 @@ import inspect
 from collections.abc import Callable, Iterator
 from typing import Any, cast
 
+import pytest
 from anyio.from_thread import BlockingPortal, start_blocking_portal
 
 from meshdeform.client import AsyncClient, AsyncResult, Client
 
-__all__ = ["FLAVORS", "opened"]
+__all__ = ["FLAVORS", "both_clients", "opened"]
 
 FLAVORS = ("sync", "async")
+both_clients = pytest.mark.parametrize("client", FLAVORS, indirect=True)
 
 
 class _Blocking:

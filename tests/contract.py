@@ -1,6 +1,6 @@
 """The service against its own description: Schemathesis makes requests up and compares the answers with OpenAPI.
 
-The suite runs it for a minute (tests/integration/test_schemathesis.py); ``python -m tests.contract --examples 200``
+The suite runs a little of it (tests/integration/test_schemathesis.py); ``python -m tests.contract --examples 200``
 runs it for as long as that takes.
 """
 

@@ -51,7 +51,7 @@ class FaultProxy:
     ) -> None:
         self._switch("refuse")
         for thread in self._threads:
-            thread.join(timeout=10)
+            thread.join(timeout=60)
 
     def pass_through(self) -> None:
         """Be as if not there."""
@@ -121,7 +121,7 @@ class FaultProxy:
                     self._connect(client)
 
     def _connect(self, client: socket.socket) -> None:
-        with socket.create_connection(("127.0.0.1", self._target), timeout=10) as server, self._tracked(server):
+        with socket.create_connection(("127.0.0.1", self._target), timeout=60) as server, self._tracked(server):
             server.settimeout(None)
             with self._changed:
                 limit = self._limit if self._mode == "cut" else None

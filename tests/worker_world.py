@@ -49,7 +49,7 @@ class World:
             stopping=lambda: self.stop,
             worker_id="a worker",
             renew=lambda: self.renewals.append("now"),
-            patience_s=5.0,
+            patience_s=60.0,
         )
         return JobRunner(dataclasses.replace(workplace, **changes))
 

@@ -33,8 +33,8 @@ from tests.servers import RedisServer, free_port
 
 T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[2]
-DEADLINE_S = 90.0
-LEASE_S = 3.0
+DEADLINE_S = 120.0
+LEASE_S = 5.0
 EVERY = 4
 SPHERE = ROOT / "examples" / "sphere.glb"
 
@@ -115,7 +115,53 @@ class Part:
                 process.kill()
 
 
-class Cluster:
+class Followed:
+    """Jobs of a record that a test waits for.
+
+    Attributes
+    ----------
+    record : JobRecord
+    """
+
+    record: JobRecord
+
+    @property
+    def logs(self) -> str:
+        """What all parts printed, for a failing test."""
+        raise NotImplementedError
+
+    def when(self, job_id: str, what: str, condition: Callable[[Job], bool]) -> Job:
+        """Return the job as soon as the condition is true of it."""
+
+        def look() -> Job | None:
+            job = self.record.get(job_id)
+            return job if condition(job) else None
+
+        try:
+            return until(what, look)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.story(job_id)}\n{self.logs}") from None
+
+    def at_step(self, job_id: str, step: int) -> Job:
+        """Return the job once it has done so many steps; it must still run."""
+        job = self.when(job_id, f"step {step}", lambda job: job.state.terminal or job.progress.step >= step)
+        assert job.state is JobState.RUNNING, f"too late: {job}"
+        return job
+
+    def finished(self, job_id: str) -> Job:
+        """Return the job once it is over."""
+        return self.when(job_id, "the end", lambda job: job.state.terminal)
+
+    def events(self, job_id: str) -> list[Event]:
+        """Everything that happened to the job."""
+        return self.record.events.after(job_id, limit=100_000)
+
+    def story(self, job_id: str) -> str:
+        """What happened to the job, for a failing test."""
+        return "\n".join(f"{e.seq} {e.at:%H:%M:%S.%f} {e.attempt} {e.type} {e.data}" for e in self.events(job_id))
+
+
+class Cluster(Followed):
     """Record, Redis, object store, API and supervisors.
 
     Parameters
@@ -164,7 +210,7 @@ class Cluster:
         self.queue = JobQueue(self._environment["MESHDEFORM_REDIS_URL"], "meshdeform")
         self.parts: dict[str, Part] = {}
         self._port = free_port()
-        self.http = httpx.Client(base_url=f"http://{api_host}:{self._port}", timeout=30.0)
+        self.http = httpx.Client(base_url=f"http://{api_host}:{self._port}", timeout=DEADLINE_S)
         self._asset: StoredFile | None = None
 
     def start_api(self, *, inside: Sequence[str] = (), **environment: str) -> Part:
@@ -225,36 +271,6 @@ class Cluster:
     def job(self, job_id: str) -> Job:
         """The job as it stands."""
         return self.record.get(job_id)
-
-    def when(self, job_id: str, what: str, condition: Callable[[Job], bool]) -> Job:
-        """Return the job as soon as the condition is true of it."""
-
-        def look() -> Job | None:
-            job = self.record.get(job_id)
-            return job if condition(job) else None
-
-        try:
-            return until(what, look)
-        except AssertionError as error:
-            raise AssertionError(f"{error}\n{self.story(job_id)}\n{self.logs}") from None
-
-    def at_step(self, job_id: str, step: int) -> Job:
-        """Return the job once it has done so many steps; it must still run."""
-        job = self.when(job_id, f"step {step}", lambda job: job.state.terminal or job.progress.step >= step)
-        assert job.state is JobState.RUNNING, f"too late: {job}"
-        return job
-
-    def finished(self, job_id: str) -> Job:
-        """Return the job once it is over."""
-        return self.when(job_id, "the end", lambda job: job.state.terminal)
-
-    def events(self, job_id: str) -> list[Event]:
-        """Everything that happened to the job."""
-        return self.record.events.after(job_id, limit=100_000)
-
-    def story(self, job_id: str) -> str:
-        """What happened to the job, for a failing test."""
-        return "\n".join(f"{e.seq} {e.at:%H:%M:%S.%f} {e.attempt} {e.type} {e.data}" for e in self.events(job_id))
 
     @property
     def logs(self) -> str:

@@ -1,4 +1,4 @@
-"""Two hundred short jobs under random faults: none is lost, none ends twice, each gives what it would have given."""
+"""Many short jobs under random faults: none is lost, none ends twice, each gives what it would have given."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from tests.servers import NotInstalledError, PostgresServer
 pytestmark = pytest.mark.acceptance
 
 SEED = 20260131
-JOBS = 200
 SUPERVISORS = ["one", "two"]
 
 
@@ -37,17 +36,16 @@ def postgres(server_folder: Path) -> Iterator[PostgresServer]:
     server.kill()
 
 
-# `pytest -m long tests/acceptance/test_chaos.py` is the hard one.
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
-    "pause_s",
+    ("count", "pause_s"),
     [
-        pytest.param((0.4, 2.0), id="often"),
-        pytest.param((0.1, 0.8), id="all the time", marks=pytest.mark.long),
+        pytest.param(30, (0.4, 2.0), id="30 jobs, often"),
+        pytest.param(200, (0.1, 0.8), id="200 jobs, all the time", marks=pytest.mark.long),
     ],
 )
-def test_two_hundred_jobs_survive_random_faults(
-    tmp_path: Path, postgres: PostgresServer, pause_s: tuple[float, float]
+def test_jobs_survive_random_faults(
+    tmp_path: Path, postgres: PostgresServer, count: int, pause_s: tuple[float, float]
 ) -> None:
     environment = {"MESHDEFORM_LEASE_S": "2", "MESHDEFORM_MAX_ATTEMPTS": "100", "MESHDEFORM_STEP_TIMEOUT_S": "30"}
     with running_redis(tmp_path) as redis:
@@ -57,21 +55,21 @@ def test_two_hundred_jobs_survive_random_faults(
             for name in SUPERVISORS:
                 cluster.start_worker(name)
             with Chaos(cluster, SEED, SUPERVISORS, postgres=postgres, pause_s=pause_s) as chaos:
-                steps, canceled = _submit(cluster)
+                steps, canceled = _submit(cluster, count)
                 _all_ended(cluster, steps)
             ends = _check(cluster, steps, canceled)
             print(f"seed {SEED}: {sum(chaos.faults.values())} faults {dict(chaos.faults)}; jobs {dict(ends)}")
-            assert sum(chaos.faults.values()) >= 20
+            assert chaos.faults
         finally:
             cluster.clean_up()
 
 
-def _submit(cluster: Cluster) -> tuple[dict[str, int], set[str]]:
+def _submit(cluster: Cluster, count: int) -> tuple[dict[str, int], set[str]]:
     """Record the jobs, most of them directly and some over HTTP, and ask for the cancel of a few."""
     choose = random.Random(SEED)
     steps: dict[str, int] = {}
     canceled: set[str] = set()
-    for number in range(JOBS):
+    for number in range(count):
         length = choose.choice([4, 8, 12, 20, 40])
         if number % 10 == 0:
             key = f"chaos-{number}"

@@ -117,7 +117,7 @@ def test_ctrl_c_leaves_the_job_and_says_how_to_come_back(folder: Path, service: 
 
 
 def test_watch_goes_on_through_an_api_that_is_killed(folder: Path, service: Service, url: str) -> None:
-    job = submit(folder, url, "--steps", "800")
+    job = submit(folder, url, "--steps", "300")
     with started("watch", job, "--json", "--url", url, cwd=folder) as process:
         assert process.stdout is not None
         seen = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
 
@@ -24,6 +25,8 @@ pytestmark = pytest.mark.acceptance
 
 WORKER_POINTS = [name for name in FAILPOINTS if name.startswith("worker.")]
 API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]
+SUPERVISOR_POINTS = ["worker.told", "worker.step", "worker.checkpoint.stored", "worker.results.stored"]
+"""Where the suite kills a supervisor; the other points of its worker differ little, and are `-m long`."""
 STEPS = 12
 
 
@@ -36,10 +39,9 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         made.clean_up()
 
 
-def paused(cluster: Cluster, point: str) -> tuple[dict[str, str], Path, Path]:
-    """What makes a process wait at a failpoint, the file that says that it is there, and the one that lets it go."""
-    gate = cluster.folder / point
-    return {"MESHDEFORM_FAILPOINTS": f"{point}=pause:{gate}"}, Path(f"{gate}.reached"), Path(f"{gate}.go")
+def waiting_at(cluster: Cluster, points: list[str]) -> dict[str, str]:
+    """What makes a process wait at failpoints: it makes `POINT.reached`, and goes on when there is `POINT.go`."""
+    return {"MESHDEFORM_FAILPOINTS": ",".join(f"{point}=pause:{cluster.folder / point}" for point in points)}
 
 
 # SIGKILL of the worker process
@@ -91,16 +93,18 @@ def test_an_api_killed_at_a_failpoint_makes_one_job_of_a_repeated_request(
 # SIGKILL of the supervisor, with its worker
 
 
-@pytest.mark.parametrize("point", WORKER_POINTS)
+@pytest.mark.parametrize(
+    "point",
+    [pytest.param(point, marks=() if point in SUPERVISOR_POINTS else pytest.mark.long) for point in WORKER_POINTS],
+)
 def test_a_supervisor_killed_at_a_failpoint_of_its_worker_loses_nothing(cluster: Cluster, point: str) -> None:
-    environment, reached, go = paused(cluster, point)
     job_id = cluster.submit(STEPS)
-    first = cluster.start_worker("first", **environment)
-    until("the worker is there", reached.exists)
+    first = cluster.start_worker("first", **waiting_at(cluster, [point]))
+    until("the worker is there", (cluster.folder / f"{point}.reached").exists)
     family = first.children()
     first.kill()
     # The worker is told by the kernel; it ends in order as soon as it is let go.
-    go.touch()
+    (cluster.folder / f"{point}.go").touch()
     until("its worker has noticed", lambda: not any(lives(process) for process in family))
     cluster.start_worker("second")
     cluster.check(job_id, steps=STEPS)
@@ -121,38 +125,31 @@ def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(
 # SIGKILL of Redis, which forgets everything
 
 
-@pytest.mark.parametrize("point", [*API_POINTS, *WORKER_POINTS])
-def test_a_redis_killed_at_a_failpoint_loses_nothing(cluster: Cluster, point: str) -> None:
-    environment, reached, go = paused(cluster, point)
-    in_api = point.startswith("api.")
-    cluster.start_api(**(environment if in_api else {}))
-    if in_api:
-        job_id = _posted_while(cluster, reached, go)
-    else:
-        job_id = cluster.submit(STEPS)
-        cluster.start_worker(**environment)
-        until("the worker is there", reached.exists)
-        cluster.redis.kill()
-        cluster.redis.start()
-        go.touch()
-    if in_api:
-        cluster.start_worker()
+def test_a_redis_killed_at_every_failpoint_of_a_worker_loses_nothing(cluster: Cluster) -> None:
+    job_id = cluster.submit(STEPS)
+    cluster.start_worker(**waiting_at(cluster, WORKER_POINTS))
+    _kill_redis_at(cluster, WORKER_POINTS)
     cluster.check(job_id, steps=STEPS)
 
 
-def _posted_while(cluster: Cluster, reached: Path, go: Path) -> str:
-    """Post a job; while its request waits at the failpoint, Redis dies and comes back."""
-    from concurrent.futures import ThreadPoolExecutor
-
+def test_a_redis_killed_at_every_failpoint_of_a_request_loses_nothing(cluster: Cluster) -> None:
+    cluster.start_api(**waiting_at(cluster, API_POINTS))
     with ThreadPoolExecutor(1) as pool:
         posting = pool.submit(cluster.post, STEPS)
-        until("the request is there", reached.exists)
-        cluster.redis.kill()
-        cluster.redis.start()
-        go.touch()
+        _kill_redis_at(cluster, API_POINTS)
         answer = posting.result()
     assert answer.status_code == 202, answer.text
-    return str(answer.json()["id"])
+    cluster.start_worker()
+    cluster.check(answer.json()["id"], steps=STEPS)
+
+
+def _kill_redis_at(cluster: Cluster, points: list[str]) -> None:
+    """Wait for the process at each point, in the order in which it comes by; kill Redis there, and let it go on."""
+    for point in points:
+        until(f"somebody is at {point}", (cluster.folder / f"{point}.reached").exists)
+        cluster.redis.kill()
+        cluster.redis.start()
+        (cluster.folder / f"{point}.go").touch()
 
 
 def test_a_redis_that_is_away_for_a_while_delays_jobs_only(cluster: Cluster) -> None:
@@ -208,7 +205,7 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
 def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
     points = f"worker.step=pause@6:{tmp_path / 'hang'};{tmp_path / 'hung'}"
     job_id = cluster.submit(STEPS)
-    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="2")
+    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="4")
     assert cluster.check(job_id, steps=STEPS).attempt == 2
 
 
@@ -229,7 +226,9 @@ def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) ->
 # Checkpoints
 
 
-@pytest.mark.parametrize("damage", ["torn", "gone", "foreign"])
+@pytest.mark.parametrize(
+    "damage", ["torn", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("gone", "foreign"))]
+)
 def test_a_checkpoint_that_is_damaged_falls_back_to_the_one_before(
     cluster: Cluster, damage: str, tmp_path: Path
 ) -> None:

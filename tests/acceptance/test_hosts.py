@@ -27,7 +27,7 @@ def hosts() -> Iterator[Network]:
         pytest.skip(str(missing))
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_a_worker_host_that_is_cut_off_loses_its_job_to_the_other(
     tmp_path: Path, server_folder: Path, hosts: Network
 ) -> None:

@@ -19,7 +19,7 @@ from tests.acceptance.service import Service, serving, until
 
 pytestmark = pytest.mark.acceptance
 
-STEPS, EVERY = 240, 20
+STEPS, EVERY = 160, 20
 REQUEST: dict[str, Any] = {
     "params": {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, "seed": 5},
     "metadata": {"shot": "sc010"},

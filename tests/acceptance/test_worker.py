@@ -8,27 +8,27 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
 
-from meshdeform.record.models import Job, JobState, NewJob, StoredFile
+from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
+from tests.acceptance.cluster import Followed, until
 from tests.acceptance.meshes import write_ellipsoid
-from tests.acceptance.service import until
 
 pytestmark = pytest.mark.acceptance
 
 STEPS, EVERY = 120, 20
 
 
-class Deployment:
+class Deployment(Followed):
     """Record, store and queue that a test shares with the workers it starts."""
 
     def __init__(self, folder: Path, redis_url: str) -> None:
@@ -42,7 +42,7 @@ class Deployment:
         self.store = ObjectStore(str(folder / "objects"))
         self.queue = JobQueue(redis_url, "meshdeform")
         self._files = [self._upload(write_ellipsoid(folder / f"{h}.obj", h)) for h in (1.0, 1.6)]
-        self.logs: list[str] = []
+        self.lines: list[str] = []
 
     def _upload(self, path: Path) -> StoredFile:
         stored = self.store.put(f"assets/{path.name}", path.read_bytes(), "model/obj")
@@ -65,7 +65,7 @@ class Deployment:
             text=True,
         ) as process:
             assert process.stderr is not None
-            reader = threading.Thread(target=lambda lines: self.logs.extend(lines), args=(process.stderr,))
+            reader = threading.Thread(target=lambda lines: self.lines.extend(lines), args=(process.stderr,))
             reader.start()
             try:
                 yield process
@@ -77,27 +77,10 @@ class Deployment:
                         child.kill()
                 reader.join()
 
-    def when(self, job_id: str, what: str, condition: Callable[[Job], bool]) -> Job:
-        """Return the job as soon as the condition is true of it."""
-
-        def look() -> Job | None:
-            job = self.record.get(job_id)
-            return job if condition(job) else None
-
-        try:
-            return until(what, look)
-        except AssertionError as error:
-            raise AssertionError(f"{error}: {self.record.get(job_id)}\n{''.join(self.logs)}") from None
-
-    def at_step(self, job_id: str, step: int) -> Job:
-        """Return the job once it has done so many steps and still runs."""
-        job = self.when(job_id, f"step {step}", lambda job: job.state.terminal or job.progress.step >= step)
-        assert job.state is JobState.RUNNING, f"too late: {job}"
-        return job
-
-    def finished(self, job_id: str) -> Job:
-        """Return the job once it is over."""
-        return self.when(job_id, "the end", lambda job: job.state.terminal)
+    @property
+    def logs(self) -> str:
+        """What the workers printed."""
+        return "".join(self.lines)
 
     def result(self, job_id: str) -> bytes:
         """The bytes of result.glb."""
@@ -129,7 +112,7 @@ def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_by
         assert deployment.finished(whole).state is JobState.SUCCEEDED
         deployment.at_step(job, EVERY + 1)
         first.terminate()
-        assert first.wait(timeout=60) == 0, "".join(deployment.logs)
+        assert first.wait(timeout=60) == 0, deployment.logs
     handed_back = deployment.record.get(job)
     assert (handed_back.state, handed_back.attempt) == (JobState.QUEUED, 1)
     newest = deployment.record.checkpoints(job)[0]
@@ -150,6 +133,7 @@ def test_a_killed_worker_process_is_replaced_without_a_wait_for_its_lease(deploy
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployment: Deployment) -> None:
     job = deployment.submit()
     with deployment.worker() as first:
@@ -161,6 +145,7 @@ def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployme
         assert deployment.finished(job).state is JobState.SUCCEEDED
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing_more(deployment: Deployment) -> None:
     job = deployment.submit(steps=300)
     with deployment.worker() as first:
@@ -180,6 +165,7 @@ def test_a_worker_that_is_frozen_past_its_lease_loses_the_job_and_writes_nothing
         assert frozen.is_running()
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> None:
     job = deployment.submit(steps=50_000)
     with deployment.worker() as supervisor:
@@ -193,6 +179,7 @@ def test_a_job_that_kills_every_worker_fails_at_last(deployment: Deployment) -> 
     assert (done.state, done.error.code) == (JobState.FAILED, "worker_lost")
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_redis_that_loses_everything_loses_no_job(deployment: Deployment, redis_url: str) -> None:
     import redis
 

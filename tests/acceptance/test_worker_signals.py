@@ -94,7 +94,7 @@ def test_a_burst_of_signals_in_the_midst_of_a_job_ends_the_worker_in_order(
             until("the worker is there", Path(f"{gate}.reached").exists)
             process.send_signal(signal.SIGTERM)
             Path(f"{gate}.go").touch()
-            assert process.wait(timeout=25.0) == 0
+            assert process.wait(timeout=120.0) == 0
         finally:
             process.kill()
     record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
@@ -105,6 +105,6 @@ def test_a_burst_of_signals_in_the_midst_of_a_job_ends_the_worker_in_order(
 def test_a_stop_that_was_swallowed_before_the_wait_for_a_job_is_noticed(tmp_path: Path, redis_url: str) -> None:
     with worker(tmp_path, redis_url, DEAF_ONCE) as process:
         try:
-            assert process.wait(timeout=25.0) == 0
+            assert process.wait(timeout=120.0) == 0
         finally:
             process.kill()

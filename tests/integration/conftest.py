@@ -1,4 +1,4 @@
-"""A record, a store and a real server for the tests of this folder, on SQLite and on PostgreSQL."""
+"""A record, a store and a real server on SQLite; what is marked `both_databases` runs on PostgreSQL, too."""
 
 from __future__ import annotations
 
@@ -25,15 +25,33 @@ from meshdeform.record.schema import metadata
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.webhooks.delivery import WebhookDelivery
 from service.app import create_app
 from tests.servers import free_port
+from tests.unit.webhooks.receiver import Receiver, receiving
 
-DEADLINE_S = 30.0
+DEADLINE_S = 90.0
+WEBHOOK_SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
+"""What lets messages go to a receiver on loopback."""
 
 
-@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run what is marked `both_databases` on PostgreSQL as well."""
+    if "database_url" not in metafunc.fixturenames or "database_url" in _own_parameters(metafunc):
+        return
+    both = metafunc.definition.get_closest_marker("both_databases") is not None
+    databases = ["sqlite", "postgresql"] if both else ["sqlite"]
+    metafunc.parametrize("database_url", databases, indirect=True, scope="module")
+
+
+def _own_parameters(metafunc: pytest.Metafunc) -> list[str]:
+    """Return what the test's own `parametrize` marks name."""
+    return [str(mark.args[0]) for mark in metafunc.definition.iter_markers("parametrize")]
+
+
+@pytest.fixture(scope="module")
 def database_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A database of its own for the module."""
+    """A database of its own for the module: "sqlite" or "postgresql", as `pytest_generate_tests` says."""
     if request.param == "sqlite":
         yield f"sqlite:///{tmp_path_factory.mktemp('record') / 'record.sqlite'}"
         return
@@ -67,6 +85,19 @@ def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
 def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
     """A queued job."""
     return record.create(NewJob(JobRequest(prompt=prompt), stored_file(letter)))
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    """Something that takes messages to webhooks."""
+    with receiving() as found:
+        yield found
+
+
+@pytest.fixture
+def delivery(record: JobRecord) -> WebhookDelivery:
+    """What sends them."""
+    return WebhookDelivery(record, WEBHOOK_SETTINGS)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""The HTTP API as a whole, with a real Redis, SQLite or PostgreSQL, and files on disk."""
+"""The HTTP API as a whole, with a real Redis, SQLite and files on disk."""
 
 from __future__ import annotations
 

@@ -19,6 +19,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from tests.cases import each_case
 from tests.integration.conftest import Api, serving
 from tests.integration.http_calls import PROMPT, check_document, check_problem, glb, post
 from tests.servers import free_port
@@ -90,7 +91,7 @@ NAN = {
 EXTERNAL = {**NAN, "buffers": [{"byteLength": 36, "uri": "file:///etc/passwd"}]}
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("asset", "status", "code"),
     [
         (b"", 422, "asset_truncated"),
@@ -110,7 +111,7 @@ def test_a_bad_asset_is_a_clear_problem_and_leaves_nothing(api: Api, asset: byte
     assert not api.store.exists(f"assets/{hashlib.sha256(asset).hexdigest()}")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("request_", "code", "loc"),
     [
         ("{", "request_invalid", None),
@@ -146,7 +147,7 @@ def test_a_target_without_its_guidance_is_refused(api: Api, sphere: bytes) -> No
     check_problem(post(api, sphere, target=("t.glb", sphere)), 422, "parameter_invalid")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("files", "named"),
     [
         ({"asset": ("a.glb", b"x")}, "request"),
@@ -160,7 +161,7 @@ def test_a_form_with_wrong_parts_says_which(api: Api, files: Any, named: str) ->
     assert named in check_problem(api.http.post("/v1/jobs", files=files), 422, "request_invalid")["detail"]
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("content_type", "body"),
     [
         ("text/plain", b"{}"),

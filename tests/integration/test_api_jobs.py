@@ -12,6 +12,7 @@ from meshdeform.errors import UnavailableError
 from meshdeform.record.models import JobState, NewJob, Progress
 from meshdeform.record.queue import JobQueue
 from meshdeform.requests.document import JobRequest
+from tests.cases import each_case
 from tests.integration.conftest import Api, new_job, serving_app, stored_file
 from tests.integration.http_calls import check_document, check_problem, eventually, finished_job
 
@@ -67,7 +68,7 @@ def test_the_list_goes_through_all_pages(api: Api, openapi: dict[str, Any]) -> N
     assert {job["state"] for job in running} == {"running"}
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("query", "loc"),
     [
         ("state=flying", "state"),
@@ -143,7 +144,7 @@ def test_deleting_a_job_removes_its_objects(api: Api) -> None:
     check_problem(api.http.get(f"/v1/jobs/{job_id}/artifacts"), 404, "not_found")
 
 
-@pytest.mark.parametrize("job_id", ["job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense", "%2e%2e", "job_" + "0" * 500])
+@each_case("job_id", ["job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense", "%2e%2e", "job_" + "0" * 500])
 def test_an_unknown_job_is_not_found(api: Api, job_id: str) -> None:
     for method, path in (
         ("GET", ""),

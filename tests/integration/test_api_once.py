@@ -13,6 +13,7 @@ import pytest
 
 from meshdeform.record.models import JobState
 from meshdeform.storage import ObjectStore
+from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_problem
 from tests.integration.test_api_continuing import interrupted_job
@@ -61,7 +62,7 @@ def test_a_refused_request_gives_its_key_free(api: Api, sphere: bytes) -> None:
     assert create(api, sphere, headers).status_code == 202
 
 
-@pytest.mark.parametrize("text", ["", "x" * 256, "with space", "a\tb", "ümlaut"])
+@each_case("text", ["", "x" * 256, "with space", "a\tb", "ümlaut"])
 def test_a_key_that_is_none_is_refused(api: Api, sphere: bytes, text: str) -> None:
     problem = check_problem(create(api, sphere, {"Idempotency-Key": text.encode()}), 422, "parameter_invalid")  # type: ignore[dict-item]
     assert problem["errors"][0]["loc"] == ["header", "idempotency-key"]
@@ -90,7 +91,7 @@ def test_two_at_the_same_time_make_one_job(api: Api, sphere: bytes, monkeypatch:
     assert create(api, sphere, headers).json() == first.result().json()
 
 
-@pytest.mark.parametrize("what", ["create", "retry", "branch", "upload"])
+@each_case("what", ["create", "retry", "branch", "upload"])
 def test_many_at_once_do_it_once(api: Api, sphere: bytes, what: str) -> None:
     headers, source = key(), interrupted_job(api, steps=(5,))
     before = count(api)

@@ -16,6 +16,7 @@ from meshdeform.requests.document import DeformParams, Safeguard
 from meshdeform.requests.parameters import FORM
 from meshdeform.settings import Settings
 from service.page.files import PAGE_HEADERS
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.integration.http_calls import check_problem
 
@@ -129,7 +130,7 @@ def test_text_comes_compressed_where_that_is_understood(http: httpx.Client, repo
         assert plain.headers["etag"] != answer.headers["etag"]
 
 
-@pytest.mark.parametrize(
+@each_case(
     "path",
     [
         "/web",

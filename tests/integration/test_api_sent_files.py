@@ -7,9 +7,9 @@ from email.message import Message
 from pathlib import Path
 
 import httpx
-import pytest
 
 from meshdeform.record.models import JobState
+from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem, post
 
@@ -72,7 +72,7 @@ STL = (
 )
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("name", "content", "expected"),
     [
         ("triangle.obj", OBJ, "model/obj"),
@@ -92,7 +92,7 @@ def test_the_type_is_that_of_the_content(
     assert (filename(found), found.headers["content-disposition"]) == (name, f'attachment; filename="{name}"')
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("sent", "plain"),
     [
         ("Müller's Vase №1.glb", "M_ller's Vase _1.glb"),

@@ -9,6 +9,7 @@ import pytest
 
 from meshdeform.record.models import JobState, NewJob
 from meshdeform.requests.document import JobRequest
+from tests.cases import each_case
 from tests.integration.conftest import Api, new_job, stored_file
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
 
@@ -33,7 +34,7 @@ def test_a_form_may_name_its_target(api: Api, sphere: bytes) -> None:
     assert answer.json()["target"]["filename"] == "result.glb"
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("asset", "loc"),
     [
         (None, ["asset"]),

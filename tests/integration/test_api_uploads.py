@@ -18,6 +18,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import uploads
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from tests.cases import each_case
 from tests.integration.conftest import Api, serving
 from tests.integration.http_calls import check_document, check_problem, eventually
 
@@ -111,7 +112,7 @@ def test_the_whole_replaces_what_came_before(api: Api) -> None:
     assert complete(api, upload).status_code == 200
 
 
-@pytest.mark.parametrize(
+@each_case(
     "header",
     ["bytes 0-9", "bytes 5-4/10240", "bytes 0-10240/10240", "bytes 0-9/999", "lines 0-9/10240", "bytes 0-9/*"],
 )
@@ -223,7 +224,7 @@ def test_an_upload_whose_time_is_over_is_removed_with_its_bytes(api: Api) -> Non
         assert connection.execute(uploads.select()).all() == []
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("document", "loc"),
     [
         ({"size": 1}, "filename"),

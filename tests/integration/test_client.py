@@ -26,16 +26,16 @@ from meshdeform.errors import (
 )
 from meshdeform.record.models import Artifact, JobError, JobState, Progress
 from meshdeform.requests.document import DeformParams, OutputOptions, Preset
-from tests.client_flavors import FLAVORS, opened
+from tests.client_flavors import both_clients, opened
 from tests.integration.conftest import DEADLINE_S, Api, new_job
 from tests.servers import free_port
 
 CONTENT = bytes(range(256)) * 4096
 
 
-@pytest.fixture(params=FLAVORS)
+@pytest.fixture
 def client(api: Api, request: pytest.FixtureRequest) -> Iterator[Client]:
-    with opened(request.param, api.url) as made:
+    with opened(getattr(request, "param", "sync"), api.url) as made:
         yield made
 
 
@@ -74,6 +74,7 @@ def answering(*answers: Any, max_retries: int = 0) -> Client:
     return Client("http://x", max_retries=max_retries, http=httpx.Client(transport=httpx.MockTransport(handle)))
 
 
+@both_clients
 def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path: Path) -> None:
     params = DeformParams(preset=Preset.PREVIEW, seed=7)
     job = client.submit(sphere, "a mushroom", params=params, output=OutputOptions(morph=True), metadata={"a": "b"})
@@ -126,6 +127,7 @@ def test_jobs_are_listed_through_all_pages(api: Api, client: Client) -> None:
     assert made[0] in [job.id for job in client.jobs(state="canceled")]
 
 
+@both_clients
 def test_problems_are_the_errors_that_they_were(api: Api, client: Client, sphere: Path, tmp_path: Path) -> None:
     with pytest.raises(VocabularyError) as unknown:
         client.submit(sphere, "a quixotic zeitgeist")
@@ -155,6 +157,7 @@ def test_a_service_that_is_away_is_unavailable() -> None:
             list(away.watch("x"))
 
 
+@both_clients
 def test_waiting_raises_what_the_job_failed_with(api: Api, client: Client) -> None:
     job = new_job(api.record)
     api.record.claim(job.id, "worker", 60.0)

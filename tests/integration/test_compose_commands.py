@@ -16,6 +16,7 @@ import pytest
 import redis
 import yaml
 
+from tests.cases import each_case
 from tests.servers import find_redis_server, free_port, wait_for_port
 
 
@@ -25,7 +26,7 @@ def commands(repository: Path, service: str) -> dict[str, Any]:
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
-@pytest.mark.parametrize(("answer", "good"), [(200, True), (409, True), (403, False), (500, False)])
+@each_case(("answer", "good"), [(200, True), (409, True), (403, False), (500, False)])
 def test_the_bucket_is_asked_for_with_a_signature(repository: Path, answer: int, good: bool) -> None:
     asked: list[tuple[str, str]] = []
 

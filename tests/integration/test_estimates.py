@@ -1,4 +1,4 @@
-"""Estimates, on SQLite and PostgreSQL: known answers from jobs whose steps took a known time."""
+"""Estimates: known answers from jobs whose steps took a known time."""
 
 from __future__ import annotations
 

@@ -20,6 +20,7 @@ from typer.testing import CliRunner, Result
 from meshdeform.cli.app import app
 from meshdeform.evaluation.mesh_file import read_ply
 from meshdeform.evaluation.suite import SUITES
+from tests.cases import each_case
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -111,7 +112,7 @@ def test_an_unknown_ablation_is_refused(tmp_path: Path) -> None:
     assert "single_views" in refused.stderr
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("options", "named"),
     [
         (["--steps", "3", "--checkpoint-at", "1"], "params.steps"),
@@ -188,7 +189,7 @@ def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) 
     assert missing.exit_code == 3
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("options", "code", "said"),
     [
         (["--suite", "large"], 3, "no suite"),

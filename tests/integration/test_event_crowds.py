@@ -117,6 +117,7 @@ def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, 
     until(lambda: not app.state.parts.hub._somebody.is_set(), "the task rests")
 
 
+@pytest.mark.both_databases
 def test_a_record_that_is_away_loses_no_reader(
     counted: tuple[str, FastAPI, list[str]], record: JobRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from meshdeform.record.models import TERMINAL_STATES, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.events import routes as events_module
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving_app
 from tests.integration.http_calls import check_document, check_problem
 from tests.integration.streams import STREAM, progress, recovered_run, stream
@@ -156,7 +157,7 @@ def test_silence_is_filled_with_comments(api: Api, monkeypatch: pytest.MonkeyPat
         assert found.comments
 
 
-@pytest.mark.parametrize("sent", ["x", "-1", "1.5", "9" * 20])
+@each_case("sent", ["x", "-1", "1.5", "9" * 20])
 def test_a_last_event_id_that_is_no_number_is_refused(api: Api, sent: str) -> None:
     job = new_job(api.record)
     headers = {**STREAM, "Last-Event-ID": sent}
@@ -192,7 +193,7 @@ def test_json_comes_in_pages(api: Api, openapi: dict[str, Any]) -> None:
     check_problem(api.http.get(f"/v1/jobs/{job.id}/events", params={"limit": 1001}), 422, "parameter_invalid")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("accept", "query", "streamed"),
     [
         ("*/*", "", False),

@@ -13,6 +13,8 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import files
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 
+pytestmark = pytest.mark.both_databases
+
 
 def test_a_file_is_unused_when_neither_a_job_nor_a_request_needs_it(record: JobRecord) -> None:
     key = stored_file("d").key

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 
 from meshdeform.assets import load_asset
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_NORMALS, Builder
 from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
 from tests.unit.assets.test_convert import OBJ, PLY, stl
@@ -55,8 +55,8 @@ ASSETS: dict[str, Callable[[], tuple[bytes, str]]] = {
 }
 
 
-@pytest.mark.parametrize("name", list(ASSETS))
-@pytest.mark.parametrize("morph", [False, True])
+@each_case("name", list(ASSETS))
+@each_case("morph", [False, True])
 def test_no_new_error(validate_glb: Validate, name: str, morph: bool) -> None:
     data, filename = ASSETS[name]()
     asset = load_asset(data, filename)

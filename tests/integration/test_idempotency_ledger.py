@@ -16,6 +16,8 @@ from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import stored_file
 
+pytestmark = pytest.mark.both_databases
+
 ANSWER = {"status": 202, "body": {"id": "job_1"}, "headers": {"Location": "/v1/jobs/job_1"}}
 
 

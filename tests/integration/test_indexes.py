@@ -18,7 +18,10 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
 from meshdeform.record.statistics import statistics
 from meshdeform.requests.document import JobRequest
+from tests.cases import each_case
 from tests.integration.record_calls import LEASE_S, at, posted
+
+pytestmark = pytest.mark.both_databases
 
 COUNT = 10_000
 LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads")
@@ -175,7 +178,7 @@ def _work(record: JobRecord) -> None:
     record.release(taken.id, taken.attempt)
 
 
-@pytest.mark.parametrize("question", QUESTIONS)
+@each_case("question", QUESTIONS)
 def test_it_is_answered_from_an_index(large: JobRecord, question: str) -> None:
     with _asked(large) as sent:
         QUESTIONS[question](large)

@@ -13,8 +13,11 @@ from meshdeform.errors import ConflictError, NotFoundError, StaleAttemptError
 from meshdeform.record.models import EventType, Job, JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import webhooks
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, history, late, posted
+
+pytestmark = pytest.mark.both_databases
 
 Path = Callable[[JobRecord], Job]
 
@@ -118,7 +121,7 @@ def _is_late_and_canceled(record: JobRecord) -> Job:
     return job
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("path", "expected"),
     [
         (new_job, "queued"),

@@ -1,4 +1,4 @@
-"""API keys on the record, on SQLite and on PostgreSQL."""
+"""API keys on the record."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import api_keys
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 
+@pytest.mark.both_databases
 def test_a_key_is_known_by_its_text_alone(record: JobRecord) -> None:
     key, text = record.keys.create("studio", "ci", requests_per_minute=5, max_active_jobs=2)
     other, other_text = record.keys.create("studio")
@@ -65,6 +67,7 @@ def test_whatever_is_wrong_is_the_same_error(record: JobRecord) -> None:
     assert record.keys.verify(text).id == key.id
 
 
+@pytest.mark.both_databases
 def test_a_use_is_noted_once_a_minute(record: JobRecord) -> None:
     key, text = record.keys.create("studio")
     assert key.last_used_at is None
@@ -97,7 +100,7 @@ def test_revoked_is_revoked_and_stays_on_the_list(record: JobRecord) -> None:
         record.keys.revoke("mdk_nothing")
 
 
-@pytest.mark.parametrize("owner", ["", "Studio", "-a", "_a", "a b", "a" * 64, "ä", "a\n", "a/b"])
+@each_case("owner", ["", "Studio", "-a", "_a", "a b", "a" * 64, "ä", "a\n", "a/b"])
 def test_an_owner_that_could_be_mistaken_is_refused(record: JobRecord, owner: str) -> None:
     with pytest.raises(ParameterError, match="cannot be an owner"):
         record.keys.create(owner)

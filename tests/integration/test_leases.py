@@ -13,6 +13,8 @@ from meshdeform.record.repository import JobRecord
 from tests.integration.conftest import new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, posted
 
+pytestmark = pytest.mark.both_databases
+
 
 def test_of_many_that_claim_one_job_at_once_one_gets_it(record: JobRecord, database_url: str) -> None:
     records = [JobRecord(database_url) for _ in range(4)]

@@ -1,4 +1,4 @@
-"""`/metrics`, read by Prometheus' own parser, on both databases."""
+"""`/metrics`, read by Prometheus' own parser."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ def value(samples: Samples, name: str, **labels: str) -> float:
     return samples[f"meshdeform_{name}", tuple(sorted(labels.items()))]
 
 
+@pytest.mark.both_databases
 def test_the_record_is_counted(api: Api) -> None:
     jobs = [new_job(api.record) for _ in range(4)]
     api.record.claim(jobs[0].id, "a worker", 60.0)

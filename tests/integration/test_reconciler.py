@@ -1,4 +1,4 @@
-"""What mends the queue when Redis forgets, workers fall silent or the store is away: a real Redis, both databases."""
+"""What mends the queue when Redis forgets, workers fall silent or the store is away, on a real Redis."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.both_databases
 def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
     jobs = [new_job(record) for _ in range(3)]
     queue.enqueue(jobs[1].id)
@@ -122,6 +123,7 @@ def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: Jo
         server.stop()
 
 
+@pytest.mark.both_databases
 def test_reconcilers_that_look_at_once_leave_every_job_told(
     record: JobRecord, queue: JobQueue, database_url: str
 ) -> None:
@@ -149,6 +151,7 @@ def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: 
     assert record.untold() == []
 
 
+@pytest.mark.both_databases
 def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), 86_400.0)
     usual = claimed(record, new_job(record), LEASE_S)
@@ -180,6 +183,7 @@ def test_what_is_past_its_time_is_deleted_with_its_objects(record: JobRecord, qu
     assert [key for key, _ in store.list("jobs/")] == [f"jobs/{kept.id}/1/result.glb"]
 
 
+@pytest.mark.both_databases
 def test_what_lost_attempts_stored_goes_with_the_end_of_the_job(
     record: JobRecord, queue: JobQueue, tmp_path: Path
 ) -> None:
@@ -257,6 +261,7 @@ def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, qu
     assert record.discarded_prefixes() == [f"jobs/{gone.id}/"]
 
 
+@pytest.mark.both_databases
 def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: str) -> None:
     job = new_job(record)
     queue = JobQueue(redis_url, "test")

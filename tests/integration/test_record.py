@@ -13,8 +13,11 @@ from meshdeform.record.estimates import estimate
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
+from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted, set_to
+
+pytestmark = pytest.mark.both_databases
 
 
 def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
@@ -74,7 +77,7 @@ def test_a_page_of_one_state(record: JobRecord) -> None:
     assert record.list_jobs(JobState.FAILED).jobs == []
 
 
-@pytest.mark.parametrize("cursor", ["", "x", "!!", "am9", "bm9fam9i", "é"])
+@each_case("cursor", ["", "x", "!!", "am9", "bm9fam9i", "é"])
 def test_a_cursor_that_is_not_ours_is_refused(record: JobRecord, cursor: str) -> None:
     with pytest.raises(ParameterError, match="cursor"):
         record.list_jobs(cursor=cursor)

@@ -1,4 +1,4 @@
-"""Which workers are alive, on SQLite and PostgreSQL."""
+"""Which workers are alive."""
 
 from __future__ import annotations
 

@@ -18,6 +18,7 @@ from release.build import build, wrong_with
 from release.licences import dependencies, forbidden, licence
 from release.sbom import bill_of_materials
 from tests.acceptance.service import serving
+from tests.cases import each_case
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp
     assert {path.name for path in tmp_path.iterdir()} >= {"m.glb", "m.report.json", "m.png"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_installed_wheel_serves_the_page(installed: Path, tmp_path: Path) -> None:
     with serving(tmp_path / "data", PYTHONPATH=str(installed)) as service:
         page = service.http.get("/")
@@ -119,7 +120,7 @@ def test_the_newest_release_in_the_changelog_is_this_version_or_none_is_yet(repo
     assert newest is None or re.fullmatch(rf"{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)", newest)
 
 
-@pytest.mark.parametrize("text", ["LGPL-3.0-only", "GNU General Public License v2", "CC-BY-NC-4.0", "AGPL-3.0"])
+@each_case("text", ["LGPL-3.0-only", "GNU General Public License v2", "CC-BY-NC-4.0", "AGPL-3.0"])
 def test_forbidden_licences_are_known(text: str) -> None:
     assert forbidden(text)
 

@@ -19,8 +19,11 @@ from meshdeform.record.database import Database
 from meshdeform.record.models import EventType, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD, metadata
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S
 from tests.integration.record_calls import LEASE_S, history, ids
+
+pytestmark = pytest.mark.both_databases
 
 
 def test_the_migrations_make_what_the_tables_say(record: JobRecord) -> None:
@@ -57,9 +60,7 @@ def test_a_record_of_a_newer_version_is_refused(database_url: str, record: JobRe
         say(HEAD)
 
 
-@pytest.mark.parametrize(
-    "url", ["nonsense", "sqlite://", "sqlite:///:memory:", "postgresql+nodriver://host/x", "oracle9://x"]
-)
+@each_case("url", ["nonsense", "sqlite://", "sqlite:///:memory:", "postgresql+nodriver://host/x", "oracle9://x"])
 def test_a_url_that_means_nothing_is_refused_with_advice(url: str) -> None:
     with pytest.raises(DependencyError) as caught:
         Database(url)

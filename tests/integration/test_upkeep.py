@@ -16,6 +16,8 @@ from meshdeform.record.schema import outbox
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, claimed, history, ids, late, posted, set_to
 
+pytestmark = pytest.mark.both_databases
+
 
 def test_queued_jobs_are_told_the_most_urgent_first(record: JobRecord) -> None:
     usual, urgent, other = posted(record), posted(record, priority=3), posted(record)

@@ -54,7 +54,7 @@ def test_result_usdz_is_listed_and_downloads(api: Api) -> None:
         stopping=lambda: False,
         worker_id="a worker",
         renew=lambda: None,
-        patience_s=5.0,
+        patience_s=60.0,
     )
     JobRunner(workplace).run(job_id)
     listed = {each["name"]: each for each in api.http.get(f"/v1/jobs/{job_id}/artifacts").json()["artifacts"]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 
 import pytest
 import sqlalchemy as sa
@@ -14,23 +13,11 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries
 from meshdeform.record.webhooks import MAX_WEBHOOKS
 from meshdeform.requests.document import JobRequest
-from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
-from tests.integration.conftest import new_job, stored_file
+from tests.integration.conftest import WEBHOOK_SETTINGS, new_job, stored_file
 from tests.unit.webhooks.receiver import Receiver, receiving
 
-SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
-
-
-@pytest.fixture
-def delivery(record: JobRecord) -> WebhookDelivery:
-    return WebhookDelivery(record, SETTINGS)
+pytestmark = pytest.mark.both_databases
 
 
 def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
@@ -127,6 +114,6 @@ def test_deliveries_are_forgotten_after_thirty_days(
             created = record.database.now(-days * 86_400.0)
             connection.execute(sa.update(deliveries).where(deliveries.c.id == each).values(created_at=created))
     # A new process looks at once; one that runs looks every ten minutes.
-    assert WebhookDelivery(record, SETTINGS).run_once() == 1
+    assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 1
     left = [each.id for each in record.webhooks.deliveries(webhook.id, "").deliveries]
     assert sorted(left) == sorted([young, kept, pending])

@@ -5,22 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 import sqlalchemy as sa
 
 from meshdeform.record.models import NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries
 from meshdeform.requests.document import JobRequest
-from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import AT_ONCE, WebhookDelivery
-from tests.integration.conftest import DEADLINE_S, new_job, stored_file
+from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job, stored_file
 from tests.unit.webhooks.receiver import Message, Receiver, receiving
 
-SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 SEND = """
 import sys
 from meshdeform.record.repository import JobRecord
@@ -28,12 +24,6 @@ from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
 WebhookDelivery(JobRecord(sys.argv[1]), Settings(webhook_networks=["127.0.0.0/8"])).run_once()
 """
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
 
 
 def test_a_message_whose_sender_was_killed_comes_again_with_the_same_id(
@@ -57,7 +47,7 @@ def test_a_message_whose_sender_was_killed_comes_again_with_the_same_id(
             over.set()
     receiver.answer = None
     # It belongs to the dead process for two minutes more.
-    sender = WebhookDelivery(record, SETTINGS)
+    sender = WebhookDelivery(record, WEBHOOK_SETTINGS)
     assert sender.run_once() == 0
     with record.database.write() as connection:
         connection.execute(sa.update(deliveries).values(next_at=record.database.now(-1.0)))
@@ -85,6 +75,6 @@ def test_receivers_that_hang_do_not_hold_up_another_ones_messages(record: JobRec
         record.webhooks.create("quick", quick.url, ["job.queued"])
         for owner in ["slow"] * 2 * AT_ONCE + ["quick"]:
             record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
-        assert WebhookDelivery(record, SETTINGS).run_once() == 2 * AT_ONCE + 1
+        assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 2 * AT_ONCE + 1
     sent = record.webhooks.deliveries(webhook.id, "slow").deliveries
     assert [(each.state, each.attempts) for each in sent] == [("delivered", 1)] * 2 * AT_ONCE

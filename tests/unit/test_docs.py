@@ -19,6 +19,7 @@ import meshdeform.errors
 from meshdeform.errors import MeshdeformError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 ERRORS = sorted(
     (
@@ -76,7 +77,7 @@ def command(name: str) -> Any:
     return typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", Settings.model_fields)
+@each_case("name", Settings.model_fields)
 def test_every_setting_has_a_section_with_its_default(name: str, repository: Path) -> None:
     text = sections(repository / "docs/configuration.md")[f"MESHDEFORM_{name.upper()}"]
     default = Settings.model_fields[name].get_default(call_default_factory=True)
@@ -97,7 +98,7 @@ def test_every_setting_that_any_page_names_exists(repository: Path) -> None:
         assert named <= known, page.name
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda error: error.code)
+@each_case("error", ERRORS, ids=lambda error: error.code)
 def test_every_error_has_a_section_with_its_status_and_advice(error: type[MeshdeformError], repository: Path) -> None:
     text = flat(sections(repository / "docs/errors.md")[error.code])
     assert f"Status {error.status}. {flat(error.__doc__ or '')}" in text

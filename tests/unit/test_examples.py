@@ -14,6 +14,7 @@ import pytest
 
 from meshdeform.assets import load_asset
 from meshdeform.geometry.weld import weld
+from tests.cases import each_case
 
 NAMES = ["capsule", "cube", "sphere", "vase"]
 
@@ -34,7 +35,7 @@ def test_every_example_is_generated(generate: ModuleType, repository: Path) -> N
     assert sorted(path.stem for path in (repository / "examples").glob("*.glb")) == NAMES
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_case("name", NAMES)
 def test_an_example_is_what_the_script_makes(name: str, generate: ModuleType, repository: Path) -> None:
     # Not the bytes: sines differ in the last place from one processor to the next.
     held = load_asset((repository / f"examples/{name}.glb").read_bytes()).surface
@@ -44,7 +45,7 @@ def test_an_example_is_what_the_script_makes(name: str, generate: ModuleType, re
     np.testing.assert_allclose(held.normals, made.normals, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_case("name", NAMES)
 def test_an_example_is_one_closed_surface_that_faces_outwards(name: str, repository: Path) -> None:
     surface = load_asset((repository / f"examples/{name}.glb").read_bytes()).surface
     welded = weld(surface.positions, surface.triangles)
@@ -56,7 +57,7 @@ def test_an_example_is_one_closed_surface_that_faces_outwards(name: str, reposit
     assert len(welded.mesh.verts) < len(surface.positions)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_case("name", NAMES)
 def test_an_example_is_valid_gltf(name: str, repository: Path, validate_glb: Callable[[bytes], dict[str, Any]]) -> None:
     report = validate_glb((repository / f"examples/{name}.glb").read_bytes())
     # The UVs wait for the user's texture.

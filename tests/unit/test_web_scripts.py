@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import each_case
+
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "service" / "web"
 OWN = [WEB / "index.html", *sorted((WEB / "app").rglob("*.js")), *sorted((WEB / "style").rglob("*.css"))]
@@ -27,7 +29,7 @@ def test_the_scripts_do_what_their_tests_say() -> None:
     assert int(passed[1]) >= len(tests)
 
 
-@pytest.mark.parametrize("path", OWN, ids=lambda path: str(path.relative_to(WEB)))
+@each_case("path", OWN, ids=lambda path: str(path.relative_to(WEB)))
 def test_nothing_that_the_policy_forbids_and_nothing_that_reads_data_as_html(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"\b(?:innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(|new Function)", text)

@@ -21,6 +21,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_VERTS, Builder, quad
 
 
@@ -115,7 +116,7 @@ def test_the_command_prints_a_verdict(
     assert set(error) == {"code", "detail", "advice", "extra"}
 
 
-@pytest.mark.parametrize("name", ["-x.glb", "--help", "a\0b.glb", "\ud800.glb", "a\nb.glb", "x" * 200_000 + ".glb"])
+@each_case("name", ["-x.glb", "--help", "a\0b.glb", "\ud800.glb", "a\nb.glb", "x" * 200_000 + ".glb"])
 def test_a_name_that_no_command_line_takes(tmp_path: Path, name: str) -> None:
     path = tmp_path / "stored"
     path.write_bytes(quad())

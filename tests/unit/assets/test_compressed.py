@@ -10,6 +10,7 @@ import pytest
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import AssetError, AssetTooLargeError, AssetTruncatedError
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder, unpack
 from tests.unit.assets.test_replace import position
 
@@ -185,7 +186,7 @@ def test_meshopt_with_plain_data_beside_it_is_read_plain_and_left_alone() -> Non
     assert "extensions" in root["bufferViews"][0]
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("member", "value", "error"),
     [
         ("buffer", 1, AssetTruncatedError),

@@ -9,6 +9,7 @@ import pytest
 from meshdeform.assets.container import glb_layout, pack_glb
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
+from tests.cases import each_case
 from tests.unit.assets.builders import pack, quad
 
 LIMITS = Limits()
@@ -40,8 +41,8 @@ def test_every_truncation_is_told() -> None:
             glb_layout(glb[:length], LIMITS)
 
 
-@pytest.mark.parametrize("at", [12, -12])
-@pytest.mark.parametrize("lie", [0xFFFFFFFF, 0x7FFFFFFF])
+@each_case("at", [12, -12])
+@each_case("lie", [0xFFFFFFFF, 0x7FFFFFFF])
 def test_a_chunk_length_that_lies_is_told(at: int, lie: int) -> None:
     glb = bytearray(pack(b"{}", b"1234"))
     struct.pack_into("<I", glb, at % len(glb), lie)
@@ -54,7 +55,7 @@ def test_bytes_after_the_end_are_told() -> None:
         glb_layout(quad() + b"\0", LIMITS)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("data", "error"),
     [
         (b"glTF" + struct.pack("<II", 1, 20) + bytes(8), AssetFormatError),

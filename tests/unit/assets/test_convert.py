@@ -9,6 +9,7 @@ import pytest
 
 from meshdeform.assets import Limits, Primitive, build_glb, load_asset
 from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, unpack
 from tests.unit.assets.test_replace import accessor, position
 
@@ -105,7 +106,7 @@ def test_a_binary_stl_may_start_with_solid() -> None:
     assert len(load_asset(data, "mesh.stl").surface.triangles) == 2
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("data", "name", "error"),
     [
         (OBJ.replace(b"v 1 0 0", b"v nan 0 0"), "a.obj", AssetNotFiniteError),

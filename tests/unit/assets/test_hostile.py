@@ -12,6 +12,7 @@ import pytest
 from meshdeform.assets import inspect_asset, load_asset, scenegraph, storage
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTooLargeError
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_NORMALS, Builder, pack, quad, unpack
 
 SMALL = Limits(max_primitives=1000)
@@ -134,7 +135,7 @@ def pointer(to: str) -> dict[str, Any]:
     return {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": to}}}
 
 
-@pytest.mark.parametrize(
+@each_case(
     "target",
     [{"path": "weights", "node": odd} for odd in ({}, [], None, "0", 0.0, True, 7)]
     + [pointer(f"/{kind}/{number}/weights") for kind in ("nodes", "meshes") for number in ("7", "9" * 5000)],
@@ -145,7 +146,7 @@ def test_an_animation_of_something_else_is_left_alone(target: dict[str, Any]) ->
     assert root["animations"][0]["channels"] == [{"sampler": 0, "target": target}]
 
 
-@pytest.mark.parametrize("animations", [{"a": 1}, 3, "x", [3], [[]], [None]])
+@each_case("animations", [{"a": 1}, 3, "x", [3], [[]], [None]])
 def test_animations_that_are_none_are_refused_before_a_job_computes(animations: Any) -> None:
     with pytest.raises(AssetError, match="animations must be an array of objects"):
         inspect_asset(animated({}, animations))

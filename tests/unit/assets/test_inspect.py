@@ -21,6 +21,7 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.unit.assets.builders import Builder, pack, quad
 
 
@@ -38,7 +39,7 @@ def bomb(count: int = 200_000_000) -> bytes:
     )
 
 
-@pytest.mark.parametrize("count", [200_000_000, 20_000_000, 2**53, 10**30])
+@each_case("count", [200_000_000, 20_000_000, 2**53, 10**30])
 def test_a_tiny_file_that_declares_millions_costs_nothing(count: int) -> None:
     data = bomb(count)
     assert len(data) < 480
@@ -115,7 +116,7 @@ def put(*path: Any) -> Any:
     return change
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("change", "error"),
     [
         (put("asset", {}), AssetFormatError),
@@ -202,7 +203,7 @@ def test_a_buffer_without_data_is_told() -> None:
         inspect_asset(builder.glb())
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("data", "name", "error"),
     [
         (b"", "", AssetFormatError),

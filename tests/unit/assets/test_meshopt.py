@@ -13,6 +13,7 @@ from meshdeform.assets.meshopt.attributes import decode_attributes
 from meshdeform.assets.meshopt.filters import apply_filter
 from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
 from meshdeform.errors import AssetError
+from tests.cases import each_case
 
 
 @pytest.fixture
@@ -27,10 +28,8 @@ def _smooth(rng: np.random.Generator, count: int, stride: int) -> np.ndarray:
     return walk.astype(np.uint8)
 
 
-@pytest.mark.parametrize("version", [0, 1])
-@pytest.mark.parametrize(
-    ("count", "stride"), [(1, 4), (15, 4), (16, 8), (17, 12), (256, 16), (257, 16), (1000, 64), (300, 256)]
-)
+@each_case("version", [0, 1])
+@each_case(("count", "stride"), [(1, 4), (15, 4), (16, 8), (17, 12), (256, 16), (257, 16), (1000, 64), (300, 256)])
 def test_attributes_equal_the_encoders_input(encoder: Any, version: int, count: int, stride: int) -> None:
     rng = np.random.default_rng(count * stride)
     encoder.encode_vertex_version(version)
@@ -179,7 +178,7 @@ def test_frozen_index_stream() -> None:
     assert decode_indices(base64.b64decode(FROZEN["indices"]), 10).tolist() == expected
 
 
-@pytest.mark.parametrize("name", list(FROZEN))
+@each_case("name", list(FROZEN))
 def test_every_broken_stream_is_one_clear_error(name: str) -> None:
     data = base64.b64decode(FROZEN[name])
     decode, count = {

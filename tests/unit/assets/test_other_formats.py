@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from meshdeform.serving.access import is_foreign
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("host", "origin"),
     [
         ("127.0.0.1:8765", None),
@@ -22,7 +21,7 @@ def test_programs_and_pages_of_this_machine_may_ask(host: str | None, origin: st
     assert not is_foreign(host, origin)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("host", "origin"),
     [
         ("evil.example:8765", None),

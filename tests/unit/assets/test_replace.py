@@ -10,6 +10,7 @@ import pytest
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import NumericalError, ShapeError
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_TANGENTS, QUAD_VERTS, Builder, pack, quad, unpack
 
 TILT = {"rotation": [0.1, 0.2, 0.3, 0.927361849549570], "scale": [2.0, -0.5, 3.0], "translation": [1, 2, 3]}
@@ -74,7 +75,7 @@ def test_identity_gives_equal_accessors_and_leaves_the_rest() -> None:
     assert b'"baseColorFactor": [1.0, 0.1, 0, 1]' in written  # as it was written
 
 
-@pytest.mark.parametrize(
+@each_case(
     "transform",
     [{}, TILT, {"scale": [1e-4, 1e-4, 1e-4]}, {"matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 2, 0, 5, 6, 7, 1]}],
 )

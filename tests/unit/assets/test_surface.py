@@ -9,6 +9,7 @@ import pytest
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_TANGENTS, QUAD_VERTS, Builder, quad
 
 
@@ -182,7 +183,7 @@ def test_sparse_accessors(with_base: bool) -> None:
     np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("dtype", "normalized", "scale"),
     [
         (np.int8, True, 127),
@@ -240,7 +241,7 @@ def test_an_index_out_of_range_is_told() -> None:
         load_asset(builder.glb())
 
 
-@pytest.mark.parametrize("mode", [0, 1, 2, 3])
+@each_case("mode", [0, 1, 2, 3])
 def test_nothing_to_deform_is_told(mode: int) -> None:
     builder = Builder()
     builder.node(builder.mesh({**builder.primitive(), "mode": mode}))

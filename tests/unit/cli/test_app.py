@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from click.testing import Result
 from typer.testing import CliRunner
 
 import meshdeform
@@ -18,6 +20,7 @@ from meshdeform import errors
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
 from meshdeform.support.atomic_files import write_files
+from tests.cases import each_case
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +50,14 @@ def meshdeform_command(*arguments: object) -> list[str]:
 
 
 def run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command as a person does."""
     return subprocess.run(meshdeform_command(*arguments), cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def run_here(*arguments: object, cwd: Path) -> Result:
+    """Run a command in this process, which has loaded torch already."""
+    with contextlib.chdir(cwd):
+        return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
@@ -77,7 +87,7 @@ def test_serve_and_stack_agree_on_the_address() -> None:
     assert (servers._HOST, servers._PORT) == (stack.DEFAULT_HOST, stack.DEFAULT_PORT)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("error", "code"),
     [
         (errors.AssetTruncatedError("x"), 3),
@@ -93,7 +103,7 @@ def test_exit_codes(error: errors.MeshdeformError, code: int) -> None:
     assert exit_code(error) == code
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("arguments", "code", "said"),
     [
         (["run", "nowhere.glb", "a vase"], ExitCode.USAGE, "does not exist"),
@@ -125,24 +135,24 @@ def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_
 
 def test_json_is_one_document_and_a_resumed_run_is_the_same_run(sphere: Path, egg: Path, tmp_path: Path) -> None:
     common = ["run", sphere, "--target", egg, "--steps", 6, "--json", "--param", "checkpoint_every_steps=4"]
-    whole = run(*common, "-o", "whole.glb", "--checkpoint", "state", cwd=tmp_path)
+    whole = run_here(*common, "-o", "whole.glb", "--checkpoint", "state", cwd=tmp_path)
     assert json.loads(whole.stdout)["resumed_from"] is None
-    resumed = run(*common, "-o", "resumed.glb", "--resume", "state", cwd=tmp_path)
+    resumed = run_here(*common, "-o", "resumed.glb", "--resume", "state", cwd=tmp_path)
     assert json.loads(resumed.stdout)["resumed_from"] == 4
     assert (tmp_path / "whole.glb").read_bytes() == (tmp_path / "resumed.glb").read_bytes()
 
 
 def test_a_checkpoint_of_another_run_is_refused(sphere: Path, egg: Path, tmp_path: Path) -> None:
     (tmp_path / "state").write_bytes(b"torn")
-    result = run("run", sphere, "--target", egg, "--steps", 3, "--resume", "state", cwd=tmp_path)
-    assert result.returncode == ExitCode.BAD_INPUT
+    result = run_here("run", sphere, "--target", egg, "--steps", 3, "--resume", "state", cwd=tmp_path)
+    assert result.exit_code == ExitCode.BAD_INPUT
     assert "checkpoint" in result.stderr
 
 
 def test_a_file_that_is_no_mesh_is_one_line_and_advice(tmp_path: Path) -> None:
     (tmp_path / "bad.glb").write_bytes(b"hello")
-    result = run("run", "bad.glb", "a vase", cwd=tmp_path)
-    assert result.returncode == ExitCode.BAD_INPUT
+    result = run_here("run", "bad.glb", "a vase", cwd=tmp_path)
+    assert result.exit_code == ExitCode.BAD_INPUT
     assert result.stderr.splitlines()[-2].startswith("Error: ")
     assert "Traceback" not in result.stderr
 
@@ -152,8 +162,8 @@ def test_a_place_that_cannot_be_written_is_told_before_the_first_step(
     sphere: Path, egg: Path, tmp_path: Path, option: str, what: str
 ) -> None:
     (tmp_path / "file").write_bytes(b"in the way")
-    result = run("run", sphere, "--target", egg, "--steps", 50_000, option, "file/egg.glb", cwd=tmp_path)
-    assert result.returncode == exit_code(errors.UnavailableError(""))
+    result = run_here("run", sphere, "--target", egg, "--steps", 50_000, option, "file/egg.glb", cwd=tmp_path)
+    assert result.exit_code == exit_code(errors.UnavailableError(""))
     assert f"{what} cannot be written" in result.stderr
     assert f"with {option}" in result.stderr
     assert "step" not in result.stderr

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import each_case
+
 PROGRAM = Path(sys.executable).with_name("meshdeform")
 
 
@@ -37,7 +39,7 @@ def completed(bash: str, line: str) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("line", "offered"),
     [
         ("meshdeform ba", {"batch"}),

@@ -16,6 +16,7 @@ from meshdeform.cli.app import app
 from meshdeform.cli.diagnosis import checks, machine, models, packages, servers
 from meshdeform.cli.diagnosis.checks import Check, Patient, Status, ok, run_checks
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 CARD = {"name": "X", "free": 2**30, "total": 2**31, "works": True}
 
@@ -73,7 +74,7 @@ def test_a_check_that_hangs_is_left_behind() -> None:
     assert "no answer within 0.05 s" in found[0].detail
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("version", "bounds", "fits"),
     [
         ("2.13.0+cpu", ">=2.8", True),
@@ -175,7 +176,7 @@ def test_the_clock_is_compared(tmp_path: Path) -> None:
     assert (finding.status, finding.detail) == (Status.WARN, "Redis is 90 s behind")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("device", "driver", "found", "status"),
     [
         ("auto", "", {"build": None, "devices": [], "error": ""}, Status.OK),

@@ -9,6 +9,7 @@ import pytest
 from meshdeform.cli.batches.manifest import Wish, read_prompts, read_table, wishes_of_assets
 from meshdeform.cli.batches.rows import Row, make_rows
 from meshdeform.errors import ParameterError
+from tests.cases import each_case
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def test_the_same_rows_in_every_format(folder: Path) -> None:
     assert len({tuple(row.key for row in rows_of(table)) for table in tables}) == 1
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("name", "text", "said"),
     [
         ("m.csv", "prompt\na vase\n", "line 2, names no asset"),

@@ -14,6 +14,7 @@ from meshdeform.api.jobs import JobView
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code, problem
 from meshdeform.cli.following import left_running, outcome_failure
+from tests.cases import each_case
 
 
 def job(state: str, error: dict[str, Any] | None = None) -> JobView:
@@ -35,7 +36,7 @@ def job(state: str, error: dict[str, Any] | None = None) -> JobView:
     )
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("state", "code"),
     [("succeeded", None), ("failed", 5), ("canceled", 6), ("expired", 6)],
 )
@@ -54,7 +55,7 @@ def test_a_failed_job_says_why() -> None:
     assert document["advice"] == "Simplify the mesh."
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("error", "code"),
     [
         (errors.UnauthorizedError("x"), 9),
@@ -92,7 +93,7 @@ def test_ctrl_c_names_the_commands_to_come_back(monkeypatch: pytest.MonkeyPatch)
     )
 
 
-@pytest.mark.parametrize(
+@each_case(
     "arguments",
     [
         ["jobs", "--json", "--no-such"],

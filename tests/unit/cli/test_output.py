@@ -6,9 +6,10 @@ import pytest
 
 from meshdeform.cli import progress
 from meshdeform.cli.output import ago, duration, plain, table
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("seconds", "said"), [(0.2, "0 s"), (59.4, "59 s"), (59.6, "1 min 00 s"), (125, "2 min 05 s"), (4800, "1 h 20 min")]
 )
 def test_durations(seconds: float, said: str) -> None:

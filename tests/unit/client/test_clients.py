@@ -16,6 +16,7 @@ import meshdeform
 from meshdeform.client import AsyncClient, AsyncResult, Client, Result
 from meshdeform.client import __all__ as exported
 from service import schemas
+from tests.cases import each_case
 
 KEY = "md_secret"
 
@@ -92,7 +93,7 @@ def test_address_and_key_come_from_the_environment(monkeypatch: pytest.MonkeyPat
     assert "Authorization" not in seen[1].headers
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("options", "words"),
     [
         ({"base_url": "127.0.0.1:8765"}, "no URL"),
@@ -103,7 +104,7 @@ def test_address_and_key_come_from_the_environment(monkeypatch: pytest.MonkeyPat
         ({"max_retries": -1}, "max_retries"),
     ],
 )
-@pytest.mark.parametrize("kind", [Client, AsyncClient])
+@each_case("kind", [Client, AsyncClient])
 def test_what_cannot_be_right_is_refused_at_once(kind: type, options: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         kind(**options)

@@ -15,6 +15,7 @@ from meshdeform.client.retries import Policy
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.models import EventType, JobState
 from meshdeform.requests.document import DeformParams, OutputOptions
+from tests.cases import each_case
 from tests.unit.client.worlds import World, answer
 
 JOB: dict[str, Any] = {
@@ -90,7 +91,7 @@ def test_limits_and_validations_keep_what_is_new() -> None:
     assert (seen.params.steps, seen.params.model_extra) == (3, {"wobble": 1})
 
 
-@pytest.mark.parametrize("document", [None, [], {}, {**JOB, "asset": 3}, {**JOB, "state": 3}, {**JOB, "params": 3}])
+@each_case("document", [None, [], {}, {**JOB, "asset": 3}, {**JOB, "state": 3}, {**JOB, "params": 3}])
 def test_what_is_no_job_says_so(document: Any) -> None:
     with pytest.raises(UnavailableError, match="http://x answered"):
         read(JobView, document, "http://x")

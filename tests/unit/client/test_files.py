@@ -21,6 +21,7 @@ from meshdeform.client import AsyncClient, Client, JobView, Result, UploadView
 from meshdeform.client.sources import LocalFile, open_source
 from meshdeform.client.submitting import Order
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError, UnavailableError
+from tests.cases import each_case
 from tests.unit.client.test_documents import JOB
 
 KEY = "md_secret"
@@ -204,7 +205,7 @@ def artifact(name: str, **more: Any) -> dict[str, Any]:
     return {**known, "created_at": "2026-01-31T12:00:00Z"}
 
 
-@pytest.mark.parametrize("name", ["../up.glb", "/etc/x", "a/b", "..", ".", "a\\b", ""])
+@each_case("name", ["../up.glb", "/etc/x", "a/b", "..", ".", "a\\b", ""])
 def test_a_name_that_leads_elsewhere_is_no_file_name(name: str, tmp_path: Path) -> None:
     service = Service(GET_jobs_job_1_artifacts=[{"artifacts": [artifact(name)]}])
     with service.client() as client, pytest.raises(UnavailableError, match="no file name"):

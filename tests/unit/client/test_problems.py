@@ -8,13 +8,13 @@ from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
 
 import httpx
-import pytest
 
 import meshdeform
 from meshdeform import errors
 from meshdeform.client.commands import Answer
 from meshdeform.client.problems import WaitTimeoutError, class_of, error_of, retry_after_s, unreachable
 from meshdeform.errors import MeshdeformError, UnavailableError
+from tests.cases import each_case
 from tests.unit.client.worlds import answer
 
 KINDS = sorted(
@@ -28,7 +28,7 @@ def problem(code: str, status: int, **more: object) -> Answer:
     return answer(status, json.dumps(document), retry_after="7", x_request_id="req_header")
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.code)
+@each_case("kind", KINDS, ids=lambda kind: kind.code)
 def test_every_code_has_its_class(kind: type[MeshdeformError]) -> None:
     error = error_of(problem(kind.code, kind.status, request_id="req_1", more=1, detail_of="x"))
     assert type(error) is kind
@@ -38,13 +38,13 @@ def test_every_code_has_its_class(kind: type[MeshdeformError]) -> None:
     assert error.title == kind("d").title
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.code)
+@each_case("kind", KINDS, ids=lambda kind: kind.code)
 def test_every_class_is_a_name_of_the_package(kind: type[MeshdeformError]) -> None:
     assert getattr(meshdeform, kind.__name__) is kind
     assert kind.__name__ in dir(meshdeform)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("status", "expected"),
     [
         (400, errors.RequestError),
@@ -88,7 +88,7 @@ def test_a_redirect_says_where_to_go() -> None:
     assert "https://y/" in error_of(answer(301, location="https://y/")).advice
 
 
-@pytest.mark.parametrize("content", ["[]", "null", '"x"', '{"code": "conflict"}', "{"])
+@each_case("content", ["[]", "null", '"x"', '{"code": "conflict"}', "{"])
 def test_what_is_no_problem_document_is_no_trap(content: str) -> None:
     assert type(error_of(answer(409, content))) is errors.ConflictError
 

@@ -12,6 +12,7 @@ import pytest
 from meshdeform.client.commands import Call
 from meshdeform.client.retries import Policy, answered
 from meshdeform.errors import ConflictError, LimitError, MeshdeformError, RequestError, UnavailableError
+from tests.cases import each_case
 from tests.unit.client.worlds import World, answer
 
 POLICY = Policy(timeout_s=60.0, max_retries=4, chance=lambda: 1.0)
@@ -23,7 +24,7 @@ def refused(status: int, code: str = "x", **headers: str) -> Any:
     return answer(status, json.dumps({"code": code, "detail": "d", "advice": "a"}), **headers)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "failure",
     [
         httpx.ConnectError("refused"),
@@ -42,7 +43,7 @@ def test_what_may_pass_is_tried_again_with_the_same_request(failure: Any) -> Non
     assert world.pauses == [0.25, 0.5]
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("failure", "kind"),
     [
         (refused(409, "conflict"), ConflictError),

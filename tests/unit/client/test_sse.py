@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from meshdeform.client import sse
 from meshdeform.client.sse import Parser, ServerEvent
 from meshdeform.errors import UnavailableError
+from tests.cases import each_case
 
 # (stream, events): the examples of the HTML standard, 9.2.6, and the corners of its grammar.
 KNOWN = [
@@ -34,7 +35,7 @@ def fed(*parts: bytes) -> list[tuple[str, str, str]]:
     return [(event.type, event.data, event.id) for part in parts for event in parser.feed(part)]
 
 
-@pytest.mark.parametrize(("stream", "events"), KNOWN)
+@each_case(("stream", "events"), KNOWN)
 def test_a_stream_gives_its_events_however_it_is_cut(stream: bytes, events: list[tuple[str, str, str]]) -> None:
     assert fed(stream) == events
     assert fed(*(bytes([byte]) for byte in stream)) == events

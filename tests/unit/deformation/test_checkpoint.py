@@ -8,6 +8,7 @@ import torch
 
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.errors import CheckpointError
+from tests.cases import each_case
 
 
 def state() -> Checkpoint:
@@ -32,7 +33,7 @@ def test_another_run_is_refused() -> None:
         load_checkpoint(dump_checkpoint(state(), "a"), "b")
 
 
-@pytest.mark.parametrize("cut", [0, 3, 8, 100, -1])
+@each_case("cut", [0, 3, 8, 100, -1])
 def test_torn_files_are_refused(cut: int) -> None:
     with pytest.raises(CheckpointError, match="torn"):
         load_checkpoint(dump_checkpoint(state(), "a")[:cut], "a")

@@ -11,6 +11,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals
 from meshdeform.geometry.operators import gradient_operator
 from meshdeform.geometry.shapes import box, grid, icosphere, torus
+from tests.cases import each_case
 
 MESHES = [icosphere(1), box(2), grid(3), torus(n=8, m=6)]
 
@@ -26,7 +27,7 @@ def rotation(seed: int = 0) -> Tensor:
     return q * torch.linalg.det(q)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_edges_go_to_edges(mesh: TriangleMesh) -> None:
     verts = noise(mesh)
     for jacobians in (
@@ -50,7 +51,7 @@ def test_the_maps_own_jacobian_forgets_the_normal_and_the_completed_one_scales_i
     torch.testing.assert_close(moved, stretch[:, None] * face_normals(verts, mesh.faces), atol=1e-12, rtol=0)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_a_similarity_is_itself_on_every_face(mesh: TriangleMesh) -> None:
     similarity = 2.5 * rotation()
     found = completed_jacobians(mesh.verts, mesh.verts @ similarity.T + 7, mesh.faces)

@@ -16,6 +16,7 @@ from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.operators import cotangent_laplacian, gradient_operator, mass_matrix
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+from tests.cases import each_case
 
 F64 = torch.float64
 MESHES = [
@@ -46,7 +47,7 @@ def centred(system: PoissonSystem, verts: Tensor) -> Tensor:
     return verts - (sums / total.clamp_min(1e-300))[labels]
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh) -> None:
     system = PoissonSystem(mesh)
     wanted = mesh.verts + 0.2 * random(*mesh.verts.shape)
@@ -55,15 +56,15 @@ def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh)
     torch.testing.assert_close(found - centred(system, found), mesh.verts - centred(system, mesh.verts))
 
 
-@pytest.mark.parametrize("mesh", MESHES)
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@each_case("mesh", MESHES)
+@each_case("unit", [1e-6, 1.0, 1e6])
 def test_identities_give_the_rest_mesh_in_any_unit_at_any_place(mesh: TriangleMesh, unit: float) -> None:
     moved = TriangleMesh(unit * (mesh.verts + 3), mesh.faces)
     found = PoissonSystem(moved).solve(identity_jacobians(len(mesh.faces)))
     torch.testing.assert_close(found, moved.verts, atol=1e-11 * unit, rtol=0)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_rotations_give_the_rotated_mesh(mesh: TriangleMesh) -> None:
     system, turn = PoissonSystem(mesh), rotation(5)
     found = system.solve(turn.expand(len(mesh.faces), 3, 3).contiguous())
@@ -170,7 +171,7 @@ def test_what_only_a_collapsed_face_connects_turns_as_one() -> None:
     torch.testing.assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-8, rtol=0)
 
 
-@pytest.mark.parametrize("height", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 0.0])
+@each_case("height", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 0.0])
 def test_needles_of_any_thinness_do_not_break_the_factor(height: float) -> None:
     """A grid whose rows are squeezed: every other row of triangles is that thin."""
     flat = grid(8)

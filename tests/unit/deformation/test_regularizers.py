@@ -13,6 +13,7 @@ from meshdeform.deformation.jacobians import completed_jacobians, identity_jacob
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from tests.cases import each_case
 
 F64 = torch.float64
 
@@ -188,7 +189,7 @@ def test_a_mesh_that_collapses_has_finite_gradients(collapse: Callable[[Tensor],
     assert float(verts.grad.abs().max()) < 1e6
 
 
-@pytest.mark.parametrize(
+@each_case(
     "mesh",
     [
         uv_sphere(6, 300),

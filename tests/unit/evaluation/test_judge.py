@@ -20,6 +20,7 @@ from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
 from meshdeform.priors.builtin.training.families import Part, member
+from tests.cases import each_case
 
 KINDS = list(NOUNS)
 SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]
@@ -47,6 +48,7 @@ def judge() -> Judge:
     return Judge()
 
 
+@pytest.mark.training
 def test_nine_of_ten_held_out_members_are_recognised_among_all_nouns(judge: Judge) -> None:
     right = 0
     for noun in (nouns := KINDS[::2]):
@@ -67,7 +69,8 @@ def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
     assert sum(right) >= 18
 
 
-@pytest.mark.parametrize(
+@pytest.mark.training
+@each_case(
     ("one", "other"),
     [
         ("a tall vase", "a short vase"),
@@ -120,6 +123,7 @@ def test_a_quarter_turn_only_permutes_the_views(judge: Judge, prompt: str) -> No
     assert torch.allclose(straight, quarter, atol=0.2)
 
 
+@pytest.mark.training
 @pytest.mark.parametrize("degrees", [20.0, 137.0, 222.0])
 def test_clear_cases_are_clear_from_everywhere(judge: Judge, degrees: float) -> None:
     for prompt in ("a giraffe", "a chair", "a car", "a lamp"):

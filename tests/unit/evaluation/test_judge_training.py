@@ -25,6 +25,8 @@ from meshdeform.evaluation.judge.training.train import TrainConfig, Trainer, cal
 from meshdeform.evaluation.judge.weights_file import read_judge, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 
+pytestmark = pytest.mark.training
+
 
 @pytest.fixture(scope="module")
 def small() -> ViewSet:

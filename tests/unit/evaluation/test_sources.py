@@ -17,6 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_o
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
+from tests.cases import each_case
 
 SINGLE = [name for name in SOURCES if name != "toy"]
 
@@ -25,7 +26,7 @@ def volume(mesh: TriangleMesh) -> float:
     return float((mesh.verts[mesh.faces[:, 0]] * face_cross(mesh.verts, mesh.faces)).sum() / 6)
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@each_case("name", SOURCES)
 def test_sources_are_closed_consistently_oriented_outwards_and_of_the_promised_size(name: str) -> None:
     mesh = source_mesh(name)
     edges = edges_of(mesh.faces)
@@ -35,7 +36,7 @@ def test_sources_are_closed_consistently_oriented_outwards_and_of_the_promised_s
     assert volume(mesh) > 0
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@each_case("name", SINGLE)
 def test_sources_of_one_piece_do_not_cut_themselves_and_have_the_genus_they_should(name: str) -> None:
     mesh = source_mesh(name)
     euler = len(mesh.verts) - len(edges_of(mesh.faces).edges) + len(mesh.faces)
@@ -43,7 +44,7 @@ def test_sources_of_one_piece_do_not_cut_themselves_and_have_the_genus_they_shou
     assert not intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy()).any()
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@each_case("name", SOURCES)
 def test_triangles_are_even(name: str) -> None:
     mesh = source_mesh(name)
     areas = face_areas(mesh.verts, mesh.faces)
@@ -89,9 +90,7 @@ def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
     assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
 
 
-@pytest.mark.parametrize(
-    ("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)]
-)
+@each_case(("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)])
 def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count: int) -> None:
     suite = SUITES[name]
     items = suite.items()
@@ -99,7 +98,7 @@ def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count:
     assert set(suite.sources) <= set(SOURCES)
 
 
-@pytest.mark.parametrize("name", SUITES)
+@each_case("name", SUITES)
 def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: str) -> None:
     suite = SUITES[name]
     some = suite.items(len(suite.prompts))

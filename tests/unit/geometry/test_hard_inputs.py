@@ -24,6 +24,7 @@ from meshdeform.geometry.shapes import grid, icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.document import Safeguard
 from meshdeform.testing import FakePrior
+from tests.cases import each_case
 
 SIZE = 0.3
 
@@ -44,18 +45,20 @@ def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
     return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
-@pytest.mark.parametrize("name", INPUTS)
+@pytest.mark.timeout(900)
+@each_case("name", INPUTS)
 def test_every_input_keeps_what_it_must(name: str) -> None:
     found = outcome(INPUTS[name](SIZE), FakePrior(), 4)
     assert found.broken == []
 
 
-@pytest.mark.parametrize("name", [name for name in INPUTS if name != "large"])
+@pytest.mark.timeout(900)
+@each_case("name", [name for name in INPUTS if name != "large"])
 def test_the_barrier_takes_every_input(name: str) -> None:
     assert outcome(INPUTS[name](SIZE), FakePrior(), 5, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
-@pytest.mark.parametrize("name", ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"])
+@each_case("name", ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"])
 def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> None:
     rates = {"learning_rate": 0.1, "jacobian_reg_weight": 0.0, "normal_weight": 0.0, "laplacian_weight": 0.0}
     found = outcome(INPUTS[name](SIZE), FakePrior(), 10, **rates)
@@ -91,7 +94,7 @@ def test_the_inputs_are_what_they_say() -> None:
     assert len(INPUTS["large"](1.0).faces) == 100_000
 
 
-@pytest.mark.parametrize("name", ["moebius", "moebius-narrow", "winding", "double-sided", "book", "walled", "repeated"])
+@each_case("name", ["moebius", "moebius-narrow", "winding", "double-sided", "book", "walled", "repeated"])
 def test_what_cannot_be_wound_alike_is_not_folded(name: str) -> None:
     mesh = shape(name, 1.0)
     assert not FaceNeighbours(mesh.faces.numpy()).folded(mesh.verts.numpy()).any()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+from tests.cases import each_case
 
 
 def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
@@ -20,7 +20,7 @@ def hits(mesh: TriangleMesh) -> NDArray[np.bool_]:
     return intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy())
 
 
-@pytest.mark.parametrize(
+@each_case(
     "mesh",
     [
         icosphere(3),
@@ -64,7 +64,7 @@ def pair(second: list[list[float]], share: int = 0) -> TriangleMesh:
     return TriangleMesh(verts, torch.tensor([[0, 1, 2], corners]))
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("mesh", "cut"),
     [
         (pair([[0.5, 0.5, -1], [0.5, 0.5, 1], [3, 3, 1]]), True),

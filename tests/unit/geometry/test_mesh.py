@@ -17,13 +17,14 @@ from meshdeform.geometry.mesh import (
     safe_normalize,
 )
 from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from tests.cases import each_case
 
 
 def tensor(rows: list[list[float]]) -> torch.Tensor:
     return torch.tensor(rows, dtype=torch.float64)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("verts", "faces"),
     [
         (torch.zeros(3, 3), torch.zeros(1, 3, dtype=torch.int64)),

@@ -18,6 +18,7 @@ from meshdeform.geometry.operators import (
     vertex_areas,
 )
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from tests.cases import each_case
 
 MESHES = [icosphere(2), box(2), grid(4), torus(n=12, m=8), uv_sphere(6, 8), join(icosphere(0), grid(1))]
 
@@ -26,14 +27,14 @@ def mesh_of(verts: list[list[float]], faces: list[list[int]]) -> TriangleMesh:
     return TriangleMesh(torch.tensor(verts, dtype=torch.float64), torch.tensor(faces, dtype=torch.int64).reshape(-1, 3))
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_the_laplacian_is_g_transposed_m_g(mesh: TriangleMesh) -> None:
     gradient = gradient_operator(mesh).toarray()
     product = gradient.T @ mass_matrix(mesh).toarray() @ gradient
     np.testing.assert_allclose(cotangent_laplacian(mesh).toarray(), product, atol=1e-12)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_the_laplacian_is_symmetric_and_semi_definite_with_constants_in_its_kernel(mesh: TriangleMesh) -> None:
     laplacian = cotangent_laplacian(mesh).toarray()
     np.testing.assert_allclose(laplacian, laplacian.T, atol=1e-13)
@@ -52,7 +53,7 @@ def test_the_laplacian_has_the_cotangents() -> None:
     assert laplacian[0, 0] == pytest.approx(half_cot[0, 1] + half_cot[0, 2])
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_the_gradient_of_a_linear_function_is_its_tangential_part(mesh: TriangleMesh) -> None:
     slope = np.array([0.3, -1.2, 0.7])
     found = (gradient_operator(mesh) @ (mesh.verts.numpy() @ slope)).reshape(-1, 3)
@@ -68,7 +69,7 @@ def test_the_laplacian_does_not_know_the_unit() -> None:
     )
 
 
-@pytest.mark.parametrize("mesh", MESHES)
+@each_case("mesh", MESHES)
 def test_vertex_areas_sum_to_the_surface(mesh: TriangleMesh) -> None:
     assert vertex_areas(mesh).sum() == pytest.approx(effective_face_areas(mesh).sum())
 

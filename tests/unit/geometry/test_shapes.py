@@ -10,6 +10,7 @@ import torch
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
+from tests.cases import each_case
 
 
 def volume(mesh: TriangleMesh) -> float:
@@ -17,7 +18,7 @@ def volume(mesh: TriangleMesh) -> float:
     return float((a * torch.linalg.cross(b, c)).sum() / 6)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("mesh", "expected"),
     [
         (icosphere(4), 4 / 3 * math.pi),
@@ -46,7 +47,7 @@ def test_open_shapes_have_their_borders(mesh: TriangleMesh, borders: int) -> Non
     assert bool(edges.consistent[edges.counts == 2].all())
 
 
-@pytest.mark.parametrize("level", [0, 1, 2, 3])
+@each_case("level", [0, 1, 2, 3])
 def test_an_icosphere_has_twenty_times_four_to_the_level_faces(level: int) -> None:
     mesh = icosphere(level)
     assert mesh.faces.shape[0] == 20 * 4**level

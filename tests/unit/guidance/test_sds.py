@@ -11,6 +11,7 @@ from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, rescaled
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.testing import FakePrior
+from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -161,7 +162,7 @@ def test_timesteps_fill_their_range_and_never_leave_it() -> None:
     assert max(prior.timesteps) in range(995, 1000)
 
 
-@pytest.mark.parametrize("bounds", [(0.5, 0.4, 0.98), (0.5, 0.98, 0.4), (-0.1, 0.5, 0.5), (0.0, 1.1, 0.5)])
+@each_case("bounds", [(0.5, 0.4, 0.98), (0.5, 0.98, 0.4), (-0.1, 0.5, 0.5), (0.0, 1.1, 0.5)])
 def test_bounds_that_cross_are_refused(bounds: tuple[float, float, float]) -> None:
     low, high, end = bounds
     with pytest.raises(ParameterError, match="timestep_min"):

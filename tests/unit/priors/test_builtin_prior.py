@@ -18,6 +18,7 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.text_guidance import score_distillation
+from tests.cases import each_case
 from tests.unit.priors.combined import guided, text_rows
 
 
@@ -162,7 +163,7 @@ def test_the_shipped_prior_tells_shapes_apart_and_sides_from_each_other(shipped:
     assert confused == 0
 
 
-@pytest.mark.parametrize("noun", ["giraffe", "cat", "chair", "fish"])
+@each_case("noun", ["giraffe", "cat", "chair", "fish"])
 def test_it_knows_front_from_back_where_the_azimuth_is_all_it_has(noun: str) -> None:
     prior = BuiltinPrior()
     shape = member(noun, (), np.random.default_rng(5))

@@ -19,6 +19,8 @@ from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 
+pytestmark = pytest.mark.training
+
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 
 

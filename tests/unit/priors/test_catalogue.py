@@ -7,6 +7,7 @@ import pytest
 from meshdeform.priors import catalogue
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS, parse
 from meshdeform.priors.catalogue import EXAMPLES, list_models
+from tests.cases import each_case
 
 
 def test_the_builtin_model_is_there_and_says_all_that_it_understands() -> None:
@@ -24,7 +25,7 @@ def test_the_builtin_model_is_there_and_says_all_that_it_understands() -> None:
         assert parse(prompt).attributes == (attribute,)
 
 
-@pytest.mark.parametrize("prompt", EXAMPLES)
+@each_case("prompt", EXAMPLES)
 def test_every_example_is_understood(prompt: str) -> None:
     found = parse(prompt)
     assert str(found) == prompt

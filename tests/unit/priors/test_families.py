@@ -4,6 +4,9 @@ import pytest
 from meshdeform.priors.builtin.grammar import ADJECTIVES, NOUNS, PARTS, Attribute
 from meshdeform.priors.builtin.training.families import FAMILIES, Part, member, parts
 from meshdeform.priors.builtin.training.families.traits import WHOLE
+from tests.cases import each_case
+
+pytestmark = pytest.mark.training
 
 
 def _volume(shape: Part) -> float:
@@ -32,7 +35,7 @@ _SOLIDS = {
 }
 
 
-@pytest.mark.parametrize("name", _SOLIDS)
+@each_case("name", _SOLIDS)
 def test_solids_are_closed_face_outward_and_have_the_volume_of_their_formula(name: str) -> None:
     solid, volume, tolerance = _SOLIDS[name]
     assert _border_edges(solid) == 0
@@ -52,7 +55,7 @@ def test_every_noun_has_its_family() -> None:
     assert set(WHOLE) == set(ADJECTIVES)
 
 
-@pytest.mark.parametrize("noun", NOUNS)
+@each_case("noun", NOUNS)
 def test_members_are_closed_outward_and_fill_the_unit_sphere(noun: str) -> None:
     for seed in range(3):
         shape = member(noun, (), np.random.default_rng(seed))
@@ -70,8 +73,8 @@ def test_one_seed_gives_one_member_and_seeds_differ() -> None:
     assert not np.allclose(first.verts, other.verts)
 
 
-@pytest.mark.parametrize("noun", ["vase", "dog", "lamp", "tree"])
-@pytest.mark.parametrize("word", ADJECTIVES)
+@each_case("noun", ["vase", "dog", "lamp", "tree"])
+@each_case("word", ADJECTIVES)
 def test_attributes_of_the_whole_do_what_they_say(noun: str, word: str) -> None:
     plain = member(noun, (), np.random.default_rng(4))
     shape = member(noun, (Attribute("whole", word),), np.random.default_rng(4))
@@ -129,7 +132,7 @@ def _waist(shape: Part) -> float:
     return float(away[np.abs(height - 0.5) < 0.12].max() / away[np.abs(height - 0.5) > 0.35].max())
 
 
-@pytest.mark.parametrize("noun", [noun for noun, own in NOUNS.items() if own])
+@each_case("noun", [noun for noun, own in NOUNS.items() if own])
 def test_both_degrees_of_a_part_change_the_shape(noun: str) -> None:
     for part in NOUNS[noun]:
         low, high = PARTS[part]

@@ -19,9 +19,10 @@ from meshdeform.priors.builtin.grammar import (
     parse_negative,
     tokenise,
 )
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("prompt", "tokens"),
     [
         ("a mushroom", ("mushroom",)),
@@ -68,7 +69,7 @@ def test_unknown_words_are_named_with_suggestions_and_a_way_out() -> None:
     assert "mushroom" in error.advice_text
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("prompt", "says"),
     [
         ("a dog and a cat", "dog, cat"),
@@ -148,7 +149,7 @@ def test_the_grammar_needs_neither_torch_nor_numpy() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("negative", "meaning"),
     [
         ("a chair", "a chair"),

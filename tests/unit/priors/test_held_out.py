@@ -1,11 +1,14 @@
 import subprocess
 import sys
 
+import pytest
+
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.training.held_out import attributes_of, held_out_pairs, is_held_out, unseen_pairs
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 
 
+@pytest.mark.training
 def test_about_a_tenth_of_the_pairs_is_held_out() -> None:
     pairs = held_out_pairs()
     assert len(set(pairs)) == len(pairs)
@@ -14,6 +17,7 @@ def test_about_a_tenth_of_the_pairs_is_held_out() -> None:
         assert parse(str(ParsedPrompt(noun, (attribute,)))).attributes == (attribute,)
 
 
+@pytest.mark.training
 def test_every_noun_keeps_most_of_its_attributes_and_every_attribute_most_of_its_nouns() -> None:
     for noun in NOUNS:
         able = attributes_of(noun)
@@ -24,6 +28,7 @@ def test_every_noun_keeps_most_of_its_attributes_and_every_attribute_most_of_its
         assert sum(not is_held_out(noun, attribute) for noun in nouns) > 0.5 * len(nouns), attribute
 
 
+@pytest.mark.training
 def test_unseen_pairs_have_a_word_that_the_first_edition_had_not() -> None:
     assert len(unseen_pairs()) >= 15
     assert set(unseen_pairs()) < set(held_out_pairs())

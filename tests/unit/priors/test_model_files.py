@@ -15,6 +15,7 @@ import pytest
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.priors import check_model
 from meshdeform.priors.model_files import find
+from tests.cases import each_case
 
 HUB_ID = "somebody/tiny-stable-diffusion"
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -86,7 +87,7 @@ def test_an_unknown_revision_of_a_cached_model_is_not_here(hub_cache: Path) -> N
         check_model(HUB_ID, "v2")
 
 
-@pytest.mark.parametrize("name", ["/no/such/folder", "./nothing", "a/b/c", "../up", "two words", "-rf/x"])
+@each_case("name", ["/no/such/folder", "./nothing", "a/b/c", "../up", "two words", "-rf/x"])
 def test_what_is_neither_a_folder_nor_a_hub_id_is_refused(name: str) -> None:
     with pytest.raises(ModelError, match="There is no folder"):
         check_model(name)

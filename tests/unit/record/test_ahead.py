@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import random
 
-import pytest
-
 from meshdeform.record.estimates import _Ahead
+from tests.cases import each_case
 
 
 def played(running: list[int], queued: list[int], workers: int) -> int:
@@ -22,7 +21,7 @@ def played(running: list[int], queued: list[int], workers: int) -> int:
         steps += 1
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each_case("seed", range(20))
 def test_workers_that_are_played_agree(seed: int) -> None:
     chance = random.Random(seed)
     workers = chance.randint(1, 4)

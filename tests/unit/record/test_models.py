@@ -5,6 +5,7 @@ from pydantic import ValidationError
 
 from meshdeform.errors import WorkerLostError
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState, Progress
+from tests.cases import each_case
 
 
 def test_the_events_that_end_a_job_are_named_like_the_states_that_it_ends_in() -> None:
@@ -27,7 +28,7 @@ def test_an_error_is_kept_with_all_that_a_user_needs() -> None:
     assert JobError.model_validate(kept.model_dump()) == kept
 
 
-@pytest.mark.parametrize("wrong", [{"step": -1}, {"fraction": 1.5}, {"fraction": -0.1}, {"eta_s": -1.0}])
+@each_case("wrong", [{"step": -1}, {"fraction": 1.5}, {"fraction": -0.1}, {"eta_s": -1.0}])
 def test_progress_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValidationError):
         Progress.model_validate(wrong)

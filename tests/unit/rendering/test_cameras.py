@@ -15,6 +15,7 @@ from meshdeform.rendering.cameras import (
     sample_orthogonal_cameras,
     sample_random_cameras,
 )
+from tests.cases import each_case
 
 
 def project(cameras: Cameras, point: tuple[float, float, float], view: int = 0) -> torch.Tensor:
@@ -43,7 +44,7 @@ def test_the_four_views_are_quarter_turns() -> None:
     torch.testing.assert_close(cameras.view_proj[3], turned.view_proj[2], atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("fov", [10.0, 30.0, 45.0, 100.0])
+@each_case("fov", [10.0, 30.0, 45.0, 100.0])
 def test_the_unit_sphere_just_fits(fov: float) -> None:
     cameras = fixed_cameras(33.0, 17.0, fov)
     points = torch.nn.functional.normalize(torch.randn(5000, 3, generator=torch.Generator().manual_seed(0)), dim=1)

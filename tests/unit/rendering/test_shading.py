@@ -12,6 +12,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+from tests.cases import each_case
 
 
 def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:
@@ -142,8 +143,8 @@ def with_slivers(mesh: TriangleMesh, height: float) -> TriangleMesh:
     return TriangleMesh(torch.cat([mesh.verts, middle]), torch.cat([mesh.faces[kept], *pieces]))
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
-@pytest.mark.parametrize("height", [0.0, 1e-6, 1e-5])
+@each_case("shading", ["normals", "lambert"])
+@each_case("height", [0.0, 1e-6, 1e-5])
 def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> None:
     """They show what they showed, and the gradient of the picture stays of the order of the plain sphere's."""
     plain = geodesic_sphere(10)

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import DeformParams, JobRequest, Preset, ResolvedParams, read_stored, resolve
 from meshdeform.requests.parameters import FROM_PRESET
+from tests.cases import each_case
 
 
 def test_what_the_user_wrote_wins_over_the_preset() -> None:
@@ -28,9 +29,9 @@ def test_the_paper_is_the_paper() -> None:
     assert resolved.translation_rate == 0
 
 
-@pytest.mark.parametrize("preset", list(Preset))
-@pytest.mark.parametrize("guidance", ["sds", "target"])
-@pytest.mark.parametrize("model", [None, "some/checkpoint"])
+@each_case("preset", list(Preset))
+@each_case("guidance", ["sds", "target"])
+@each_case("model", [None, "some/checkpoint"])
 def test_every_combination_resolves_to_values_that_the_request_would_accept(preset, guidance, model) -> None:
     resolved = resolve(DeformParams.model_validate({"preset": preset, "guidance": guidance, "model": model}))
     again = DeformParams.model_validate(resolved.model_dump())
@@ -42,7 +43,7 @@ def test_the_preview_has_the_steps_that_it_promises() -> None:
     assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 80
 
 
-@pytest.mark.parametrize(
+@each_case(
     "bad",
     [
         {"steps": 0},

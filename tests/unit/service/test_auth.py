@@ -9,6 +9,7 @@ from fastapi import Request
 
 from service.app import create_app
 from service.http.auth import _peer
+from tests.cases import each_case
 
 KEY = [{"apiKey": []}]
 # What a URL permits that was signed for it, instead of a key or besides one; and what is open to everybody.
@@ -35,7 +36,7 @@ def test_every_route_asks_who_it_is_but_those_that_are_named_here(document: dict
     assert (scheme["type"], scheme["scheme"]) == ("http", "bearer")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("host", "counted_for"),
     [
         ("192.0.2.7", "192.0.2.7"),

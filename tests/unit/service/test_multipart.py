@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
 from service.http.multipart import ReceivedForm, receive_form
+from tests.cases import each_case
 
 KIND = "multipart/form-data; boundary=edge"
 
@@ -60,7 +61,7 @@ def test_a_broken_body_is_an_error_of_ours_and_nothing_else(body: bytes, at: int
             continue
 
 
-@pytest.mark.parametrize("cut", range(1, len(form(b"data")) - 3, 9))
+@each_case("cut", range(1, len(form(b"data")) - 3, 9))
 def test_a_body_that_ends_early_is_refused(cut: int, tmp_path: Path) -> None:
     with pytest.raises(RequestError):
         receive(form(b"data")[:cut], tmp_path)
@@ -75,7 +76,7 @@ def test_the_limit_holds_while_it_streams_and_before(tmp_path: Path) -> None:
         receive(b"", tmp_path, max_bytes=10, length="11")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("sent", "kept"),
     [
         ("../../etc/passwd", "passwd"),

@@ -14,6 +14,7 @@ import pytest
 from meshdeform import errors
 from meshdeform.errors import MeshdeformError
 from service import openapi
+from tests.cases import each_case
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def test_every_parameter_has_a_description_bounds_and_an_example(document: dict[
             assert any(bounds & set(schema) for schema in schemas), where
 
 
-@pytest.mark.parametrize("schema", ["JobDocument", "BranchDocument", "DeformParams", "OutputOptions"])
+@each_case("schema", ["JobDocument", "BranchDocument", "DeformParams", "OutputOptions"])
 def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
     schema: str, document: dict[str, Any]
 ) -> None:

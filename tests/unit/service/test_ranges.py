@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from meshdeform.errors import RangeError
 from service.http.ranges import ByteRange, matches, requested_range
+from tests.cases import each_case
 
 TAG = '"abc"'
 
@@ -25,7 +26,7 @@ def test_a_range_names_its_first_and_last_byte(first: int, last: int) -> None:
     assert part == (None if last < first else ByteRange(first, min(last + 1, 100)))
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("header", "part"),
     [
         (None, None),
@@ -42,7 +43,7 @@ def test_what_is_not_understood_is_the_whole(header: str | None, part: ByteRange
     assert requested_range(header, None, TAG, 100) == part
 
 
-@pytest.mark.parametrize(("header", "size"), [("bytes=100-", 100), ("bytes=-0", 100), ("bytes=0-", 0), ("bytes=-5", 0)])
+@each_case(("header", "size"), [("bytes=100-", 100), ("bytes=-0", 100), ("bytes=0-", 0), ("bytes=-5", 0)])
 def test_a_range_past_the_end_cannot_be_satisfied(header: str, size: int) -> None:
     with pytest.raises(RangeError) as caught:
         requested_range(header, None, TAG, size)
@@ -55,7 +56,7 @@ def test_a_range_of_another_version_is_the_whole(other: str) -> None:
     assert requested_range("bytes=1-2", TAG, TAG, 100) == ByteRange(1, 3)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("header", "expected"),
     [
         (None, False),

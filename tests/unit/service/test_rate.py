@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.http.rate import _MOST_BUCKETS, Buckets, Rate, RateLimiter
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize(
-    ("per_minute", "burst"), [(1, 1), (5, 5), (10, 10), (60, 10), (100, 10), (600, 60), (6000, 600)]
-)
+@each_case(("per_minute", "burst"), [(1, 1), (5, 5), (10, 10), (60, 10), (100, 10), (600, 60), (6000, 600)])
 def test_a_tenth_may_come_at_once(per_minute: int, burst: int) -> None:
     assert Rate.of(per_minute).burst == burst
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import pytest
 
 from meshdeform.serving.access import is_loopback, needs_keys
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "127.8.9.10", "::1", "::ffff:127.0.0.1", "localhost", "::1%lo"])
+@each_case("address", ["127.0.0.1", "127.8.9.10", "::1", "::ffff:127.0.0.1", "localhost", "::1%lo"])
 def test_loopback_needs_no_key(address: str) -> None:
     assert is_loopback(address)
     assert not needs_keys("auto", address)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "address",
     [
         "0.0.0.0",

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from meshdeform.errors import ForbiddenError
 from meshdeform.storage import sign_path, verify_path
+from tests.cases import each_case
 
 SECRET = b"0123456789abcdef"
 PATH = "/v1/jobs/a/artifacts/result.glb"
@@ -29,7 +30,7 @@ def test_the_signature_is_hmac_sha256_of_a_known_text() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("method", "path", "secret", "now"),
     [
         ("PUT", PATH, SECRET, NOW),
@@ -48,7 +49,7 @@ def test_another_method_path_secret_or_time_is_refused(method: str, path: str, s
         verify_path(method, path, QUERY, secret, now)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "query",
     [
         "",

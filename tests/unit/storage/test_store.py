@@ -14,6 +14,7 @@ import pytest
 
 from meshdeform.errors import NotFoundError, RequestError, UnavailableError
 from meshdeform.storage import ObjectStore, StoredObject
+from tests.cases import each_case
 
 DATA = bytes(range(256)) * 17
 
@@ -41,7 +42,7 @@ def test_a_second_put_takes_the_place_of_the_first(store: ObjectStore) -> None:
     assert store.get("a") == b"short"
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("start", "end"),
     [
         (0, None),
@@ -178,7 +179,7 @@ def test_a_digest_is_of_the_bytes_that_are_there(store: ObjectStore) -> None:
         store.sha256_of("nothing")
 
 
-@pytest.mark.parametrize("expires_s", [0, -1, 8 * 86_400])
+@each_case("expires_s", [0, -1, 8 * 86_400])
 def test_a_signed_url_lives_up_to_a_week(store: ObjectStore, expires_s: int) -> None:
     for sign in (store.presign_get, store.presign_put):
         with pytest.raises(ValueError, match="lives 1 to"):

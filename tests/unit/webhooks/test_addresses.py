@@ -8,6 +8,7 @@ import pytest
 
 from meshdeform.errors import DependencyError, WebhookAddressError
 from meshdeform.webhooks.addresses import MAX_URL, find_destination, is_public, parse_networks
+from tests.cases import each_case
 
 # Both ends of every block, and one address past it where that one is public.
 NOT_PUBLIC = [
@@ -34,7 +35,7 @@ def knows(*addresses: str):
     return lambda host, port: addresses
 
 
-@pytest.mark.parametrize("address", NOT_PUBLIC)
+@each_case("address", NOT_PUBLIC)
 def test_an_address_that_is_not_public_is_refused_by_itself_and_as_what_a_name_means(address: str) -> None:
     assert not is_public(ipaddress.ip_address(address))
     with pytest.raises(WebhookAddressError, match="not public"):
@@ -44,7 +45,7 @@ def test_an_address_that_is_not_public_is_refused_by_itself_and_as_what_a_name_m
         find_destination(f"https://{literal}/", ())
 
 
-@pytest.mark.parametrize("address", PUBLIC)
+@each_case("address", PUBLIC)
 def test_a_public_address_is_taken(address: str) -> None:
     found = find_destination("https://example.com/hook", (), knows(address))
     assert (found.host, found.port) == ("example.com", 443)
@@ -56,7 +57,7 @@ def test_one_address_that_is_not_public_spoils_the_host() -> None:
         find_destination("https://example.com/", (), knows("8.8.8.8", "10.0.0.1", "8.8.4.4"))
 
 
-@pytest.mark.parametrize(
+@each_case(
     "host",
     ["2130706433", "0x7f000001", "0x7f.1", "0177.0.0.1", "017700000001", "127.1", "127.0.1", "0x7f.0x0.0x0.0x1", "0",
      "127.0.0.1.1", "1.2.3.256", "example.0x7f"],
@@ -70,7 +71,7 @@ def test_numbers_that_resolvers_take_for_addresses_are_no_hosts(host: str) -> No
             find_destination(f"https://{written}/", LOOPBACK, forbidden)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "url",
     ["https://localhost/", "https://LOCALHOST/", "https://localhost./", "https://127.0.0.1./", "https://127.0.0.1:443/",
      "https://[::1]/", "https://[0:0:0:0:0:0:0:1]/", "https://[::ffff:7f00:1]/"],
@@ -80,7 +81,7 @@ def test_loopback_is_refused_however_it_is_written(url: str) -> None:
         find_destination(url, ())
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("url", "says"),
     [
         ("http://example.com/", "https"),
@@ -159,7 +160,7 @@ def test_allowed_networks_may_be_called_and_there_without_tls() -> None:
         find_destination("http://inside.example/", networks, knows("10.1.2.3", "8.8.8.8"))
 
 
-@pytest.mark.parametrize("block", ["10.0.0.1/8", "localhost", "10.0.0.0/33", ""])
+@each_case("block", ["10.0.0.1/8", "localhost", "10.0.0.0/33", ""])
 def test_what_is_no_network_is_said_at_the_start(block: str) -> None:
     with pytest.raises(DependencyError, match="MESHDEFORM_WEBHOOK_NETWORKS"):
         parse_networks([block])

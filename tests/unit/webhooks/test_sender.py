@@ -19,6 +19,7 @@ import trustme
 
 from meshdeform.webhooks.addresses import parse_networks
 from meshdeform.webhooks.sender import Sender, signed_headers
+from tests.cases import each_case
 from tests.unit.webhooks.receiver import NAME, Message, Receiver, answering, receiving
 
 LOOPBACK = parse_networks(["127.0.0.0/8"])
@@ -158,7 +159,7 @@ def test_an_address_that_is_down_leaves_the_next_one_its_turn() -> None:
             assert send(sender, f"http://{NAME}:{receiver.port}/hook").delivered
 
 
-@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+@each_case("status", [301, 302, 303, 307, 308])
 def test_a_redirect_is_a_failure_and_is_not_followed(status: int) -> None:
     with receiving() as inside, receiving() as receiver:
         receiver.status, receiver.headers = status, {"Location": inside.url}
@@ -206,9 +207,7 @@ def drip(first: bytes, drop: bytes) -> Any:
     return speak
 
 
-@pytest.mark.parametrize(
-    ("first", "drop"), [(b"", b""), (b"", b"H"), (HEAD, b"X-A: b\r\n"), (b"", b"HTTP/1.1 100 Continue\r\n\r\n")]
-)
+@each_case(("first", "drop"), [(b"", b""), (b"", b"H"), (HEAD, b"X-A: b\r\n"), (b"", b"HTTP/1.1 100 Continue\r\n\r\n")])
 def test_a_receiver_that_drips_for_ever_is_left_in_time(first: bytes, drop: bytes) -> None:
     with answering(drip(first, drop)) as port:
         outcome = send(Sender(LOOPBACK, total_s=0.5), f"http://127.0.0.1:{port}/")
@@ -231,7 +230,7 @@ def test_the_status_counts_though_the_answers_body_never_ends() -> None:
         assert (outcome.status, outcome.delivered) == (200, True)
 
 
-@pytest.mark.parametrize("nonsense", [b"SSH-2.0-OpenSSH_9.6\r\n", b"\x00\x01\x02\r\n\r\n", b"", HEAD + b"A" * 300_000])
+@each_case("nonsense", [b"SSH-2.0-OpenSSH_9.6\r\n", b"\x00\x01\x02\r\n\r\n", b"", HEAD + b"A" * 300_000])
 def test_what_is_no_http_is_a_failure(nonsense: bytes) -> None:
     def speak(connection: socket.socket, over: threading.Event) -> None:
         connection.recv(65536)

@@ -16,6 +16,7 @@ from meshdeform.errors import NumericalError
 from meshdeform.record.models import Job, JobState
 from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.worker_world import STEPS, World, new_world
 
 
@@ -152,8 +153,8 @@ def test_a_lost_attempt_is_resumed_from_the_last_checkpoint(world: World) -> Non
     assert world.result(job) == world.result(whole)
 
 
-@pytest.mark.parametrize(("damaged", "resumed_at"), [([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
-@pytest.mark.parametrize("damage", ["torn", "gone"])
+@each_case(("damaged", "resumed_at"), [([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
+@each_case("damage", ["torn", "gone"])
 def test_a_torn_checkpoint_falls_back_to_the_one_before(
     world: World, damaged: list[int], resumed_at: int, damage: str
 ) -> None:

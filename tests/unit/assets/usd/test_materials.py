@@ -15,6 +15,7 @@ pytest.importorskip("pxr", reason="needs usd-core (the extra usd)")
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import AssetError
+from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.usd.stages import COLORS, UVS, Stage, material, picture, quad, textured, value
 
@@ -187,7 +188,7 @@ def test_unlit_is_light_that_it_gives_off(tmp_path: Path) -> None:
     assert value(surface, "diffuseColor") == value(surface, "specularColor") == [0, 0, 0]
 
 
-@pytest.mark.parametrize(
+@each_case(
     "broken",
     [
         {"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}},

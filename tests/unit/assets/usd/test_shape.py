@@ -16,6 +16,7 @@ from pxr import UsdGeom
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.usd import write_usdz
+from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder
 from tests.unit.assets.usd.stages import COLORS, UVS, Stage, material, picture, quad, textured
 
@@ -126,7 +127,7 @@ def _deep() -> Builder:
 CASES = {f.__name__: f for f in (_nested, _mirrored, _instanced, _quantised, _shared, _skinned, _deep)}
 
 
-@pytest.mark.parametrize("name", CASES)
+@each_case("name", CASES)
 def test_corners_in_the_world_are_those_of_the_asset(name: str, tmp_path: Path) -> None:
     Stage(CASES[name]().glb(), tmp_path).assert_same_shape()
 

@@ -10,6 +10,7 @@ from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.shapes import grid, icosphere, torus
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, rasterize
+from tests.cases import each_case
 
 
 def draw(
@@ -33,8 +34,8 @@ def silhouette_edges(faces: Tensor) -> SilhouetteEdges:
     return SilhouetteEdges(edges.edges, edges.opposite)
 
 
-@pytest.mark.parametrize("subdivisions", [1, 2, 3, 4, 5])
-@pytest.mark.parametrize("size", [64, 256])
+@each_case("subdivisions", [1, 2, 3, 4, 5])
+@each_case("size", [64, 256])
 def test_the_area_of_a_sphere_grows_as_it_should(subdivisions: int, size: int) -> None:
     mesh = icosphere(subdivisions)
     edges = silhouette_edges(mesh.faces)

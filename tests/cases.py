@@ -1,0 +1,77 @@
+"""Many cases in one test: all of them run, and each that fails is reported under its own name."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+__all__ = ["each_case"]
+
+_FIXTURE = "subtests"
+
+
+def each_case(
+    names: str | Sequence[str], cases: Iterable[Any], *, ids: Iterable[str] | Callable[[Any], str | None] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Run a test once for every case without making each case a test of its own.
+
+    It is written like `pytest.mark.parametrize`. The difference is that the fixtures are made once and shared by all
+    cases, so use it where a case leaves nothing behind that the next one would see.
+
+    Parameters
+    ----------
+    names : str or sequence of str
+        Parameters of the test that the cases fill: "method, path" or ["method", "path"].
+    cases : iterable
+        One value for each case, or one tuple where there are several names.
+    ids : iterable of str, or callable, optional
+        What a report calls each case; the values themselves without it.
+
+    Raises
+    ------
+    ValueError
+        There are no cases: such a test would pass without having run.
+    """
+    wanted = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
+    table = [_values(case, len(wanted)) for case in cases]
+    labels = _labels(table, ids)
+    if not table:
+        raise ValueError(f"no cases for {', '.join(wanted)}")
+
+    def decorate(test: Callable[..., None]) -> Callable[..., None]:
+        signature = inspect.signature(test)
+        others = [parameter for name, parameter in signature.parameters.items() if name not in wanted]
+        asks_itself = _FIXTURE in signature.parameters
+        if not asks_itself:
+            others.append(inspect.Parameter(_FIXTURE, inspect.Parameter.KEYWORD_ONLY))
+
+        @functools.wraps(test)
+        def over_all_cases(**fixtures: Any) -> None:
+            subtests = fixtures[_FIXTURE] if asks_itself else fixtures.pop(_FIXTURE)
+            for label, values in zip(labels, table, strict=True):
+                with subtests.test(label):
+                    test(**fixtures, **dict(zip(wanted, values, strict=True)))
+
+        over_all_cases.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined]
+        return over_all_cases
+
+    return decorate
+
+
+def _values(case: Any, count: int) -> tuple[Any, ...]:
+    return (case,) if count == 1 else tuple(case)
+
+
+def _labels(table: list[tuple[Any, ...]], ids: Iterable[str] | Callable[[Any], str | None] | None) -> list[str]:
+    if ids is None:
+        return [", ".join(_short(value) for value in values) for values in table]
+    if callable(ids):
+        return [", ".join(ids(value) or _short(value) for value in values) for values in table]
+    return [str(label) for label in ids]
+
+
+def _short(value: Any) -> str:
+    text = getattr(value, "__name__", None) or repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,52 @@
+"""The programs that train the builtin prior and the judge still run; what they learn is tested by `-m training`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshdeform.evaluation.judge.network import JudgeNetwork
+from meshdeform.evaluation.judge.training import members
+from meshdeform.evaluation.judge.training import train as judge_training
+from meshdeform.evaluation.judge.weights_file import read_judge
+from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin.grammar import NOUNS
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.training import dataset, train
+
+TWO_NOUNS = {noun: NOUNS[noun] for noun in ("bowl", "heart")}
+
+
+@pytest.fixture(autouse=True)
+def _logs_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the programs from taking over the log of the tests that follow."""
+    monkeypatch.setattr("logging.basicConfig", lambda **_: None)
+
+
+def test_the_prior_is_trained_for_a_step_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
+    monkeypatch.setattr(train, "PriorNetwork", lambda: PriorNetwork(small))
+    monkeypatch.setattr(dataset, "NOUNS", TWO_NOUNS)
+    cache, weights = tmp_path / "pictures.safetensors", tmp_path / "prior.safetensors"
+    options = "--steps 1 --members 1 --pictures 1 --batch 2 --device cpu --precision fp32"
+    monkeypatch.setattr(sys, "argv", ["train", *options.split(), "--cache", str(cache), "--output", str(weights)])
+    train.main()
+    network, metadata = weights_file.read_network(weights)
+    assert network.config == small
+    assert metadata["steps"] == "1"
+
+
+def test_the_judge_is_trained_for_a_step_calibrated_and_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(members, "NOUNS", TWO_NOUNS)
+    cache, weights = tmp_path / "views.safetensors", tmp_path / "judge.safetensors"
+    options = "--steps 1 --members 1 --nothings 1 --calibration 1"
+    arguments = ["train", *options.split(), "--cache", str(cache), "--output", str(weights)]
+    monkeypatch.setattr(sys, "argv", arguments)
+    judge_training.main()
+    network, metadata = read_judge(weights)
+    assert isinstance(network, JudgeNetwork)
+    assert metadata["steps"] == "1"

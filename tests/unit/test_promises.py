@@ -1,0 +1,25 @@
+"""The tests that the documentation names exist."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+from tests.cases import each_case
+
+ROOT = Path(__file__).resolve().parents[2]
+PROMISES = sorted(set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", (ROOT / "docs/testing.md").read_text())))
+
+
+@each_case(("file", "test"), PROMISES)
+def test_a_test_that_holds_a_promise_exists(file: str, test: str) -> None:
+    found = [node for node in ast.walk(ast.parse((ROOT / file).read_text())) if isinstance(node, ast.FunctionDef)]
+    assert test in [node.name for node in found]
+
+
+def test_every_test_file_that_a_page_names_exists() -> None:
+    files = {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        named = set(re.findall(r"`(?:tests/[\w/]*/)?(test_\w+\.py)`", page.read_text()))
+        assert named <= files, f"{page.name} names {sorted(named - files)}"
