@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
-from meshdeform.assets.limits import CHECK_BASE_BYTES, CHECK_BYTES_PER_BYTE, Limits
+from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -28,11 +28,12 @@ from meshdeform.errors import (
     MeshdeformError,
     UnavailableError,
 )
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
-__all__ = ["bound_memory", "check_asset_subprocess", "check_memory", "has_area", "main"]
+__all__ = ["bound_memory", "check_asset_subprocess", "has_area", "main"]
 
 
 def check_asset_subprocess(
@@ -93,11 +94,6 @@ def check_asset_subprocess(
     if not verdict["ok"]:
         raise _error(verdict["error"])
     return _summary(verdict["summary"])
-
-
-def check_memory(size: int) -> int:
-    """Address space, in bytes, that checking a file of `size` bytes may take."""
-    return CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size
 
 
 def _verdict(stdout: bytes) -> dict[str, Any] | None:
@@ -162,13 +158,13 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def has_area(surface: Surface) -> bool:
-    """Whether any triangle spans a plane; a mesh of lines and points only would be accepted and then fail."""
+    """Return whether any triangle is one that the solve can use; it drops those that have collapsed."""
     import numpy as np
 
-    a, b, c = (surface.positions[surface.triangles[:, corner]] for corner in range(3))
-    cross = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.maximum(((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1))
-    return bool((cross > 1e-12 * longest).any())
+    corners = surface.positions[surface.triangles]
+    edges = np.roll(corners, -1, axis=1) - corners
+    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return bool((areas > COLLAPSED_SHAPE * (edges**2).sum(2).max(1)).any())
 
 
 def bound_memory(wanted: int) -> None:
