@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest
 
 if TYPE_CHECKING:
@@ -31,6 +32,13 @@ def check_request(request: JobRequest, settings: Settings, *, has_target: bool) 
     ModelError
         The model is not one of this deployment's, or not on this machine.
     """
+    if request.output.usd and not settings.writes_usd:
+        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
+        raise ParameterError(
+            detail,
+            advice="Leave output.usd out. Whoever runs the service can install the extra `usd` and set MESHDEFORM_USD.",
+            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
+        )
     _CHECKS[request.kind](request, settings, has_target)
 
 
