@@ -20,7 +20,6 @@ __all__ = ["Parts", "PartsDep"]
 
 _INTAKES_AT_ONCE = 2
 _BODIES_AT_ONCE = 16
-_PROBE_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -33,8 +32,6 @@ class Parts:
     record : JobRecord
     queue : JobQueue
     store : ObjectStore
-    probe : ObjectStore
-        The same store, given up soon: whether it answers is asked every few seconds.
     hub : Hub
         Who waits for a job.
     assets : CheckedAssets
@@ -50,7 +47,6 @@ class Parts:
     record: JobRecord
     queue: JobQueue
     store: ObjectStore
-    probe: ObjectStore
     hub: Hub
     assets: CheckedAssets
     intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
@@ -71,7 +67,6 @@ class Parts:
             record=record,
             queue=JobQueue(settings.redis_url, settings.queue),
             store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
-            probe=ObjectStore(settings.resolved_storage_url, patience_s=_PROBE_S),
             hub=Hub(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
         )

@@ -186,7 +186,7 @@ def signed_url(parts: Parts, path: str, artifact: Artifact) -> SignedUrl:
     lifetime_s = min(int(parts.settings.signed_url_ttl_s), _LONGEST_S)
     # Before the signature is made, so that it is valid for at least as long as the answer says.
     until = int(time.time()) + lifetime_s
-    url = parts.store.presign_get(artifact.key, lifetime_s, filename=artifact.name, content_type=artifact.content_type)
+    url = parts.store.presign_get(artifact.key, lifetime_s)
     if url is None:
         url = f"{path}?{sign_path('GET', path, until, parts.record.secret(_KEY_NAME))}"
     return SignedUrl(url=url, expires_at=datetime.fromtimestamp(until, UTC))

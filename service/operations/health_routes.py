@@ -16,6 +16,7 @@ from service.state import PartsDep
 __all__ = ["router"]
 
 router = APIRouter(tags=["health"])
+_STORE_S = 5.0  # asked every few seconds, so it is given up soon
 
 
 @router.get(
@@ -44,7 +45,7 @@ def readyz(parts: PartsDep) -> JSONResponse:
     found = {
         "record": _ask(parts.record.ping),
         "redis": _ask(parts.queue.ping),
-        "store": _ask(parts.probe.ping),
+        "store": _ask(lambda: parts.store.ping(_STORE_S)),
     }
     ready = all(part.status == "ok" for part in found.values())
     readiness = Readiness(status="ok" if ready else "unavailable", **found)
