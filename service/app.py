@@ -77,7 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(limits_routes.router, responses=refusals)
     app.include_router(health_routes.router)
     app.include_router(metrics_routes.router, responses=refusals)
-    app.include_router(page_routes.router)
+    app.router.routes += page_routes.routes
     app.add_api_route("/docs", lambda: _page(app), include_in_schema=False)
     add_error_handlers(app)
     describe(app)

@@ -233,7 +233,7 @@ class ObjectStore:
     def presign_get(self, key: str, expires_s: int) -> str | None:
         """A URL that lets its bearer read an object, straight from the store.
 
-        The answer carries what `put` stored beside the bytes: the type, and the last part of the key as the file's name.
+        The answer carries what `put` stored beside the bytes: the type, and the last part of the key as the name.
 
         Parameters
         ----------
