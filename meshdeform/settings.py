@@ -78,10 +78,6 @@ class Settings(BaseSettings):
         description="Whether jobs may ask for `output.usd`. `auto`: where usd-core is installed beside the API.",
     )
     log_format: Literal["text", "json"] = Field("text", description="`text`: lines to read. `json`: one object a line.")
-    max_image_pixels: int = Field(8192 * 8192, ge=1, description="Largest number of pixels of one image of an asset.")
-    max_total_pixels: int = Field(
-        4 * 8192 * 8192, ge=1, description="Largest number of pixels of all images of an asset together."
-    )
     max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS, description="Largest number of steps of a job.")
     max_upload_bytes: int = Field(100 * 2**20, ge=1024, description="Largest request body.")
     max_accessor_elements: int = Field(

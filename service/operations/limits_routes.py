@@ -56,8 +56,6 @@ async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
             max_triangles=limits.max_triangles,
             max_vertices=limits.max_vertices,
             max_primitives=limits.max_primitives,
-            max_image_pixels=limits.max_image_pixels,
-            max_total_pixels=limits.max_total_pixels,
             max_check_bytes=limits.max_memory_bytes,
             max_check_s=limits.max_check_s,
         ),
