@@ -9,12 +9,12 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from meshdeform.assets import Limits
+from meshdeform.assets.check import CheckedAssets
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.events.broker import Hub
-from service.jobs.checked_assets import CheckedAssets
 
 __all__ = ["Parts", "PartsDep"]
 

@@ -13,8 +13,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+from collections import OrderedDict
 from dataclasses import asdict
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
@@ -33,7 +35,9 @@ from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
-__all__ = ["bound_memory", "check_asset_subprocess", "has_area", "main"]
+__all__ = ["CheckedAssets", "bound_memory", "check_asset_subprocess", "has_area", "main"]
+
+_REMEMBERED = 512
 
 
 def check_asset_subprocess(
@@ -94,6 +98,43 @@ def check_asset_subprocess(
     if not verdict["ok"]:
         raise _error(verdict["error"])
     return _summary(verdict["summary"])
+
+
+class CheckedAssets:
+    """Check files, each once: a studio posts one asset with many prompts.
+
+    Only what passed is remembered, by the SHA-256 of the bytes: neither the file nor the limits of a process change.
+
+    Parameters
+    ----------
+    limits : Limits
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._passed: OrderedDict[tuple[str, str], AssetSummary] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def check(self, path: Path, filename: str, sha256: str) -> AssetSummary:
+        """Check a file from its JSON to its last vertex, or remember that it passed.
+
+        Raises
+        ------
+        AssetError, DependencyError
+            What is wrong with it.
+        """
+        # The name's ending says how some formats are read.
+        known = (sha256, PurePath(filename).suffix.lower())
+        with self._lock:
+            if known in self._passed:
+                self._passed.move_to_end(known)
+                return self._passed[known]
+        summary = check_asset_subprocess(path, filename, self._limits)
+        with self._lock:
+            self._passed[known] = summary
+            if len(self._passed) > _REMEMBERED:
+                self._passed.popitem(last=False)
+        return summary
 
 
 def _verdict(stdout: bytes) -> dict[str, Any] | None:

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from meshdeform.errors import MeshdeformError, NotFoundError, RequestError, UnavailableError
+from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, file_errors, measured, parts_of
 from meshdeform.storage.bucket import Bucket
 from meshdeform.storage.folder import Folder
@@ -68,7 +68,7 @@ class ObjectStore:
         data: bytes | Path,
         content_type: str = "application/octet-stream",
         *,
-        sha256: str | None = None,
+        known: StoredObject | None = None,
     ) -> StoredObject:
         """Store bytes, or the bytes of a file, in place of what was there. Durable when it returns.
 
@@ -79,21 +79,12 @@ class ObjectStore:
             A file is streamed; it must not change meanwhile.
         content_type : str
             Kept where the store can.
-        sha256 : str, optional
-            What the bytes should be; nothing is stored where they are not.
-
-        Raises
-        ------
-        RequestError
-            The bytes are not those of `sha256`.
+        known : StoredObject, optional
+            Size and digest, where they were measured before; the bytes are read once then.
         """
         check_key(key)
         with _opened(data) as source:
-            found = measured(parts_of(source))
-            if sha256 is not None and sha256.lower() != found.sha256:
-                raise RequestError(
-                    f"The bytes have the SHA-256 {found.sha256}, not {sha256}.", advice="Send the file again."
-                )
+            found = known or measured(parts_of(source))
             source.seek(0)
             self._backend.put(key, source, content_type)
         return found

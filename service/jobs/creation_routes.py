@@ -12,7 +12,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, NotFoundError
+from meshdeform.errors import ConflictError, NotFoundError, RequestError
 from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
@@ -38,7 +38,7 @@ from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import take_in, try_out
 from service.jobs.routes import shown
-from service.jobs.sources import Submission, submission
+from service.jobs.sources import ASSET_ADVICE, Submission
 from service.schemas import Validation
 from service.state import Parts, PartsDep
 
@@ -114,8 +114,8 @@ async def create_job(
 ) -> Response:
     """Everything is checked first: what is accepted can be run, and reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
-    async with _submitted(request, parts) as (sent, folder):
-        answer = await to_thread.run_sync(take_in, parts, caller, sent, folder, limiter=parts.intake)
+    async with _submitted(request, parts) as sent:
+        answer = await to_thread.run_sync(take_in, parts, caller, sent, limiter=parts.intake)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
@@ -136,8 +136,8 @@ async def create_job(
 )
 async def validate_job(request: Request, parts: PartsDep, principal: PrincipalDep) -> Response:
     """The bodies of `POST /v1/jobs` and the same problems; nothing is stored. Says how long the job would take."""
-    async with _submitted(request, parts) as (sent, folder):
-        found = await to_thread.run_sync(try_out, parts, principal.owner_id, sent, folder, limiter=parts.intake)
+    async with _submitted(request, parts) as sent:
+        found = await to_thread.run_sync(try_out, parts, principal.owner_id, sent, limiter=parts.intake)
     return Response(found.model_dump_json(), media_type="application/json")
 
 
@@ -194,22 +194,25 @@ async def branch_job(
 
 
 @asynccontextmanager
-async def _submitted(request: Request, parts: Parts) -> AsyncIterator[tuple[Submission, FilePath]]:
-    """What a request asks for, its files in a folder that goes when the block ends."""
+async def _submitted(request: Request, parts: Parts) -> AsyncIterator[Submission]:
+    """Receive what a request asks for; its files lie in a folder that goes when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
-        sent = submission(parse_document(JobDocument, await receive_document(request)))
+        document = parse_document(JobDocument, await receive_document(request))
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-            yield sent, FilePath(folder)
+            yield Submission(document, {}, FilePath(folder))
         return
     # The place is kept until the files are checked and stored: so many may lie here, not more.
     async with body_slot(parts.bodies):
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-            form = await receive_form(
+            text, files = await receive_form(
                 request.headers.get("content-type", ""),
                 request.headers.get("content-length", ""),
                 body_of(request),
                 FilePath(folder),
                 parts.settings.max_upload_bytes,
             )
-            yield submission(parse_document(JobDocument, form.document, "The part `request`"), form), FilePath(folder)
+            document = parse_document(JobDocument, text, "The part `request`")
+            if "asset" not in files and document.asset is None:
+                raise RequestError("The part `asset` is missing.", advice=ASSET_ADVICE)
+            yield Submission(document, files, FilePath(folder))

@@ -75,10 +75,6 @@ class JobDocument(JobRequest):
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
 
-    def request(self) -> JobRequest:
-        """The request alone, as it was written."""
-        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"asset", "target"}))
-
 
 class BranchDocument(JobRequest):
     """The document that asks for a job which begins with a checkpoint of another one, and deforms the same asset."""
@@ -88,10 +84,6 @@ class BranchDocument(JobRequest):
         description="The second mesh of `target` guidance. Default: that of the other job.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
-
-    def request(self) -> JobRequest:
-        """The request alone, as it was written."""
-        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"target"}))
 
 
 _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]

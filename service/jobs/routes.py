@@ -11,7 +11,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from meshdeform.api.jobs import JobList, JobView
+from meshdeform.api.jobs import JobList, JobView, job_headers
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.cleanup import remove_job
 from meshdeform.record.models import Job, JobState
@@ -22,7 +22,6 @@ from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.preferences import Prefer, applied, preferred_wait
 from service.http.ranges import matches
-from service.jobs.intake import job_headers
 from service.state import PartsDep
 
 __all__ = ["MAX_PAGE", "JobId", "router", "shown"]

@@ -28,7 +28,6 @@ from meshdeform.errors import (
 from meshdeform.record.cleanup import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
-from service.jobs.file_leases import Pins
 from service.schemas import UploadView
 from service.state import Parts
 
@@ -221,12 +220,12 @@ def complete(parts: Parts, upload: Upload, sha256: str) -> Upload:
             parts.store.delete(_sealed(upload))
             raise _other(upload, sha256, found.size, found.sha256)
         key = f"assets/{sha256}"
-        with Pins(parts.record.files) as pins:
-            pins.take(key)
+        with parts.record.files.leases() as leases:
+            leases.take(key)
             if not parts.store.exists(key):
                 parts.store.copy(_sealed(upload), key)
             done = parts.record.uploads.complete(upload.id, sha256, key)
-            pins.passed_on([key])
+            leases.passed_on([key])
     except NotFoundError:
         # Another request was faster, or it was deleted.
         return _agreed(parts.record.uploads.get(upload.id), sha256)

@@ -26,7 +26,7 @@ from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, body_slot, parse_document, receive_document
 from service.http.caller import Caller
 from service.http.errors import problem_responses
-from service.http.idempotency import Answer, IdempotencyKey, Keep, done_once, request_hash
+from service.http.idempotency import Answer, IdempotencyKey, claimed, request_hash
 from service.http.multipart import clean_filename
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.schemas import UploadView
@@ -242,15 +242,20 @@ def _create(parts: Parts, caller: Caller, document: UploadDocument) -> Answer:
             limit=limit,
         )
 
-    def work(keep: Keep) -> Answer:
-        answers: list[Answer] = []
-        # Made before the transaction begins: within it nothing else may write.
-        parts.record.secret("signed-urls")
+    # Made before the transaction begins: within it nothing else may write.
+    parts.record.secret("signed-urls")
+    answers: list[Answer] = []
+    asked = document.model_dump(mode="json", exclude_unset=True)
+    with claimed(parts.record, caller, request_hash(caller.method, caller.path, asked, {})) as claim:
+        if isinstance(claim, Answer):
+            return claim
 
         def also(connection: sa.Connection, upload: Upload) -> None:
-            document = view(parts, upload, offset=0).model_dump(mode="json")
-            answers.append(Answer(201, document, {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}))
-            keep(connection, answers[-1])
+            shown = view(parts, upload, offset=0).model_dump(mode="json")
+            headers = {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}
+            answers.append(Answer(201, shown, headers))
+            if claim is not None:
+                parts.record.idempotency.complete(claim, answers[0].kept(), connection)
 
         filename = clean_filename(document.filename)
         parts.record.uploads.create(
@@ -261,10 +266,7 @@ def _create(parts: Parts, caller: Caller, document: UploadDocument) -> Answer:
             sha256=document.sha256,
             also=also,
         )
-        return answers[-1]
-
-    asked = document.model_dump(mode="json", exclude_unset=True)
-    return done_once(parts.record, caller, request_hash(caller.method, caller.path, asked, {}), work)
+        return answers[0]
 
 
 def _admitted(parts: Parts, request: Request, upload_id: str) -> Upload:

@@ -36,6 +36,9 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
     assert job["state"] == "queued"
     assert job["params"] == {"preset": "preview", "seed": 7}
     assert job["metadata"] == {"shot": "sc010"}
+    resolved = api.record.get(job["id"]).resolved
+    assert resolved is not None
+    assert (resolved["preset"], resolved["seed"], resolved["model"]) == ("preview", 7, "builtin")
     digest = hashlib.sha256(sphere).hexdigest()
     assert job["asset"] == {"filename": "my sphere.glb", "size": len(sphere), "sha256": digest}
     assert api.store.get(f"assets/{digest}") == sphere

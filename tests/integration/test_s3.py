@@ -29,7 +29,6 @@ from tests.unit.storage.test_store import (  # noqa: F401 - the same tests, here
     test_a_signed_url_lives_up_to_a_week,
     test_a_store_that_is_there_answers,
     test_an_empty_object_is_an_object,
-    test_bytes_that_are_not_the_announced_ones_are_not_stored,
     test_delete_takes_one_and_does_not_mind_none,
     test_parts_are_parts_of_the_whole,
     test_verified_bytes_are_read_back,
