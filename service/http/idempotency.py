@@ -12,15 +12,15 @@ from typing import Annotated, Any
 from fastapi import Header
 from fastapi.responses import JSONResponse
 
+from meshdeform.api.limits import MAX_KEY
 from meshdeform.errors import UnavailableError
 from meshdeform.record.models import Claim
 from meshdeform.record.repository import JobRecord
 from service.http.caller import Caller
 
-__all__ = ["MAX_KEY", "REPLAYED", "Answer", "IdempotencyKey", "claimed", "request_hash"]
+__all__ = ["REPLAYED", "Answer", "IdempotencyKey", "claimed", "request_hash"]
 
 REPLAYED = "Idempotency-Replayed"
-MAX_KEY = 255
 
 IdempotencyKey = Annotated[
     str | None,

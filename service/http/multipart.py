@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_FILENAME
 from meshdeform.errors import AssetTooLargeError, RequestError
-from service.http.bodies import MAX_DOCUMENT_BYTES
-from service.jobs.documents import MAX_FILENAME
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks

@@ -11,9 +11,10 @@ from typing import Annotated
 
 from fastapi import Header, Request
 
-__all__ = ["MAX_WAIT_S", "Prefer", "applied", "preferred_wait"]
+from meshdeform.api.limits import MAX_WAIT_S
 
-MAX_WAIT_S = 60
+__all__ = ["Prefer", "applied", "preferred_wait"]
+
 _WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?\s*(?:;.*)?', re.IGNORECASE)
 
 Prefer = Annotated[

@@ -6,11 +6,11 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import JobRequest
 
 __all__ = [
-    "MAX_FILENAME",
     "SHA256_PATTERN",
     "UPLOAD_ID_PATTERN",
     "BranchDocument",
@@ -22,7 +22,6 @@ __all__ = [
 
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
-MAX_FILENAME = 200
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 

@@ -12,6 +12,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from meshdeform.api.jobs import JobList, JobView, job_headers
+from meshdeform.api.limits import MAX_PAGE
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.cleanup import remove_job
 from meshdeform.record.models import Job, JobState
@@ -24,7 +25,7 @@ from service.http.preferences import Prefer, applied, preferred_wait
 from service.http.ranges import matches
 from service.state import PartsDep
 
-__all__ = ["MAX_PAGE", "JobId", "router", "shown"]
+__all__ = ["JobId", "router", "shown"]
 
 _log = logging.getLogger(__name__)
 _LABEL = re.compile(r"metadata\[(.*)\]", re.DOTALL)
@@ -43,7 +44,6 @@ _METADATA = {
     },
     "example": {"shot": "sc010"},
 }
-MAX_PAGE = 200
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S
 from meshdeform.assets import Limits
 from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import (
@@ -18,12 +19,7 @@ from meshdeform.requests.document import (
 )
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
-from service.http.bodies import IDLE_S, MAX_DOCUMENT_BYTES
 from service.http.errors import problem_responses
-from service.http.idempotency import MAX_KEY
-from service.http.preferences import MAX_WAIT_S
-from service.jobs.documents import MAX_FILENAME
-from service.jobs.routes import MAX_PAGE
 from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
 from service.state import PartsDep
 
