@@ -1,4 +1,4 @@
-"""The report of a `text_deform` run; what it says of the mesh is measured on the written file, read back."""
+"""The report of a `text_deform` run; what it says was kept is compared with the written file, read back."""
 
 from __future__ import annotations
 
@@ -53,6 +53,7 @@ def build_report(
     welded: WeldedMesh,
     verts: Tensor,
     result: bytes,
+    written: Asset,
     usdz: Usdz | None = None,
     history: LossHistory,
     first_step: int,
@@ -70,7 +71,9 @@ def build_report(
     verts : (V, 3) float64
         Deformed welded positions in the world.
     result : bytes
-        `result.glb`, read back here for the invariants.
+        `result.glb`.
+    written : Asset
+        The same, read back: a mistake of the writer shows only there.
     usdz : Usdz, optional
         `result.usdz`, where it was asked for.
     history : LossHistory
@@ -82,7 +85,7 @@ def build_report(
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
-        invariants = _invariants(asset, read_result(result))
+        invariants = _invariants(asset, written)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
