@@ -28,6 +28,7 @@ __all__ = [
     "Page",
     "Progress",
     "StoredFile",
+    "WebhookEvent",
 ]
 
 
@@ -69,6 +70,19 @@ class EventType(StrEnum):
     def terminal(self) -> bool:
         """Whether it is the job's last event."""
         return self in {EventType(state.value) for state in TERMINAL_STATES}
+
+
+class WebhookEvent(StrEnum):
+    """What a webhook can be told of: everything but progress and checkpoints, which are many."""
+
+    QUEUED = "job.queued"
+    STARTED = "job.started"
+    RECOVERED = "job.recovered"
+    CANCELING = "job.canceling"
+    SUCCEEDED = "job.succeeded"
+    FAILED = "job.failed"
+    CANCELED = "job.canceled"
+    EXPIRED = "job.expired"
 
 
 class OriginMode(StrEnum):

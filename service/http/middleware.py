@@ -21,12 +21,9 @@ from meshdeform.support import logs
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["ACCESS_LOG", "RequestFrame", "add_header", "request_id"]
+__all__ = ["RequestFrame", "add_header", "request_id"]
 
-ACCESS_LOG = "service.access"
-"""Name of the logger that gets a line for each request; above INFO none is written."""
-
-_access = logging.getLogger(ACCESS_LOG)
+_access = logging.getLogger(logs.ACCESS_LOG)
 _ID = re.compile(r"[\x21-\x7e]{1,128}")
 _HEADERS = "meshdeform.headers"
 _DEFAULTS = {

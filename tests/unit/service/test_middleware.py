@@ -10,7 +10,8 @@ import pytest
 
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError
-from service.http.middleware import ACCESS_LOG, RequestFrame, add_header, request_id
+from meshdeform.support.logs import ACCESS_LOG
+from service.http.middleware import RequestFrame, add_header, request_id
 
 
 class Route:
