@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from fastapi import Header
+from fastapi import Header, Request
 from fastapi.responses import JSONResponse
 
 from meshdeform.api.limits import MAX_KEY
 from meshdeform.errors import UnavailableError
 from meshdeform.record.models import Claim
 from meshdeform.record.repository import JobRecord
-from service.http.caller import Caller
+from meshdeform.support.telemetry import current_traceparent
+from service.http.auth import Principal
+from service.http.middleware import request_id
 
-__all__ = ["REPLAYED", "Answer", "IdempotencyKey", "claimed", "request_hash"]
+__all__ = ["REPLAYED", "Answer", "Caller", "IdempotencyKey", "claimed", "request_hash"]
 
 REPLAYED = "Idempotency-Replayed"
 
@@ -107,3 +110,46 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
         with suppress(UnavailableError):
             record.idempotency.abandon(claim)
         raise
+
+
+_TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
+
+
+@dataclass(frozen=True)
+class Caller:
+    """The side of a request that is not its body.
+
+    Attributes
+    ----------
+    principal : Principal
+    method, path : str
+    idempotency_key : str or None
+    request_id, traceparent : str or None
+        For logs and traces.
+    """
+
+    principal: Principal
+    method: str
+    path: str
+    idempotency_key: str | None = None
+    request_id: str | None = None
+    traceparent: str | None = None
+
+    @property
+    def owner_id(self) -> str:
+        """Whose things they see and make."""
+        return self.principal.owner_id
+
+    @classmethod
+    def of(cls, request: Request, principal: Principal, idempotency_key: str | None = None) -> Self:
+        """Return who makes a request."""
+        trace = request.headers.get("traceparent", "")
+        return cls(
+            principal=principal,
+            method=request.method,
+            path=request.url.path,
+            idempotency_key=idempotency_key,
+            request_id=request_id() or None,
+            # Without tracing of our own the job carries the caller's trace on as it came.
+            traceparent=current_traceparent() or (trace if _TRACEPARENT.fullmatch(trace) else None),
+        )

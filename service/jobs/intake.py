@@ -17,12 +17,11 @@ from meshdeform.runs import check_request
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
-from service.http.caller import Caller
-from service.http.idempotency import Answer, claimed, request_hash
+from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.http.multipart import ReceivedFile
 from service.jobs.sources import Submission
 from service.schemas import AssetFound, JobEstimate, Validation
-from service.state import Parts
+from service.state import AppState
 
 __all__ = ["check_params", "keep_file", "new_job", "record_job", "take_in", "try_out"]
 
@@ -57,7 +56,7 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
 
 
 def _checked(
-    parts: Parts, owner_id: str, sent: Submission
+    app: AppState, owner_id: str, sent: Submission
 ) -> tuple[ResolvedParams, dict[str, ReceivedFile], dict[str, AssetSummary]]:
     """Check a job from its parameters to the last vertex of its files; nothing is stored.
 
@@ -70,18 +69,18 @@ def _checked(
     AssetError, RequestError, ModelError
         What is wrong with the asset or the request.
     """
-    params = check_params(sent.document, parts.settings, has_target=sent.has_target)
-    files = sent.fetched(parts, owner_id)
-    found = {name: parts.assets.check(file.path, file.filename, file.sha256) for name, file in files.items()}
+    params = check_params(sent.document, app.settings, has_target=sent.has_target)
+    files = sent.fetched(app, owner_id)
+    found = {name: app.assets.check(file.path, file.filename, file.sha256) for name, file in files.items()}
     return params, files, found
 
 
-def take_in(parts: Parts, caller: Caller, sent: Submission) -> Answer:
+def take_in(app: AppState, caller: Caller, sent: Submission) -> Answer:
     """Accept a job for good, or refuse it and leave nothing behind.
 
     Parameters
     ----------
-    parts : Parts
+    app : AppState
     caller : Caller
     sent : Submission
         Its files may be gone when this returns.
@@ -97,49 +96,49 @@ def take_in(parts: Parts, caller: Caller, sent: Submission) -> Answer:
     """
     document = sent.document.model_dump(mode="json", exclude_unset=True)
     digests = {name: file.sha256 for name, file in sent.files.items()}
-    with claimed(parts.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
+    with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        params, files, _ = _checked(parts, caller.owner_id, sent)
+        params, files, _ = _checked(app, caller.owner_id, sent)
         failpoint("api.received")
-        with parts.record.files.leases() as leases:
-            asset = keep_file(parts, leases, files["asset"])
-            target = keep_file(parts, leases, files["target"]) if "target" in files else None
+        with app.record.files.leases() as leases:
+            asset = keep_file(app, leases, files["asset"])
+            target = keep_file(app, leases, files["target"]) if "target" in files else None
             failpoint("api.stored")
-            new = new_job(parts, caller, sent.document, asset, target, resolved=params, claim=claim)
-            return record_job(parts, new, leases)
+            new = new_job(app, caller, sent.document, asset, target, resolved=params, claim=claim)
+            return record_job(app, new, leases)
 
 
-def try_out(parts: Parts, owner_id: str, sent: Submission) -> Validation:
+def try_out(app: AppState, owner_id: str, sent: Submission) -> Validation:
     """Check a job as `take_in` would, and say what it is and how long it would take. Nothing is stored."""
-    params, files, summaries = _checked(parts, owner_id, sent)
+    params, files, summaries = _checked(app, owner_id, sent)
     found = {
         name: AssetFound(filename=file.filename, size=file.size, sha256=file.sha256, **asdict(summaries[name]))
         for name, file in files.items()
     }
     expected = estimate(
-        parts.record.database,
-        parts.record.registry,
+        app.record.database,
+        app.record.registry,
         sent.document,
-        default_model=parts.settings.model,
-        queue=parts.settings.queue,
+        default_model=app.settings.model,
+        queue=app.settings.queue,
     )
     return Validation(
         asset=found["asset"], target=found.get("target"), params=params, estimate=JobEstimate(**asdict(expected))
     )
 
 
-def keep_file(parts: Parts, leases: FileLeases, file: ReceivedFile) -> StoredFile:
+def keep_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFile:
     """Store a file under a pin. The same bytes are stored once: the pin comes first, so they stay."""
     stored = StoredFile(key=f"assets/{file.sha256}", filename=file.filename, size=file.size, sha256=file.sha256)
     leases.take(stored.key)
-    if not parts.store.exists(stored.key):
-        parts.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
+    if not app.store.exists(stored.key):
+        app.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
     return stored
 
 
 def new_job(
-    parts: Parts, caller: Caller, request: JobRequest, asset: StoredFile, target: StoredFile | None, **more: Any
+    app: AppState, caller: Caller, request: JobRequest, asset: StoredFile, target: StoredFile | None, **more: Any
 ) -> NewJob:
     """Return a job of this caller's, to be recorded; `more` are further fields of `NewJob`."""
     return NewJob(
@@ -147,7 +146,7 @@ def new_job(
         asset,
         target,
         owner_id=caller.owner_id,
-        retention_s=parts.settings.retention_s or None,
+        retention_s=app.settings.retention_s or None,
         max_active=caller.principal.max_active_jobs,
         request_id=caller.request_id,
         traceparent=caller.traceparent,
@@ -155,13 +154,13 @@ def new_job(
     )
 
 
-def record_job(parts: Parts, new: NewJob, leases: FileLeases) -> Answer:
+def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
     """Record a job whose files are stored and pinned, and tell the workers."""
-    job = parts.record.create(new)
+    job = app.record.create(new)
     failpoint("api.recorded")
     leases.passed_on([file.key for file in (new.asset, new.target, new.origin) if file is not None])
     try:
-        parts.queue.enqueue(job.id)
+        app.queue.enqueue(job.id)
     except UnavailableError as error:
         # The job is on the record, so it is accepted: the reconciler tells the workers once Redis is back.
         _log.warning("job %s: the workers are not told yet: %s", job.id, error)

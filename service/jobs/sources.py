@@ -10,7 +10,7 @@ from pathlib import Path
 from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, ParameterError
 from service.http.multipart import ReceivedFile
 from service.jobs.documents import FileReference, JobDocument
-from service.state import Parts
+from service.state import AppState
 
 __all__ = ["ASSET_ADVICE", "Submission", "fetch"]
 
@@ -54,7 +54,7 @@ class Submission:
         """Whether there is a second mesh."""
         return "target" in self.files or self.document.target is not None
 
-    def fetched(self, parts: Parts, owner_id: str) -> dict[str, ReceivedFile]:
+    def fetched(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
         """Return the asset and the target, fetched into the folder where they did not come along.
 
         Raises
@@ -64,17 +64,17 @@ class Submission:
         """
         named = {"asset": self.document.asset, "target": self.document.target}
         fetched = {
-            name: fetch(parts, owner_id, reference, name, self.folder) for name, reference in named.items() if reference
+            name: fetch(app, owner_id, reference, name, self.folder) for name, reference in named.items() if reference
         }
         return {**self.files, **fetched}
 
 
-def fetch(parts: Parts, owner_id: str, reference: FileReference, name: str, folder: Path) -> ReceivedFile:
+def fetch(app: AppState, owner_id: str, reference: FileReference, name: str, folder: Path) -> ReceivedFile:
     """Copy what a reference names into the folder.
 
     Parameters
     ----------
-    parts : Parts
+    app : AppState
     owner_id : str
         Whose uploads and jobs may be named.
     reference : FileReference
@@ -85,31 +85,31 @@ def fetch(parts: Parts, owner_id: str, reference: FileReference, name: str, fold
     path = folder / name
     if reference.upload_id is not None:
         with _named([name, "upload_id"], f"There is no upload {reference.upload_id}."):
-            upload = parts.record.uploads.get(reference.upload_id, owner=owner_id)
+            upload = app.record.uploads.get(reference.upload_id, owner=owner_id)
             if upload.key is None or upload.sha256 is None:
                 raise ConflictError(
                     f"The upload {upload.id} is not complete.",
                     advice=f"Send the rest of it, then POST /v1/uploads/{upload.id}/complete.",
                 )
-            parts.store.fetch(upload.key, path, sha256=upload.sha256)
+            app.store.fetch(upload.key, path, sha256=upload.sha256)
         return ReceivedFile(path, upload.filename, upload.size, upload.sha256)
     assert reference.job_id is not None
     with _named([name, "job_id"], f"There is no job {reference.job_id}."):
-        job = parts.record.get(reference.job_id, owner=owner_id)
-        artifacts = {artifact.name: artifact for artifact in parts.record.artifacts(job.id, owner=owner_id)}
+        job = app.record.get(reference.job_id, owner=owner_id)
+        artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job.id, owner=owner_id)}
     if reference.artifact not in artifacts:
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
         names = ", ".join(artifacts) or "none"
         raise _parameter([name, "artifact"], f"The {job.state} job {job.id} has no such artifact.", f"It has: {names}.")
     artifact = artifacts[reference.artifact]
-    if artifact.size > parts.settings.max_upload_bytes:
+    if artifact.size > app.settings.max_upload_bytes:
         raise AssetTooLargeError(
-            f"The artifact has {artifact.size} bytes; the limit is {parts.settings.max_upload_bytes} "
+            f"The artifact has {artifact.size} bytes; the limit is {app.settings.max_upload_bytes} "
             "(MESHDEFORM_MAX_UPLOAD_BYTES)."
         )
     with _named([name, "job_id"], f"There is no job {reference.job_id}."):
-        parts.store.fetch(artifact.key, path, sha256=artifact.sha256)
+        app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)
 
 

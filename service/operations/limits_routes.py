@@ -21,7 +21,7 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
-from service.state import PartsDep
+from service.state import AppStateDep
 
 __all__ = ["router"]
 
@@ -38,9 +38,9 @@ _FORMATS = ["glb", "obj", "ply", "stl"]
         **problem_responses(*CALLER_ERRORS),
     },
 )
-async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
+async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Those of the API key that asks."""
-    settings, limits = parts.settings, Limits.from_settings(parts.settings)
+    settings, limits = app.settings, Limits.from_settings(app.settings)
     found = LimitList(
         files=FileLimits(
             formats=_FORMATS,
@@ -76,7 +76,7 @@ async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
             max_wait_s=MAX_WAIT_S,
             max_idempotency_key_characters=MAX_KEY,
             idempotency_kept_s=IDEMPOTENCY_KEPT_S,
-            max_bodies_at_once=int(parts.bodies.total_tokens),
+            max_bodies_at_once=int(app.bodies.total_tokens),
             max_body_idle_s=IDLE_S,
         ),
         uploads=UploadLimits(

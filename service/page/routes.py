@@ -60,7 +60,7 @@ class _Page(StaticFiles):
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Return a file, or raise 404 where the deployment has no page."""
-        if scope["app"].state.parts.settings.web == "off":
+        if scope["app"].state.app_state.settings.web == "off":
             raise HTTPException(404)
         return await super().get_response(path, scope)
 
