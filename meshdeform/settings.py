@@ -6,6 +6,7 @@ Torch-free. `docs/configuration.md` has a heading for every field; a test says s
 from __future__ import annotations
 
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -72,11 +73,11 @@ class Settings(BaseSettings):
         description="Networks besides the public internet that webhooks may reach, as a JSON list of CIDR blocks; "
         "there plain http is allowed too.",
     )
-    log_format: Literal["text", "json"] = Field("text", description="`text`: lines to read. `json`: one object a line.")
-    max_image_pixels: int = Field(8192 * 8192, ge=1, description="Largest number of pixels of one image of an asset.")
-    max_total_pixels: int = Field(
-        4 * 8192 * 8192, ge=1, description="Largest number of pixels of all images of an asset together."
+    usd: Literal["auto", "on", "off"] = Field(
+        "auto",
+        description="Whether jobs may ask for `output.usd`. `auto`: where usd-core is installed beside the API.",
     )
+    log_format: Literal["text", "json"] = Field("text", description="`text`: lines to read. `json`: one object a line.")
     max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS, description="Largest number of steps of a job.")
     max_upload_bytes: int = Field(100 * 2**20, ge=1024, description="Largest request body.")
     max_accessor_elements: int = Field(
@@ -89,6 +90,11 @@ class Settings(BaseSettings):
     def resolved_database_url(self) -> str:
         """The record's URL, with the default filled in."""
         return self.database_url or f"sqlite:///{(self.data_dir / 'meshdeform.sqlite').absolute()}"
+
+    @cached_property
+    def writes_usd(self) -> bool:
+        """Whether the workers of this deployment can write USDZ, as far as the settings tell."""
+        return self.usd == "on" or (self.usd == "auto" and find_spec("pxr") is not None)
 
     @cached_property
     def resolved_storage_url(self) -> str:

@@ -18,10 +18,10 @@ from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.reference import reference_page
 from service.downloads import artifact_routes, checkpoint_routes, source_routes
 from service.events import routes as event_routes
+from service.events.broker import on_termination
 from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame
-from service.http.shutdown import told_of_the_end
 from service.http.tracing import TracingMiddleware
 from service.jobs import creation_routes
 from service.jobs import routes as job_routes
@@ -29,7 +29,7 @@ from service.openapi import describe
 from service.operations import health_routes, limits_routes, metrics_routes, models_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
-from service.state import Parts
+from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
 
@@ -77,7 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(limits_routes.router, responses=refusals)
     app.include_router(health_routes.router)
     app.include_router(metrics_routes.router, responses=refusals)
-    app.include_router(page_routes.router)
+    app.router.routes += page_routes.routes
     app.add_api_route("/docs", lambda: _page(app), include_in_schema=False)
     add_error_handlers(app)
     describe(app)
@@ -101,19 +101,19 @@ def _put_in_frame(app: FastAPI) -> None:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings = app.state.settings or Settings()
     start_tracing("api")
-    parts = Parts.open(settings)
-    app.state.parts = parts
-    app.state.gate = Gate(settings, parts.record.keys)
-    app.state.metrics.watch(parts.record, settings.queue)
+    state = AppState.open(settings)
+    app.state.app_state = state
+    app.state.gate = Gate(settings, state.record.keys)
+    app.state.metrics.watch(state.record, settings.queue)
     try:
         with (
-            Reconciler(parts.record, parts.queue, settings.max_attempts, settings.lease_s, store=parts.store),
-            WebhookDelivery(parts.record, settings),
-            told_of_the_end(parts.hub.close),
+            Reconciler(state.record, state.queue, settings.max_attempts, settings.lease_s, store=state.store),
+            WebhookDelivery(state.record, settings),
+            on_termination(state.waiters.close),
         ):
-            async with parts.hub.running():
+            async with state.waiters.running():
                 yield
     finally:
         app.state.gate.close()
-        parts.close()
+        state.close()
         stop_tracing()

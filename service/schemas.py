@@ -128,8 +128,6 @@ class FileLimits(BaseModel):
     max_triangles: int = Field(description="Triangles to deform, every instance counted.", examples=[500000])
     max_vertices: int = Field(description="Vertices to deform, likewise.", examples=[2000000])
     max_primitives: int = Field(description="Primitives and morph targets, likewise.", examples=[100000])
-    max_image_pixels: int = Field(description="Pixels of one image.", examples=[67108864])
-    max_total_pixels: int = Field(description="Pixels of all images together.", examples=[268435456])
     max_check_bytes: int = Field(
         description="Memory that the check of the largest file may take; less for smaller ones.", examples=[2214592512]
     )

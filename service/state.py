@@ -9,22 +9,21 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from meshdeform.assets import Limits
+from meshdeform.assets.check import CheckedAssets
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from service.events.broker import Hub
-from service.jobs.checked_assets import CheckedAssets
+from service.events.broker import JobWaiters
 
-__all__ = ["Parts", "PartsDep"]
+__all__ = ["AppState", "AppStateDep"]
 
 _INTAKES_AT_ONCE = 2
 _BODIES_AT_ONCE = 16
-_PROBE_S = 5.0
 
 
 @dataclass(frozen=True)
-class Parts:
+class AppState:
     """The parts of the service.
 
     Attributes
@@ -33,9 +32,7 @@ class Parts:
     record : JobRecord
     queue : JobQueue
     store : ObjectStore
-    probe : ObjectStore
-        The same store, given up soon: whether it answers is asked every few seconds.
-    hub : Hub
+    waiters : JobWaiters
         Who waits for a job.
     assets : CheckedAssets
         What is known of files.
@@ -50,14 +47,13 @@ class Parts:
     record: JobRecord
     queue: JobQueue
     store: ObjectStore
-    probe: ObjectStore
-    hub: Hub
+    waiters: JobWaiters
     assets: CheckedAssets
     intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
     bodies: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_BODIES_AT_ONCE))
 
     @classmethod
-    def open(cls, settings: Settings) -> Parts:
+    def open(cls, settings: Settings) -> AppState:
         """Open what the settings name.
 
         Raises
@@ -71,8 +67,7 @@ class Parts:
             record=record,
             queue=JobQueue(settings.redis_url, settings.queue),
             store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
-            probe=ObjectStore(settings.resolved_storage_url, patience_s=_PROBE_S),
-            hub=Hub(record.events.heads),
+            waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
         )
 
@@ -82,9 +77,9 @@ class Parts:
         self.record.close()
 
 
-def _parts(request: Request) -> Parts:
-    parts: Parts = request.app.state.parts
-    return parts
+def _app_state(request: Request) -> AppState:
+    app: AppState = request.app.state.app_state
+    return app
 
 
-PartsDep = Annotated[Parts, Depends(_parts)]
+AppStateDep = Annotated[AppState, Depends(_app_state)]

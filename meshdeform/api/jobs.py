@@ -35,8 +35,11 @@ __all__ = [
     "MeshView",
     "OriginView",
     "SignedUrl",
+    "accepted",
+    "job_headers",
 ]
 
+_POLL_S = "1"
 _TIME = "2026-01-31T12:00:00Z"
 _JOB_ID = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
@@ -245,3 +248,15 @@ class CheckpointList(_Document):
     """The checkpoints of a job."""
 
     checkpoints: list[CheckpointView] = Field(description="By step; of equal steps that of the newest attempt.")
+
+
+def job_headers(job: Job) -> dict[str, str]:
+    """Return the headers of every answer that shows a job."""
+    retry = {} if job.state.terminal else {"Retry-After": _POLL_S}
+    return {"ETag": f'W/"{job.version}"', "Cache-Control": "no-cache", **retry}
+
+
+def accepted(job: Job) -> dict[str, Any]:
+    """Return the answer to the request that made a job: `status`, `body` and `headers`."""
+    headers = {**job_headers(job), "Location": f"/v1/jobs/{job.id}"}
+    return {"status": 202, "body": JobView.of(job).as_json(), "headers": headers}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime
-from enum import StrEnum
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.api.jobs import JobView
-from meshdeform.record.models import JobError
+from meshdeform.record.models import JobError, WebhookEvent
 from meshdeform.record.webhooks import Delivery, DeliveryAttempt, Webhook
 from meshdeform.webhooks.addresses import MAX_URL
 
@@ -36,19 +35,6 @@ _JOB = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
 _SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSwMfKQ9r8GKYo="  # noqa: S105 - an example
 
 DeliveryState = Literal["pending", "delivered", "failed"]
-
-
-class WebhookEvent(StrEnum):
-    """What a webhook can be told of: everything but progress and checkpoints, which are many."""
-
-    QUEUED = "job.queued"
-    STARTED = "job.started"
-    RECOVERED = "job.recovered"
-    CANCELING = "job.canceling"
-    SUCCEEDED = "job.succeeded"
-    FAILED = "job.failed"
-    CANCELED = "job.canceled"
-    EXPIRED = "job.expired"
 
 
 class _Body(BaseModel):

@@ -82,7 +82,7 @@ def build_glb(
         "nodes": [],
         "meshes": [],
     }
-    document = Document(root, "{}", None, b"")
+    document = Document(root, None, b"")
     materials: dict[tuple[str, Any], int] = {}
     for i, primitive in enumerate(primitives):
         written = _write(document, primitive)

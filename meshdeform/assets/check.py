@@ -13,12 +13,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+from collections import OrderedDict
 from dataclasses import asdict
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
-from meshdeform.assets.limits import CHECK_BASE_BYTES, CHECK_BYTES_PER_BYTE, Limits
+from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -28,11 +30,14 @@ from meshdeform.errors import (
     MeshdeformError,
     UnavailableError,
 )
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
-__all__ = ["bound_memory", "check_asset_subprocess", "check_memory", "has_area", "main"]
+__all__ = ["CheckedAssets", "bound_memory", "check_asset_subprocess", "has_area", "main"]
+
+_REMEMBERED = 512
 
 
 def check_asset_subprocess(
@@ -95,9 +100,41 @@ def check_asset_subprocess(
     return _summary(verdict["summary"])
 
 
-def check_memory(size: int) -> int:
-    """Address space, in bytes, that checking a file of `size` bytes may take."""
-    return CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size
+class CheckedAssets:
+    """Check files, each once: a studio posts one asset with many prompts.
+
+    Only what passed is remembered, by the SHA-256 of the bytes: neither the file nor the limits of a process change.
+
+    Parameters
+    ----------
+    limits : Limits
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._passed: OrderedDict[tuple[str, str], AssetSummary] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def check(self, path: Path, filename: str, sha256: str) -> AssetSummary:
+        """Check a file from its JSON to its last vertex, or remember that it passed.
+
+        Raises
+        ------
+        AssetError, DependencyError
+            What is wrong with it.
+        """
+        # The name's ending says how some formats are read.
+        known = (sha256, PurePath(filename).suffix.lower())
+        with self._lock:
+            if known in self._passed:
+                self._passed.move_to_end(known)
+                return self._passed[known]
+        summary = check_asset_subprocess(path, filename, self._limits)
+        with self._lock:
+            self._passed[known] = summary
+            if len(self._passed) > _REMEMBERED:
+                self._passed.popitem(last=False)
+        return summary
 
 
 def _verdict(stdout: bytes) -> dict[str, Any] | None:
@@ -162,13 +199,13 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def has_area(surface: Surface) -> bool:
-    """Whether any triangle spans a plane; a mesh of lines and points only would be accepted and then fail."""
+    """Return whether any triangle is one that the solve can use; it drops those that have collapsed."""
     import numpy as np
 
-    a, b, c = (surface.positions[surface.triangles[:, corner]] for corner in range(3))
-    cross = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.maximum(((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1))
-    return bool((cross > 1e-12 * longest).any())
+    corners = surface.positions[surface.triangles]
+    edges = np.roll(corners, -1, axis=1) - corners
+    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return bool((areas > COLLAPSED_SHAPE * (edges**2).sum(2).max(1)).any())
 
 
 def bound_memory(wanted: int) -> None:

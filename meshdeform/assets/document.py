@@ -1,4 +1,4 @@
-"""A glTF document in memory: JSON that keeps its order and text, buffers that are read and never changed.
+"""A glTF document in memory: JSON that keeps its order and values, buffers that are read and never changed.
 
 New data is only ever appended to the binary chunk, so what the file held is its exact prefix afterwards. Old
 accessors stay as they are: other primitives, morph bases and instances may share them.
@@ -29,9 +29,8 @@ _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 class Document:
     """One glTF document. `fork` gives an independent one to edit; `to_bytes` writes a GLB."""
 
-    def __init__(self, root: Json, source_json: str, binary: memoryview | None, rest: bytes) -> None:
+    def __init__(self, root: Json, binary: memoryview | None, rest: bytes) -> None:
         self.root = root
-        self._source_json = source_json
         self._binary = binary
         self._rest = rest
         self._appended: dict[int, bytes] = {}  # offset in the binary chunk -> data
@@ -48,8 +47,7 @@ class Document:
             layout = glb_layout(data, limits)
             text, rest = data[layout.json], data[layout.rest]
             binary = None if layout.binary is None else memoryview(data)[layout.binary]
-        root = parse_json(text, limits, keep_text=True)
-        return cls(root, text.rstrip(b"\0 \t\r\n").decode("utf-8"), binary, rest)
+        return cls(parse_json(text, limits), binary, rest)
 
     @property
     def binary_length(self) -> int | None:
@@ -58,7 +56,7 @@ class Document:
 
     def fork(self) -> Document:
         """Return a document that can be edited without changing this one; the bytes are shared."""
-        fork = Document(clone(self.root), self._source_json, self._binary, self._rest)
+        fork = Document(clone(self.root), self._binary, self._rest)
         fork._appended, fork._end = dict(self._appended), self._end
         fork._decoded = self._decoded
         return fork
@@ -164,7 +162,7 @@ class Document:
         for offset, data in self._appended.items():
             pieces += [b"\0" * (offset - end), data]
             end = offset + len(data)
-        return pack_glb(dump_json(self.root, self._source_json), pieces, self._rest)
+        return pack_glb(dump_json(self.root), pieces, self._rest)
 
 
 def decode_data_uri(uri: str, where: str) -> bytes:

@@ -10,7 +10,6 @@ from typing import Any
 
 from meshdeform.assets.container import GLB_MAGIC, Data, glb_layout
 from meshdeform.assets.fields import member, objects, text
-from meshdeform.assets.images import Read, check_images
 from meshdeform.assets.json_text import Json, parse_json
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import inspect_foreign
@@ -89,13 +88,7 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
         root, binary = parse_json(bytes(data[layout.json]), limits), layout.binary
     else:
         root = parse_json(bytes(data), limits)
-    summary = check_document(root, None if binary is None else binary.stop - binary.start, limits, kind)
-    check_images(root, None if binary is None else _reader(data, binary), limits)
-    return summary
-
-
-def _reader(data: Data, part: slice) -> Read:
-    return lambda at, count: bytes(data[part.start + at : min(part.start + at + count, part.stop)])
+    return check_document(root, None if binary is None else binary.stop - binary.start, limits, kind)
 
 
 def asset_format(data: Data, filename: str) -> str:

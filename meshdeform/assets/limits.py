@@ -40,8 +40,6 @@ class Limits:
         JSON can show a thousand primitives a thousand times.
     max_chunks : int
         Chunks of a GLB.
-    max_image_pixels, max_total_pixels : int
-        Pixels that one image decodes to, and all of them together.
     max_memory_bytes : int
         Address space of the process that decodes a file for the first time; a small file gets less.
     max_check_s : float
@@ -57,8 +55,6 @@ class Limits:
     max_json_depth: int = 128
     max_primitives: int = 100_000
     max_chunks: int = 1000
-    max_image_pixels: int = 8192 * 8192
-    max_total_pixels: int = 4 * 8192 * 8192
     max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20
     max_check_s: float = 30.0
 
@@ -75,8 +71,6 @@ class Limits:
             max_json_bytes=settings.max_json_bytes,
             max_accessor_elements=settings.max_accessor_elements,
             max_triangles=settings.max_triangles,
-            max_image_pixels=settings.max_image_pixels,
-            max_total_pixels=settings.max_total_pixels,
             max_memory_bytes=CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * settings.max_upload_bytes,
         )
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from meshdeform.serving.defaults import DEFAULT_URL
+
 if TYPE_CHECKING:
     from meshdeform.client import Client
 
-__all__ = ["DEFAULT_URL", "again", "connect", "read_key", "service_url"]
-
-DEFAULT_URL = "http://127.0.0.1:8765"
+__all__ = ["again", "connect", "read_key", "service_url"]
 
 
 def service_url(url: str | None) -> str:

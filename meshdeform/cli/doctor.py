@@ -14,6 +14,7 @@ from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
 from meshdeform.cli.output import emit, plain
+from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
     from meshdeform.cli.diagnosis.checks import Check, Finding, Patient
@@ -28,8 +29,8 @@ def doctor(
     data_dir: Annotated[
         Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
     ] = None,
-    host: Annotated[str, typer.Option(help="Where `serve` shall listen.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Its port.")] = 8765,
+    host: Annotated[str, typer.Option(help="Where `serve` shall listen.")] = DEFAULT_HOST,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Its port.")] = DEFAULT_PORT,
     timeout: Annotated[float, typer.Option(min=0.1, help="Seconds that one server may take to answer.")] = 5.0,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,

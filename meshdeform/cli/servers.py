@@ -17,17 +17,15 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
 from meshdeform.errors import ParameterError
+from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = ["api", "serve", "worker"]
 
-# The same as in meshdeform.serving.stack, which a command imports when it runs.
-_HOST, _PORT = "127.0.0.1", 8765
 _API_GRACE_S = 10
 _KEEP_ALIVE_S = 75
-_ACCESS_LOG = "service.access"  # service.http.middleware, which the library does not import
 
 _HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
 _PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
@@ -38,8 +36,8 @@ _NoAuthOption = Annotated[
 
 @clean_errors
 def serve(
-    host: _HostOption = _HOST,
-    port: _PortOption = _PORT,
+    host: _HostOption = DEFAULT_HOST,
+    port: _PortOption = DEFAULT_PORT,
     data_dir: Annotated[
         Path | None,
         typer.Option(help="Folder for everything that is kept (MESHDEFORM_DATA_DIR; default: meshdeform-data)."),
@@ -89,8 +87,8 @@ def serve(
 
 @clean_errors
 def api(
-    host: _HostOption = _HOST,
-    port: _PortOption = _PORT,
+    host: _HostOption = DEFAULT_HOST,
+    port: _PortOption = DEFAULT_PORT,
     access_log: Annotated[
         bool | None, typer.Option(help="Log every request; the default where MESHDEFORM_LOG_FORMAT is json.")
     ] = None,
@@ -103,7 +101,7 @@ def api(
     import uvicorn
 
     from meshdeform.serving.stack import listen
-    from meshdeform.support.logs import configure_logging
+    from meshdeform.support.logs import ACCESS_LOG, configure_logging
 
     _require_redis()
     settings = load_settings(auth="off" if no_auth else None)
@@ -119,7 +117,7 @@ def api(
         address, taken = listening.getsockname()[:2]
         emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
     if not (settings.log_format == "json" if access_log is None else access_log):
-        logging.getLogger(_ACCESS_LOG).setLevel(logging.WARNING)
+        logging.getLogger(ACCESS_LOG).setLevel(logging.WARNING)
     config = uvicorn.Config(
         "service.app:create_app",
         factory=True,

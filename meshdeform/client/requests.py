@@ -13,10 +13,10 @@ import httpx
 
 import meshdeform
 from meshdeform.client.commands import Answer, Call, Piece
+from meshdeform.serving.defaults import DEFAULT_URL
 
-__all__ = ["DEFAULT_URL", "Endpoint"]
+__all__ = ["Endpoint"]
 
-DEFAULT_URL = "http://127.0.0.1:8765"
 _CHUNK = 256 * 1024
 
 

@@ -6,6 +6,7 @@ import hashlib
 
 import httpx
 
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.client.commands import Answer, Call, Operation, Pause, Piece, Send
 from meshdeform.client.documents import UploadView, read
 from meshdeform.client.problems import error_of, unreachable
@@ -16,7 +17,6 @@ from meshdeform.errors import ConflictError, ForbiddenError, MeshdeformError
 __all__ = ["uploaded"]
 
 _PIECE = 8 * 2**20
-_MAX_FILENAME = 200
 
 
 def uploaded(file: LocalFile, key: str, policy: Policy) -> Operation[UploadView]:
@@ -36,7 +36,7 @@ def uploaded(file: LocalFile, key: str, policy: Policy) -> Operation[UploadView]
     MeshdeformError
         The service refuses.
     """
-    asked = {"filename": file.filename[-_MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
+    asked = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
     named = hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()
     answer = yield from answered(
         Call("POST", "/v1/uploads", headers={"Idempotency-Key": named}, document=asked), policy

@@ -15,6 +15,7 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.mesh import TriangleMesh
 
 __all__ = [
@@ -26,14 +27,6 @@ __all__ = [
     "sparse_product",
     "vertex_areas",
 ]
-
-COLLAPSED_SHAPE = 1e-5
-"""A face is collapsed when its area is at most this times its longest edge squared (an equilateral one has 0.433).
-
-Along a needle of shape s the energy weighs about s, across it 1 / (4 s): rounding errors of the one reach the other
-divided by 4 s^2, which leaves six digits here and none a hundredfold thinner. Relative to the face itself, so neither
-the object's unit nor the face's size in it matters.
-"""
 
 _Floats = NDArray[np.float64]
 

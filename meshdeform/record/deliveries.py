@@ -9,14 +9,12 @@ import sqlalchemy as sa
 from meshdeform.api.jobs import JobView
 from meshdeform.record.database import Database
 from meshdeform.record.ids import new_id
-from meshdeform.record.models import Event, EventType, Job
+from meshdeform.record.models import Event, Job, WebhookEvent
 from meshdeform.record.schema import deliveries, webhooks
 
-__all__ = ["WEBHOOK_EVENTS", "payload_of", "write_deliveries"]
+__all__ = ["payload_of", "write_deliveries"]
 
-_TOLD = tuple(happened for happened in EventType if happened not in (EventType.PROGRESS, EventType.CHECKPOINT))
-WEBHOOK_EVENTS = tuple(f"job.{happened}" for happened in _TOLD)
-"""What webhooks can be told of: everything but progress and checkpoints, which are many."""
+_TYPES = frozenset(event.value for event in WebhookEvent)
 
 
 def payload_of(job: Job, event: Event) -> dict[str, Any]:
@@ -30,7 +28,7 @@ def payload_of(job: Job, event: Event) -> dict[str, Any]:
 
 def write_deliveries(connection: sa.Connection, database: Database, job: Job, event: Event) -> None:
     """Write a message for every webhook of the job's owner that wants to hear of the event."""
-    if event.type not in _TOLD:
+    if f"job.{event.type}" not in _TYPES:
         return
     listening = sa.select(webhooks.c.id, webhooks.c.events).where(
         webhooks.c.owner_id == job.owner_id, webhooks.c.disabled_at.is_(None)

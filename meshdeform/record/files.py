@@ -7,7 +7,8 @@ look and a removal no request can slip in that counts on the bytes being there.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 
 import sqlalchemy as sa
 
@@ -15,7 +16,7 @@ from meshdeform.errors import UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.schema import files, jobs, uploads
 
-__all__ = ["FileLedger"]
+__all__ = ["FileLeases", "FileLedger"]
 
 _PIN_LASTS_S = 3600.0
 """A pin that is older belongs to a request whose process died."""
@@ -25,11 +26,43 @@ _BEING_REMOVED = -1
 _WAIT_S, _LOOK_EVERY_S = 30.0, 0.05
 
 
+class FileLeases:
+    """Pins of one request, given back where it ends without a job; made by `FileLedger.leases`."""
+
+    def __init__(self, files: FileLedger) -> None:
+        self._files = files
+        self._keys: list[str] = []
+
+    def take(self, key: str) -> None:
+        """Pin a file, once."""
+        if key not in self._keys:
+            self._files.pin(key)
+            self._keys.append(key)
+
+    def passed_on(self, keys: Collection[str]) -> None:
+        """Let go of files that a recorded job keeps now."""
+        self._keys = [key for key in self._keys if key not in keys]
+
+    def give_back(self) -> None:
+        """Give back what nobody took over."""
+        if self._keys:
+            self._files.unpin(self._keys)
+
+
 class FileLedger:
     """Pins and references of stored files, by key."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
+
+    @contextmanager
+    def leases(self) -> Iterator[FileLeases]:
+        """Pin files while a request makes a job of them."""
+        leases = FileLeases(self)
+        try:
+            yield leases
+        finally:
+            leases.give_back()
 
     def pin(self, key: str) -> None:
         """Keep the file: a job that needs it is about to be made. Waits while it is just being removed.

@@ -6,28 +6,19 @@ Source: the IETF draft "The Idempotency-Key HTTP Header Field", with its three r
 from __future__ import annotations
 
 import secrets
-from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
 from meshdeform.errors import IdempotencyBusyError, IdempotencyMismatchError
 from meshdeform.record.database import Database
+from meshdeform.record.models import Claim
 from meshdeform.record.schema import idempotency
 
-__all__ = ["Claim", "IdempotencyLedger"]
+__all__ = ["IdempotencyLedger"]
 
 _HELD_S = 120.0
 """Longer than any request takes. A request whose process died gives its key free after that."""
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A key that this request holds."""
-
-    owner_id: str
-    key: str
-    token: str
 
 
 class IdempotencyLedger:

@@ -10,12 +10,13 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.requests.document import DeformParams, JobKind, JobRequest
+from meshdeform.requests.document import DeformParams, JobKind, JobRequest, ResolvedParams
 
 __all__ = [
     "TERMINAL_STATES",
     "Artifact",
     "CheckpointRef",
+    "Claim",
     "Event",
     "EventType",
     "Job",
@@ -27,6 +28,7 @@ __all__ = [
     "Page",
     "Progress",
     "StoredFile",
+    "WebhookEvent",
 ]
 
 
@@ -68,6 +70,19 @@ class EventType(StrEnum):
     def terminal(self) -> bool:
         """Whether it is the job's last event."""
         return self in {EventType(state.value) for state in TERMINAL_STATES}
+
+
+class WebhookEvent(StrEnum):
+    """What a webhook can be told of: everything but progress and checkpoints, which are many."""
+
+    QUEUED = "job.queued"
+    STARTED = "job.started"
+    RECOVERED = "job.recovered"
+    CANCELING = "job.canceling"
+    SUCCEEDED = "job.succeeded"
+    FAILED = "job.failed"
+    CANCELED = "job.canceled"
+    EXPIRED = "job.expired"
 
 
 class OriginMode(StrEnum):
@@ -192,6 +207,8 @@ class Job(_Frozen):
     id: str
     state: JobState
     request: JobRequest
+    resolved: dict[str, Any] | None = None
+    """The parameters that run, as `ResolvedParams` dumps them; None for jobs of older versions."""
     asset: StoredFile
     target: StoredFile | None = None
     error: JobError | None = None
@@ -232,6 +249,15 @@ class Job(_Frozen):
 
 
 @dataclass(frozen=True)
+class Claim:
+    """An idempotency key that a request holds."""
+
+    owner_id: str
+    key: str
+    token: str
+
+
+@dataclass(frozen=True)
 class NewJob:
     """What a new job is made of.
 
@@ -250,6 +276,10 @@ class NewJob:
         Unfinished jobs that the owner may have with this one; 0: any number.
     request_id, traceparent : str, optional
         The HTTP request that made it, for logs and traces.
+    resolved : ResolvedParams, optional
+        What the request's parameters came to when they were checked.
+    claim : Claim, optional
+        The idempotency key of the HTTP request; its answer is written with the job.
     """
 
     request: JobRequest
@@ -261,6 +291,8 @@ class NewJob:
     max_active: int = 0
     request_id: str | None = None
     traceparent: str | None = None
+    resolved: ResolvedParams | None = None
+    claim: Claim | None = None
 
 
 @dataclass(frozen=True)

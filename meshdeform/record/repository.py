@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import base64
 import secrets as random
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import sqlalchemy as sa
 
+from meshdeform.api.jobs import accepted
 from meshdeform.errors import ConflictError, TooManyJobsError
 from meshdeform.record import rows
 from meshdeform.record.changes import find_job
@@ -86,17 +87,13 @@ class JobRecord(WorkerSide, Upkeep):
         with self._database.read() as connection:
             connection.execute(sa.select(jobs.c.id).limit(1))
 
-    def create(self, new: NewJob, *, also: Callable[[sa.Connection, Job], None] | None = None) -> Job:
+    def create(self, new: NewJob) -> Job:
         """Record a new job, queued. Its files must be stored by now; their pins, if any, become references.
-
-        Parameters
-        ----------
-        new : NewJob
-        also : callable, optional
-            Does more in the same transaction; what it raises undoes the job.
 
         Raises
         ------
+        IdempotencyBusyError
+            Another request has taken over the key that `new.claim` holds.
         TooManyJobsError
             The owner has as many unfinished jobs as it may.
         """
@@ -112,8 +109,8 @@ class JobRecord(WorkerSide, Upkeep):
                 connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
             change.tell(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
-            if also is not None:
-                also(connection, job)
+            if new.claim is not None:
+                self.idempotency.complete(new.claim, accepted(job), connection)
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:

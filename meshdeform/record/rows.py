@@ -20,12 +20,14 @@ from meshdeform.record.models import (
     StoredFile,
 )
 from meshdeform.record.schema import jobs
-from meshdeform.requests.document import read_stored
+from meshdeform.requests.document import JobRequest, read_stored
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job"]
 
 Row = sa.Row[Any]
 
+# A document may say more, such as where its files come from.
+_REQUEST = set(JobRequest.model_fields)
 OWNED = (JobState.RUNNING, JobState.CANCELING)
 """The states in which a worker has the job."""
 
@@ -47,7 +49,8 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "workload": request.workload,
         "state": JobState.QUEUED,
         # As it was written: what the user left out may get another default in a later version.
-        "request": request.model_dump(mode="json", exclude_unset=True),
+        "request": request.model_dump(mode="json", exclude_unset=True, include=_REQUEST),
+        "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
         "asset_key": new.asset.key,
         "asset": new.asset.model_dump(),
         "target_key": target.key if target else None,
@@ -79,6 +82,7 @@ def job(row: Row) -> Job:
         id=row.id,
         state=JobState(row.state),
         request=read_stored(row.request),
+        resolved=row.resolved,
         asset=StoredFile.model_validate(row.asset),
         target=StoredFile.model_validate(row.target) if row.target else None,
         error=JobError.model_validate(row.error) if row.error else None,

@@ -66,7 +66,7 @@ class OutputOptions(StrictModel):
     usd: bool = Field(
         False,
         description="Also write `result.usdz`, the result for AR viewers and USD pipelines. Needs the extra `usd` "
-        "where the job runs; without it the job fails before its first step, with `dependency_missing`.",
+        "where jobs run; a server without it refuses the request.",
         examples=[False],
     )
 

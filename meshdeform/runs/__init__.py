@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from meshdeform.requests.document import JobKind, JobRequest
+from meshdeform.errors import ParameterError
+from meshdeform.requests.document import JobKind, JobRequest, ResolvedParams
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
 __all__ = ["check_request"]
 
 
-def check_request(request: JobRequest, settings: Settings, *, has_target: bool) -> None:
-    """Refuse a request that no worker of this deployment could run. Torch-free.
+def check_request(request: JobRequest, settings: Settings, *, has_target: bool) -> ResolvedParams:
+    """Refuse a request that no worker of this deployment could run; return what its parameters come to. Torch-free.
 
     Parameters
     ----------
@@ -31,13 +32,20 @@ def check_request(request: JobRequest, settings: Settings, *, has_target: bool) 
     ModelError
         The model is not one of this deployment's, or not on this machine.
     """
-    _CHECKS[request.kind](request, settings, has_target)
+    if request.output.usd and not settings.writes_usd:
+        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
+        raise ParameterError(
+            detail,
+            advice="Leave output.usd out. Whoever runs the service can install the extra `usd` and set MESHDEFORM_USD.",
+            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
+        )
+    return _CHECKS[request.kind](request, settings, has_target)
 
 
-def _check_text_deform(request: JobRequest, settings: Settings, has_target: bool) -> None:
+def _check_text_deform(request: JobRequest, settings: Settings, has_target: bool) -> ResolvedParams:
     from meshdeform.runs import text_deform_check
 
-    text_deform_check.check(
+    return text_deform_check.check(
         request,
         default_model=settings.model,
         allowed_models=settings.allowed_models,
@@ -46,4 +54,6 @@ def _check_text_deform(request: JobRequest, settings: Settings, has_target: bool
     )
 
 
-_CHECKS: Mapping[JobKind, Callable[[JobRequest, Settings, bool], None]] = {JobKind.TEXT_DEFORM: _check_text_deform}
+_CHECKS: Mapping[JobKind, Callable[[JobRequest, Settings, bool], ResolvedParams]] = {
+    JobKind.TEXT_DEFORM: _check_text_deform
+}

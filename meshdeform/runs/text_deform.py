@@ -51,6 +51,8 @@ def start(
     default_model: str = BUILTIN_MODEL,
     limits: Limits | None = None,
     device: str = "cpu",
+    asset_sha256: str | None = None,
+    resolved: ResolvedParams | None = None,
 ) -> TextDeformRun:
     """Read the asset and get ready to run.
 
@@ -71,6 +73,10 @@ def start(
     limits : Limits, optional
     device : str
         Where views are drawn and the prior runs.
+    asset_sha256 : str, optional
+        SHA-256 of the asset, where it is known.
+    resolved : ResolvedParams, optional
+        The request's parameters as they were resolved when it was accepted; resolved here unless given.
 
     Raises
     ------
@@ -82,7 +88,8 @@ def start(
     if request.output.usd:
         require_usd()
     clock = PhaseClock()
-    params = resolve(request.params, default_model=default_model)
+    params = resolved or resolve(request.params, default_model=default_model)
+    asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
         loaded = load_asset(asset, filename, limits)
         if request.output.usd:
@@ -96,13 +103,13 @@ def start(
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
-            asset=sha256_hex(asset),
+            asset=asset_sha256,
             guidance=guidance.identity,
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
-        shape = load_shape(initial, sha256_hex(asset)) if initial is not None else None
+        shape = load_shape(initial, asset_sha256) if initial is not None else None
         deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state, initial=shape)
-    facts = RunFacts(request, params, sha256_hex(asset), len(asset), filename, guidance.identity, run, device)
+    facts = RunFacts(request, params, asset_sha256, len(asset), filename, guidance.identity, run, device)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock)
 
 
@@ -202,11 +209,13 @@ class TextDeformRun:
         with self._clock.phase("write"):
             positions, normals, tangents = self._surface(verts)
             result = self._asset.replace(positions, normals, tangents)
+            # Not the arrays that were just written: the report is to say what a reader of the file finds.
+            written = read_result(result)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph:
                 morph = self._asset.replace(positions, normals, tangents, morph=True)
                 artifacts["morph.glb"] = ArtifactData(morph, _GLB)
-            usdz = write_usdz(read_result(result).scene()) if self._facts.request.output.usd else None
+            usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             artifacts["preview.png"] = ArtifactData(preview_png(rest.verts, verts, rest.faces), "image/png")
@@ -216,6 +225,7 @@ class TextDeformRun:
             welded=self._welded,
             verts=verts,
             result=result,
+            written=written,
             usdz=usdz,
             history=self._history,
             first_step=self._first_step,

@@ -7,7 +7,7 @@ from typing import Any
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors import check_model
-from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, resolve
+from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 
 __all__ = ["check"]
 
@@ -19,8 +19,8 @@ def check(
     allowed_models: Sequence[str] = (),
     revision: str = "",
     has_target: bool = False,
-) -> None:
-    """Refuse a request that could not run.
+) -> ResolvedParams:
+    """Refuse a request that could not run; return its parameters as they would run.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ def check(
         The model is not allowed, or not there.
     """
     params = request.params
-    resolve(params, default_model=default_model)
+    resolved = resolve(params, default_model=default_model)
     if params.guidance is GuidanceKind.TARGET:
         if not has_target:
             raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
-        return
+        return resolved
     if has_target:
         raise _refusal(
             "guidance",
@@ -70,7 +70,7 @@ def check(
                 # The same error, that also says which of the two texts it is about.
                 error.extra |= _at("negative_prompt", error.detail)
                 raise
-        return
+        return resolved
     if model != default_model and model not in allowed_models:
         known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
         raise ModelError(
@@ -79,6 +79,7 @@ def check(
             models=known,
         )
     check_model(model, revision if model == default_model else "")
+    return resolved
 
 
 def _refusal(name: str, detail: str, advice: str) -> ParameterError:

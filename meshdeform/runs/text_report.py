@@ -1,4 +1,4 @@
-"""The report of a `text_deform` run; what it says of the mesh is measured on the written file, read back."""
+"""The report of a `text_deform` run; what it says was kept is compared with the written file, read back."""
 
 from __future__ import annotations
 
@@ -52,6 +52,7 @@ def build_report(
     welded: WeldedMesh,
     verts: Tensor,
     result: bytes,
+    written: Asset,
     usdz: Usdz | None = None,
     history: LossHistory,
     first_step: int,
@@ -68,7 +69,9 @@ def build_report(
     verts : (V, 3) float64
         Deformed welded positions in the world.
     result : bytes
-        `result.glb`, read back here for the invariants.
+        `result.glb`.
+    written : Asset
+        The same, read back: a mistake of the writer shows only there.
     usdz : Usdz, optional
         `result.usdz`, where it was asked for.
     history : LossHistory
@@ -78,7 +81,7 @@ def build_report(
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
-        invariants = _invariants(asset, read_result(result))
+        invariants = _invariants(asset, written)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,

@@ -18,16 +18,15 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from meshdeform.errors import UnavailableError
+from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 from meshdeform.serving.directory_lock import DirectoryLock
 from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
 from meshdeform.serving.redis_server import RedisServer
 from meshdeform.settings import Settings
 from meshdeform.support.logs import PART, json_line
 
-__all__ = ["DEFAULT_HOST", "DEFAULT_PORT", "Stack", "listen"]
+__all__ = ["Stack", "listen"]
 
-DEFAULT_HOST = "127.0.0.1"
-DEFAULT_PORT = 8765
 STOP_GRACE_S = 40.0
 """What the worker gets to write a checkpoint; its supervisor gives it less, so this is never cut short from here."""
 

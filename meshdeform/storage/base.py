@@ -37,8 +37,8 @@ class StoredObject:
 class Backend(Protocol):
     """A kind of object store. Keys are checked before they come here."""
 
-    def ping(self) -> None:
-        """Return when the store answers."""
+    def ping(self, timeout_s: float | None = None) -> None:
+        """Return when the store answers; UnavailableError where it does not within the time."""
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:
         """Store the bytes of a file, durably, all at once."""
@@ -61,8 +61,8 @@ class Backend(Protocol):
     def delete_folder(self, folder: str) -> None:
         """Remove every object below a folder."""
 
-    def presign(self, method: str, key: str, expires_s: int, answer: dict[str, str]) -> str | None:
-        """A URL for `method`, with the headers that S3 shall answer with; None where there are none."""
+    def presign(self, method: str, key: str, expires_s: int) -> str | None:
+        """Return a URL for `method`; None where the store has no URLs."""
 
 
 def is_key(text: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,7 +12,6 @@ from typing import Any, BinaryIO
 
 from meshdeform.errors import DependencyError, NotFoundError, UnavailableError
 from meshdeform.storage.base import is_key
-from meshdeform.storage.presigned import with_answer_headers
 
 __all__ = ["Bucket"]
 
@@ -67,19 +67,29 @@ class Bucket:
                 advice="Correct MESHDEFORM_STORAGE_URL or what it needs.",
             ) from error
 
-    def ping(self) -> None:
+    def ping(self, timeout_s: float | None = None) -> None:
         """Return when the bucket can be listed."""
+        found = self._api.list(self._store, prefix="ping", chunk_size=1)
         with self._errors("the bucket", absent=UnavailableError):
-            next(iter(self._api.list(self._store, prefix="ping", chunk_size=1)), None)
+            if timeout_s is None:
+                next(iter(found), None)
+                return
+            # The store's own limits hold for every request; a shorter one for this request needs a loop.
+            asyncio.run(asyncio.wait_for(_first(found), timeout_s))
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:
-        """In one request, or from 8 MiB on in parts, which become the object all at once."""
+        """In one request, or from 8 MiB on in parts, which become the object all at once.
+
+        Whoever reads the object by a signed URL gets the name with it: signed URLs carry no headers of our choice.
+        """
+        # A key holds nothing that would have to be escaped here.
+        disposition = f'attachment; filename="{key.rpartition("/")[2]}"'
         with self._errors(key, absent=UnavailableError):
             self._api.put(
                 self._store,
                 key,
                 source,
-                attributes={"Content-Type": content_type},
+                attributes={"Content-Type": content_type, "Content-Disposition": disposition},
                 chunk_size=_PART,
                 max_concurrency=_AT_A_TIME,
             )
@@ -148,15 +158,12 @@ class Bucket:
                 if paths := [entry["path"] for entry in batch]:
                     self._api.delete(self._store, paths)
 
-    def presign(self, method: str, key: str, expires_s: int, answer: dict[str, str]) -> str | None:
+    def presign(self, method: str, key: str, expires_s: int) -> str | None:
         """A URL that the store itself honours; none from the memory."""
         if isinstance(self._store, self._api.store.MemoryStore | self._api.store.HTTPStore):
             return None
         with self._errors(key):
-            url = str(self._api.sign(self._signing, method, key, timedelta(seconds=expires_s)))
-        if isinstance(self._store, self._api.store.S3Store):
-            return with_answer_headers(url, method, answer, os.environ.get("AWS_SECRET_ACCESS_KEY"))
-        return url
+            return str(self._api.sign(self._signing, method, key, timedelta(seconds=expires_s)))
 
     @contextmanager
     def _errors(self, what: str, absent: type[NotFoundError | UnavailableError] = NotFoundError) -> Iterator[None]:
@@ -178,6 +185,11 @@ class Bucket:
             ) from error
         except (self._api.exceptions.BaseError, OSError, ValueError) as error:
             raise UnavailableError(f"The object store does not answer ({type(error).__name__}).") from error
+
+
+async def _first(found: Any) -> None:
+    async for _ in found:
+        return
 
 
 def _client_settings(url: str, environment: Mapping[str, str]) -> dict[str, Any]:

@@ -41,7 +41,7 @@ class Folder:
                     if time.time() - left_over.stat().st_mtime > _PARTIAL_KEPT_S:
                         left_over.unlink()
 
-    def ping(self) -> None:
+    def ping(self, timeout_s: float | None = None) -> None:  # noqa: ARG002
         """Return when the folder is there."""
         with file_errors("the folder"):
             os.stat(self._partial)  # noqa: PTH116 - a missing folder must raise, which `exists` does not
@@ -114,7 +114,7 @@ class Folder:
         with file_errors(folder), suppress(FileNotFoundError):
             shutil.rmtree(self.root / folder)
 
-    def presign(self, method: str, key: str, expires_s: int, answer: dict[str, str]) -> str | None:  # noqa: ARG002
+    def presign(self, method: str, key: str, expires_s: int) -> str | None:  # noqa: ARG002
         """Nobody serves the folder but the API, which signs for itself."""
         return None
 

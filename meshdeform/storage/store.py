@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from meshdeform.errors import MeshdeformError, NotFoundError, RequestError, UnavailableError
+from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, file_errors, measured, parts_of
 from meshdeform.storage.bucket import Bucket
 from meshdeform.storage.folder import Folder
@@ -52,9 +52,15 @@ class ObjectStore:
             self._backend = folder = Folder(Path(text.removeprefix("file://")))
             self._uploads = UploadArea(folder.root)
 
-    def ping(self) -> None:
-        """Return when the store answers."""
-        self._backend.ping()
+    def ping(self, timeout_s: float | None = None) -> None:
+        """Return when the store answers. Not to be called on an event loop.
+
+        Parameters
+        ----------
+        timeout_s : float, optional
+            Seconds after which it counts as away; as patient as every other method unless given.
+        """
+        self._backend.ping(timeout_s)
 
     def put(
         self,
@@ -62,7 +68,7 @@ class ObjectStore:
         data: bytes | Path,
         content_type: str = "application/octet-stream",
         *,
-        sha256: str | None = None,
+        known: StoredObject | None = None,
     ) -> StoredObject:
         """Store bytes, or the bytes of a file, in place of what was there. Durable when it returns.
 
@@ -73,21 +79,12 @@ class ObjectStore:
             A file is streamed; it must not change meanwhile.
         content_type : str
             Kept where the store can.
-        sha256 : str, optional
-            What the bytes should be; nothing is stored where they are not.
-
-        Raises
-        ------
-        RequestError
-            The bytes are not those of `sha256`.
+        known : StoredObject, optional
+            Size and digest, where they were measured before; the bytes are read once then.
         """
         check_key(key)
         with _opened(data) as source:
-            found = measured(parts_of(source))
-            if sha256 is not None and sha256.lower() != found.sha256:
-                raise RequestError(
-                    f"The bytes have the SHA-256 {found.sha256}, not {sha256}.", advice="Send the file again."
-                )
+            found = known or measured(parts_of(source))
             source.seek(0)
             self._backend.put(key, source, content_type)
         return found
@@ -224,10 +221,10 @@ class ObjectStore:
         check_key(prefix.removesuffix("/"))
         self._backend.delete_folder(prefix.removesuffix("/"))
 
-    def presign_get(
-        self, key: str, expires_s: int, *, filename: str | None = None, content_type: str | None = None
-    ) -> str | None:
+    def presign_get(self, key: str, expires_s: int) -> str | None:
         """A URL that lets its bearer read an object, straight from the store.
+
+        The answer carries what `put` stored beside the bytes: the type, and the last part of the key as the name.
 
         Parameters
         ----------
@@ -235,21 +232,13 @@ class ObjectStore:
             Not looked up.
         expires_s : int
             1 second to 7 days.
-        filename, content_type : str, optional
-            What the answer shall call the file. Only S3 with a key pair in the environment can carry them; elsewhere
-            the name is the last part of the key, and the type what `put` was given.
 
         Returns
         -------
         str or None
             None: the store has no URLs of its own (a folder); sign one with `sign_path`.
         """
-        answer = {}
-        if filename is not None:
-            answer["response-content-disposition"] = f'attachment; filename="{_plain(filename)}"'
-        if content_type is not None:
-            answer["response-content-type"] = content_type
-        return self._presign("GET", key, expires_s, answer)
+        return self._presign("GET", key, expires_s)
 
     def presign_put(self, key: str, expires_s: int) -> str | None:
         """A URL that lets its bearer write an object, straight to the store.
@@ -263,13 +252,13 @@ class ObjectStore:
         str or None
             As for `presign_get`.
         """
-        return self._presign("PUT", key, expires_s, {})
+        return self._presign("PUT", key, expires_s)
 
-    def _presign(self, method: str, key: str, expires_s: int, answer: dict[str, str]) -> str | None:
+    def _presign(self, method: str, key: str, expires_s: int) -> str | None:
         check_key(key)
         if not 1 <= expires_s <= _SIGNED_S:
             raise ValueError(f"a signed URL lives 1 to {_SIGNED_S} seconds, not {expires_s}")
-        return self._backend.presign(method, key, expires_s, answer)
+        return self._backend.presign(method, key, expires_s)
 
     @property
     def appends(self) -> bool:
@@ -333,10 +322,6 @@ class ObjectStore:
         """Forget an upload; nothing happens where there is none."""
         self._area().discard(upload_id)
 
-    def discard_stale_appends(self, older_than_s: float) -> int:
-        """Forget the uploads that nothing was added to for so long, in seconds; how many they were."""
-        return self._area().discard_stale(older_than_s)
-
     def _area(self) -> UploadArea:
         if self._uploads is None:
             raise NotImplementedError(
@@ -358,10 +343,3 @@ def _written(parts: Iterator[bytes], file: BinaryIO) -> Iterator[bytes]:
     for part in parts:
         file.write(part)
         yield part
-
-
-def _plain(filename: str) -> str:
-    # Into a quoted string of a header: nothing that ends it or begins another line.
-    return "".join(
-        letter if letter.isascii() and letter.isprintable() and letter not in '"\\' else "_" for letter in filename
-    )

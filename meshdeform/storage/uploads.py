@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -81,17 +80,6 @@ class UploadArea:
         """Forget what has arrived."""
         with file_errors("such upload"):
             self._path(upload_id).unlink(missing_ok=True)
-
-    def discard_stale(self, older_than_s: float) -> int:
-        """Forget the uploads that nothing was added to for so long; how many they were."""
-        removed = 0
-        with file_errors("the uploads"), suppress(FileNotFoundError):
-            for path in list(self._area.iterdir()):
-                with suppress(FileNotFoundError):
-                    if time.time() - path.stat().st_mtime > older_than_s:
-                        path.unlink()
-                        removed += 1
-        return removed
 
     def _path(self, upload_id: str) -> Path:
         if not is_key(upload_id) or "/" in upload_id:

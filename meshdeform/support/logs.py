@@ -21,10 +21,13 @@ from typing import Any, ParamSpec, TypeVar
 
 from meshdeform.settings import Settings
 
-__all__ = ["PART", "bound", "carried", "configure_logging", "job_id", "json_line", "request_id"]
+__all__ = ["ACCESS_LOG", "PART", "bound", "carried", "configure_logging", "job_id", "json_line", "request_id"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+ACCESS_LOG = "service.access"
+"""The logger that gets a line for each HTTP request; above INFO none is written."""
 
 PART = "MESHDEFORM_PART"
 """The variable that tells a child of `serve` its name. No setting: nobody else sets it."""

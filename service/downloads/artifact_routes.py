@@ -22,7 +22,7 @@ from service.downloads.responses import (
 )
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.state import PartsDep
+from service.state import AppStateDep
 
 __all__ = ["router"]
 
@@ -49,9 +49,9 @@ _Name = Annotated[
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_artifacts(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
+def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
     """They come all at once, when the job has succeeded, and never change."""
-    found = [ArtifactView.of(artifact, id) for artifact in parts.record.artifacts(id, principal.owner_id)]
+    found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, principal.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 
 
@@ -71,16 +71,16 @@ def list_artifacts(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Respo
 )
 def get_artifact(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     owner: ReaderDep,
     id: JobId,  # noqa: A002
     name: _Name,
     conditions: ConditionsDep,
 ) -> Response:
     """Streamed, whole or one range, so a broken download can go on. A signed URL needs no API key."""
-    artifact = _find(parts.record.artifacts(id, owner), name)
+    artifact = _find(app.record.artifacts(id, owner), name)
     found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, parts, found, conditions)
+    return download(request, app, found, conditions)
 
 
 @router.post(
@@ -92,10 +92,10 @@ def get_artifact(
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def sign_artifact(parts: PartsDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
+def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
     """For browsers, viewers and programs that carry no key: whoever has the URL may read this one artifact."""
-    artifact = _find(parts.record.artifacts(id, principal.owner_id), name)
-    found = signed_url(parts, f"/v1/jobs/{id}/artifacts/{name}", artifact)
+    artifact = _find(app.record.artifacts(id, principal.owner_id), name)
+    found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
     return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 

@@ -14,7 +14,7 @@ from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
@@ -33,9 +33,9 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_checkpoints(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
+def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
     """In any state of the job. The newest ones are kept; older ones give way."""
-    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(parts, id, principal.owner_id)]
+    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, principal.owner_id)]
     return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
 
 
@@ -49,20 +49,20 @@ def list_checkpoints(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Res
 )
 def get_checkpoint_mesh(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002
     step: _Step,
     conditions: ConditionsDep,
 ) -> Response:
     """The asset as it was at that step: look at a job before it is over. Streamed like an artifact."""
-    checkpoints = _checkpoints(parts, id, principal.owner_id)
+    checkpoints = _checkpoints(app, id, principal.owner_id)
     for found in checkpoints:
         if found.step == step and found.mesh_key is not None:
             assert found.mesh_size is not None
             assert found.mesh_sha256 is not None
             mesh = Download(found.mesh_key, f"step-{step:06d}.glb", _GLB, found.mesh_size, found.mesh_sha256)
-            return download(request, parts, mesh, conditions)
+            return download(request, app, mesh, conditions)
     steps = [found.step for found in checkpoints if found.mesh_key is not None]
     raise NotFoundError(
         f"The job has no mesh of step {step}.",
@@ -71,10 +71,10 @@ def get_checkpoint_mesh(
     )
 
 
-def _checkpoints(parts: Parts, job_id: str, owner: str) -> list[CheckpointRef]:
+def _checkpoints(app: AppState, job_id: str, owner: str) -> list[CheckpointRef]:
     """By step; where two attempts stored the same step, that of the newer one."""
-    parts.record.get(job_id, owner)
+    app.record.get(job_id, owner)
     found: dict[int, CheckpointRef] = {}
-    for checkpoint in parts.record.checkpoints(job_id):
+    for checkpoint in app.record.checkpoints(job_id):
         found.setdefault(checkpoint.step, checkpoint)
     return [found[step] for step in sorted(found)]

@@ -22,7 +22,7 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import principal
 from service.http.errors import problem_responses
 from service.http.ranges import matches, requested_range
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 __all__ = [
     "OPEN_TO_SIGNED",
@@ -144,7 +144,7 @@ def _disposition(name: str) -> str:
     return header if plain == name else f"{header}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
-def download(request: Request, parts: Parts, found: Download, conditions: Conditions) -> Response:
+def download(request: Request, app: AppState, found: Download, conditions: Conditions) -> Response:
     """Return the answer: the bytes, some of them, or that the client has them.
 
     Raises
@@ -169,35 +169,35 @@ def download(request: Request, parts: Parts, found: Download, conditions: Condit
     if request.method == "HEAD":
         return Response(status_code=status, headers=headers, media_type=found.content_type)
     # Opened here: an object that is not there is an error before the first byte.
-    content = parts.store.stream(found.key, start, end, _CHUNK)
+    content = app.store.stream(found.key, start, end, _CHUNK)
     return StreamingResponse(content, status, headers, found.content_type)
 
 
-def signed_url(parts: Parts, path: str, artifact: Artifact) -> SignedUrl:
+def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
     """Return a URL that lets its bearer read an artifact: the bucket's own, or one of this server.
 
     Parameters
     ----------
-    parts : Parts
+    app : AppState
     path : str
         Where this server has it.
     artifact : Artifact
     """
-    lifetime_s = min(int(parts.settings.signed_url_ttl_s), _LONGEST_S)
+    lifetime_s = min(int(app.settings.signed_url_ttl_s), _LONGEST_S)
     # Before the signature is made, so that it is valid for at least as long as the answer says.
     until = int(time.time()) + lifetime_s
-    url = parts.store.presign_get(artifact.key, lifetime_s, filename=artifact.name, content_type=artifact.content_type)
+    url = app.store.presign_get(artifact.key, lifetime_s)
     if url is None:
-        url = f"{path}?{sign_path('GET', path, until, parts.record.secret(_KEY_NAME))}"
+        url = f"{path}?{sign_path('GET', path, until, app.record.secret(_KEY_NAME))}"
     return SignedUrl(url=url, expires_at=datetime.fromtimestamp(until, UTC))
 
 
-async def _reader(request: Request, parts: PartsDep) -> str | None:
+async def _reader(request: Request, app: AppStateDep) -> str | None:
     """Whose bytes a request may read: those of its key's owner, or the one thing that its URL is signed for."""
     query = request.url.query
     if "signature" not in request.query_params and "expires" not in request.query_params:
         return (await principal(request, None)).owner_id
-    secret = await to_thread.run_sync(parts.record.secret, _KEY_NAME)
+    secret = await to_thread.run_sync(app.record.secret, _KEY_NAME)
     # HEAD is GET without the bytes: who may read may ask how many there are.
     verify_path("GET", request.scope["path"], query, secret)
     return None

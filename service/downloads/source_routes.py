@@ -13,7 +13,7 @@ from meshdeform.record.models import StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
@@ -36,14 +36,14 @@ _HEAD_BYTES = 64
 )
 def get_asset(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     conditions: ConditionsDep,
 ) -> Response:
     """The file as it was sent, in any state of the job. Streamed like an artifact."""
-    job = parts.record.get(id, principal.owner_id)
-    return download(request, parts, _sent(parts, job.asset), conditions)
+    job = app.record.get(id, principal.owner_id)
+    return download(request, app, _sent(app, job.asset), conditions)
 
 
 @router.head("/target", include_in_schema=False)
@@ -56,27 +56,27 @@ def get_asset(
 )
 def get_target(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002
     conditions: ConditionsDep,
 ) -> Response:
     """The second mesh of `target` guidance, likewise; `404` where the job has none."""
-    job = parts.record.get(id, principal.owner_id)
+    job = app.record.get(id, principal.owner_id)
     if job.target is None:
         raise NotFoundError("The job has no target.", advice="Only jobs with `target` guidance have one.")
-    return download(request, parts, _sent(parts, job.target), conditions)
+    return download(request, app, _sent(app, job.target), conditions)
 
 
-def _sent(parts: Parts, file: StoredFile) -> Download:
-    return Download(file.key, file.filename, _content_type(parts, file), file.size, file.sha256)
+def _sent(app: AppState, file: StoredFile) -> Download:
+    return Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
 
 
-def _content_type(parts: Parts, file: StoredFile) -> str:
+def _content_type(app: AppState, file: StoredFile) -> str:
     """By the rule that took the file in: its first bytes, then its name."""
     if file.filename.lower().endswith(".glb"):
         return _TYPES["glb"]  # what is named so and is something else is refused
-    head: Iterator[bytes] = parts.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
+    head: Iterator[bytes] = app.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
     try:
         return _TYPES[asset_format(b"".join(head), file.filename)]
     except AssetFormatError:

@@ -10,11 +10,14 @@ import asyncio
 import contextlib
 import logging
 import resource
+import signal
+import threading
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from typing import TypeVar, TypeVarTuple
+from types import FrameType
+from typing import Any, TypeVar, TypeVarTuple
 
 import anyio
 from anyio import CancelScope, CapacityLimiter, to_thread
@@ -22,7 +25,7 @@ from anyio import CancelScope, CapacityLimiter, to_thread
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.events import Head
 
-__all__ = ["MOST_HELD_OF_ONE", "Hub", "most_held"]
+__all__ = ["MOST_HELD_OF_ONE", "JobWaiters", "most_held", "on_termination"]
 
 MOST_HELD_OF_ONE = 100
 """Requests of one owner that may wait at the same time, in one process."""
@@ -50,7 +53,7 @@ class _Waiter:
     woken: asyncio.Future[None]
 
 
-class Hub:
+class JobWaiters:
     """Lets requests wait for jobs.
 
     Parameters
@@ -202,3 +205,37 @@ class Hub:
 def _wake(waiter: _Waiter) -> None:
     if not waiter.woken.done():
         waiter.woken.set_result(None)
+
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def on_termination(tell: Callable[[], None]) -> Iterator[None]:
+    """Call something on the running loop when a signal ends the process, before the server's own handler.
+
+    Elsewhere than in the main thread there are no signals: who embeds the application there calls it himself
+    (`app.state.app_state.waiters.close`).
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    before: dict[int, Any] = {number: signal.getsignal(number) for number in _SIGNALS}
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        loop.call_soon_threadsafe(tell)
+        if callable(before[number]):
+            before[number](number, frame)
+        elif before[number] is signal.SIG_DFL:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    for number in _SIGNALS:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number in _SIGNALS:
+            if signal.getsignal(number) is handle:
+                signal.signal(number, before[number])

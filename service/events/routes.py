@@ -20,12 +20,11 @@ from meshdeform.errors import LimitError, NotFoundError, ParameterError, Unavail
 from meshdeform.record.events import Head
 from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
-from service.events.broker import Hub
-from service.events.waiting import wait_here
+from service.events.broker import JobWaiters
+from service.events.waiting import Prefer, applied, preferred_wait, wait_here
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.http.preferences import Prefer, applied, preferred_wait
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
@@ -56,9 +55,9 @@ class _EventStream(StreamingResponse):
 
     media_type = _STREAM
 
-    def __init__(self, hub: Hub, owner: str, content: AsyncIterator[str]) -> None:
+    def __init__(self, waiters: JobWaiters, owner: str, content: AsyncIterator[str]) -> None:
         super().__init__(content, headers=_HEADERS)
-        self._hub, self._owner = hub, owner
+        self._hub, self._owner = waiters, owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def sent_in_time(message: Message) -> None:
@@ -87,7 +86,7 @@ class _EventStream(StreamingResponse):
 )
 async def get_events(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     after: Annotated[
@@ -119,45 +118,45 @@ async def get_events(
     prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
 ) -> Response:
     """A stream ends with the event that ends the job. As JSON, `Prefer: wait=N` holds an empty page back."""
-    hub, owner = parts.hub, principal.owner_id
+    waiters, owner = app.waiters, principal.owner_id
     after = after if last_event_id is None else last_event_id
     if format_ == "json" or (format_ is None and not _wants_stream(request)):
-        return await _page(request, parts, id, owner, after, limit)
+        return await _page(request, app, id, owner, after, limit)
     # Read before the answer begins, so that a job which is not there is a problem and no stream.
-    found, over = await hub.read(_look, parts, id, after, owner)
+    found, over = await waiters.read(_look, app, id, after, owner)
     if over:
         # A browser connects again after every end of a stream, until it gets this.
         return Response(status_code=204, headers=_HEADERS)
-    return _EventStream(hub, owner, _stream(parts, id, after, found))
+    return _EventStream(waiters, owner, _stream(app, id, after, found))
 
 
-async def _page(request: Request, parts: Parts, job_id: str, owner: str, after: int, limit: int) -> Response:
+async def _page(request: Request, app: AppState, job_id: str, owner: str, after: int, limit: int) -> Response:
     wait_s = preferred_wait(request)
-    found = await parts.hub.read(parts.record.events.after, job_id, after, limit, owner)
+    found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
     if not found and wait_s is not None:
         with suppress(LimitError):
-            await wait_here(parts, job_id, owner, _more(after), wait_s, request=request)
-        found = await parts.hub.read(parts.record.events.after, job_id, after, limit, owner)
+            await wait_here(app, job_id, owner, _more(after), wait_s, request=request)
+        found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
     page = EventList(events=[EventView.of(event) for event in found], next_after=found[-1].seq if found else after)
     return JSONResponse(page.model_dump(mode="json"), headers={**_HEADERS, **applied(wait_s), "Vary": "Accept"})
 
 
-async def _stream(parts: Parts, job_id: str, after: int, found: list[Event]) -> AsyncIterator[str]:
-    hub, over = parts.hub, False
+async def _stream(app: AppState, job_id: str, after: int, found: list[Event]) -> AsyncIterator[str]:
+    waiters, over = app.waiters, False
     yield f"retry: {_RETRY_MS}\n\n"
     while True:
         for event in found:
             yield _written(event)
             after, over = event.seq, event.type.terminal
         # Where the process ends, the reader connects again and goes on with another process, or with the next one.
-        if over or hub.closing:
+        if over or waiters.closing:
             return
-        if len(found) < _BATCH and not await hub.until(job_id, _more(after), _SILENCE_S):
+        if len(found) < _BATCH and not await waiters.until(job_id, _more(after), _SILENCE_S):
             found = []
             yield ": nothing new\n\n"
             continue
         try:
-            found, over = await hub.read(_look, parts, job_id, after)
+            found, over = await waiters.read(_look, app, job_id, after)
         except NotFoundError:
             return
         except UnavailableError:
@@ -165,14 +164,14 @@ async def _stream(parts: Parts, job_id: str, after: int, found: list[Event]) -> 
             await anyio.sleep(_AWAY_S)
 
 
-def _look(parts: Parts, job_id: str, after: int, owner: str | None = None) -> tuple[list[Event], bool]:
+def _look(app: AppState, job_id: str, after: int, owner: str | None = None) -> tuple[list[Event], bool]:
     """The next events of a job; without any, whether none can come any more."""
-    if found := parts.record.events.after(job_id, after, _BATCH, owner):
+    if found := app.record.events.after(job_id, after, _BATCH, owner):
         return found, False
-    if not parts.record.get(job_id, owner).state.terminal:
+    if not app.record.get(job_id, owner).state.terminal:
         return [], False
     # It may have come to its end between the two looks.
-    found = parts.record.events.after(job_id, after, _BATCH, owner)
+    found = app.record.events.after(job_id, after, _BATCH, owner)
     return found, not found
 
 

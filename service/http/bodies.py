@@ -12,18 +12,15 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
 from meshdeform.errors import PromptError, RequestError, RequestTimeoutError, UnavailableError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from service.http.errors import parameter_error
 
-__all__ = ["IDLE_S", "MAX_DOCUMENT_BYTES", "body_of", "body_slot", "parse_document", "receive_document"]
-
-MAX_DOCUMENT_BYTES = 256 * 1024
-"""Largest JSON document."""
+__all__ = ["body_of", "body_slot", "parse_document", "receive_document"]
 
 _SLOT_WAIT_S = 20.0
-# Within so many seconds so many bytes must come: a sender that stands still, or nearly so, does not keep its place.
-IDLE_S = 60.0
+# Within `IDLE_S` so many bytes must come: a sender that stands still, or nearly so, does not keep its place.
 _LEAST_BYTES = 64 * 1024
 
 _Document = TypeVar("_Document", bound=BaseModel)

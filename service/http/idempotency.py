@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Self
 
-import sqlalchemy as sa
-from fastapi import Header
+from fastapi import Header, Request
 from fastapi.responses import JSONResponse
 
+from meshdeform.api.limits import MAX_KEY
 from meshdeform.errors import UnavailableError
+from meshdeform.record.models import Claim
 from meshdeform.record.repository import JobRecord
-from service.http.caller import Caller
+from meshdeform.support.telemetry import current_traceparent
+from service.http.auth import Principal
+from service.http.middleware import request_id
 
-__all__ = ["MAX_KEY", "REPLAYED", "Answer", "IdempotencyKey", "Keep", "done_once", "request_hash"]
+__all__ = ["REPLAYED", "Answer", "Caller", "IdempotencyKey", "claimed", "request_hash"]
 
 REPLAYED = "Idempotency-Replayed"
-MAX_KEY = 255
 
 IdempotencyKey = Annotated[
     str | None,
@@ -53,19 +56,14 @@ class Answer:
     headers: dict[str, str] = field(default_factory=dict)
     replayed: bool = False
 
+    def kept(self) -> dict[str, Any]:
+        """Return what the record keeps of it."""
+        return {"status": self.status, "body": self.body, "headers": self.headers}
+
     def response(self) -> JSONResponse:
         """As the client gets it."""
         marked = {REPLAYED: "true"} if self.replayed else {}
         return JSONResponse(self.body, self.status, {**self.headers, **marked})
-
-
-def _keep_nothing(connection: sa.Connection, answer: Answer) -> None:
-    """A request without a key."""
-    del connection, answer
-
-
-Keep = Callable[[sa.Connection, Answer], None]
-"""Writes the answer in the transaction that does what the request asks for."""
 
 
 def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]) -> str:
@@ -75,8 +73,9 @@ def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def done_once(record: JobRecord, caller: Caller, hashed: str, work: Callable[[Keep], Answer]) -> Answer:
-    """Do what a request asks for, unless it was done before.
+@contextmanager
+def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | Answer | None]:
+    """Hold the request's idempotency key while the block does what the request asks for.
 
     Parameters
     ----------
@@ -85,29 +84,72 @@ def done_once(record: JobRecord, caller: Caller, hashed: str, work: Callable[[Ke
         With the key, if the request has one.
     hashed : str
         Of the request.
-    work : callable
-        Does it. What it gets must be called within the transaction that does it.
+
+    Yields
+    ------
+    Claim, Answer or None
+        The claim, to be completed in the transaction that does it; the answer, where it was done before; None where the
+        request has no key.
 
     Raises
     ------
     IdempotencyMismatchError, IdempotencyBusyError
         The key belongs to another request, or to one that is under way.
     """
-    key = caller.idempotency_key
-    if key is None:
-        return work(_keep_nothing)
-    claim = record.idempotency.begin(caller.owner_id, key, hashed)
+    if caller.idempotency_key is None:
+        yield None
+        return
+    claim = record.idempotency.begin(caller.owner_id, caller.idempotency_key, hashed)
     if isinstance(claim, dict):
-        return replace(Answer(**claim), replayed=True)
-
-    def keep(connection: sa.Connection, answer: Answer) -> None:
-        told = {"status": answer.status, "body": answer.body, "headers": answer.headers}
-        record.idempotency.complete(claim, told, connection)
-
+        yield Answer(**claim, replayed=True)
+        return
     try:
-        return work(keep)
+        yield claim
     except BaseException:
         # Refused: the key is free for another try. Where the record is away, it becomes so by itself.
         with suppress(UnavailableError):
             record.idempotency.abandon(claim)
         raise
+
+
+_TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
+
+
+@dataclass(frozen=True)
+class Caller:
+    """The side of a request that is not its body.
+
+    Attributes
+    ----------
+    principal : Principal
+    method, path : str
+    idempotency_key : str or None
+    request_id, traceparent : str or None
+        For logs and traces.
+    """
+
+    principal: Principal
+    method: str
+    path: str
+    idempotency_key: str | None = None
+    request_id: str | None = None
+    traceparent: str | None = None
+
+    @property
+    def owner_id(self) -> str:
+        """Whose things they see and make."""
+        return self.principal.owner_id
+
+    @classmethod
+    def of(cls, request: Request, principal: Principal, idempotency_key: str | None = None) -> Self:
+        """Return who makes a request."""
+        trace = request.headers.get("traceparent", "")
+        return cls(
+            principal=principal,
+            method=request.method,
+            path=request.url.path,
+            idempotency_key=idempotency_key,
+            request_id=request_id() or None,
+            # Without tracing of our own the job carries the caller's trace on as it came.
+            traceparent=current_traceparent() or (trace if _TRACEPARENT.fullmatch(trace) else None),
+        )

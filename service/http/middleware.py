@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.datastructures import Headers, MutableHeaders
 
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError
 from meshdeform.record.ids import new_id
 from meshdeform.support import logs
@@ -20,15 +21,9 @@ from meshdeform.support import logs
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["ACCESS_LOG", "MAX_BODY_BYTES", "RequestFrame", "add_header", "request_id"]
+__all__ = ["RequestFrame", "add_header", "request_id"]
 
-ACCESS_LOG = "service.access"
-"""Name of the logger that gets a line for each request; above INFO none is written."""
-
-MAX_BODY_BYTES = 256 * 1024
-"""Largest body that is read into memory and parsed before a route begins."""
-
-_access = logging.getLogger(ACCESS_LOG)
+_access = logging.getLogger(logs.ACCESS_LOG)
 _ID = re.compile(r"[\x21-\x7e]{1,128}")
 _HEADERS = "meshdeform.headers"
 _DEFAULTS = {
@@ -105,11 +100,11 @@ def _limited(scope: Scope, receive: Receive) -> Receive:
         message = await receive()
         if message["type"] == "http.request":
             received += len(message.get("body", b""))
-            if received > MAX_BODY_BYTES and getattr(scope.get("route"), "body_field", None) is not None:
+            if received > MAX_DOCUMENT_BYTES and getattr(scope.get("route"), "body_field", None) is not None:
                 raise AssetTooLargeError(
-                    f"The body is larger than {MAX_BODY_BYTES} bytes.",
+                    f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
                     advice="Send a smaller document: this route takes no files.",
-                    limit=MAX_BODY_BYTES,
+                    limit=MAX_DOCUMENT_BYTES,
                 )
         return message
 

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_FILENAME
 from meshdeform.errors import AssetTooLargeError, RequestError
-from service.http.bodies import MAX_DOCUMENT_BYTES
-from service.jobs.documents import MAX_FILENAME
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-__all__ = ["ReceivedFile", "ReceivedForm", "clean_filename", "receive_form"]
+__all__ = ["ReceivedFile", "clean_filename", "receive_form"]
 
 FILES = ("asset", "target")
 DOCUMENT = "request"
@@ -47,18 +46,9 @@ class ReceivedFile:
     sha256: str
 
 
-@dataclass(frozen=True)
-class ReceivedForm:
-    """The parts of one request; a file that is not among them may be named in the document."""
-
-    document: bytes
-    asset: ReceivedFile | None
-    target: ReceivedFile | None
-
-
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
-) -> ReceivedForm:
+) -> tuple[bytes, dict[str, ReceivedFile]]:
     """Receive the part `request` and, where they are sent, `asset` and `target`.
 
     Parameters
@@ -71,6 +61,11 @@ async def receive_form(
         Where the files go.
     max_bytes : int
         Largest body.
+
+    Returns
+    -------
+    bytes, dict of str to ReceivedFile
+        The document, unread, and the files by the name of their part.
 
     Raises
     ------
@@ -137,7 +132,7 @@ class _Receiver:
             "on_end": self._on_end,
         }
 
-    def form(self) -> ReceivedForm:
+    def form(self) -> tuple[bytes, dict[str, ReceivedFile]]:
         if not self._ended:
             raise RequestError("The body ends before its last boundary.", advice="Send the whole body.")
         if DOCUMENT not in self._parts:
@@ -145,9 +140,10 @@ class _Receiver:
                 f"The part `{DOCUMENT}` is missing.",
                 advice="Send the file as the part `asset` and the JSON document as the part `request`.",
             )
-        document, (asset, target) = self._parts[DOCUMENT], (self._parts.get(name) for name in FILES)
+        document = self._parts[DOCUMENT]
         assert isinstance(document, _DocumentPart)
-        return ReceivedForm(bytes(document.data), _file(asset) if asset else None, _file(target) if target else None)
+        files = {name: part.file() for name, part in self._parts.items() if isinstance(part, _FilePart)}
+        return bytes(document.data), files
 
     def close(self) -> None:
         for part in self._parts.values():
@@ -225,10 +221,8 @@ class _FilePart:
     def close(self) -> None:
         self._file.close()
 
-
-def _file(part: _Part) -> ReceivedFile:
-    assert isinstance(part, _FilePart)
-    return ReceivedFile(part.path, part.filename, part.size, part.digest.hexdigest())
+    def file(self) -> ReceivedFile:
+        return ReceivedFile(self.path, self.filename, self.size, self.digest.hexdigest())
 
 
 def clean_filename(filename: str) -> str:

@@ -12,7 +12,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, NotFoundError
+from meshdeform.errors import ConflictError, NotFoundError, RequestError
 from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
@@ -26,21 +26,19 @@ from service.documentation.responses import (
     JobId,
     json_body,
 )
-from service.events.waiting import settled
+from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, body_slot, parse_document, receive_document
-from service.http.caller import Caller
 from service.http.errors import problem_responses
-from service.http.idempotency import IdempotencyKey
+from service.http.idempotency import Caller, IdempotencyKey
 from service.http.multipart import receive_form
-from service.http.preferences import Prefer, applied, preferred_wait
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import take_in, try_out
 from service.jobs.routes import shown
-from service.jobs.sources import Submission, submission
+from service.jobs.sources import ASSET_ADVICE, Submission
 from service.schemas import Validation
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
@@ -107,19 +105,19 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
 )
 async def create_job(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     idempotency_key: IdempotencyKey = None,
     prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
 ) -> Response:
     """Everything is checked first: what is accepted can be run, and reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
-    async with _submitted(request, parts) as (sent, folder):
-        answer = await to_thread.run_sync(take_in, parts, caller, sent, folder, limiter=parts.intake)
+    async with _submitted(request, app) as sent:
+        answer = await to_thread.run_sync(take_in, app, caller, sent, limiter=app.intake)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
-    job = await settled(parts, answer.body["id"], principal.owner_id, wait_s, request=request)
+    job = await settled(app, answer.body["id"], principal.owner_id, wait_s, request=request)
     headers = {"Location": answer.headers["Location"], **applied(wait_s)}
     return shown(job, status=200 if job.state.terminal else 202, headers=headers)
 
@@ -134,10 +132,10 @@ async def create_job(
     },
     openapi_extra=_BODY,
 )
-async def validate_job(request: Request, parts: PartsDep, principal: PrincipalDep) -> Response:
+async def validate_job(request: Request, app: AppStateDep, principal: PrincipalDep) -> Response:
     """The bodies of `POST /v1/jobs` and the same problems; nothing is stored. Says how long the job would take."""
-    async with _submitted(request, parts) as (sent, folder):
-        found = await to_thread.run_sync(try_out, parts, principal.owner_id, sent, folder, limiter=parts.intake)
+    async with _submitted(request, app) as sent:
+        found = await to_thread.run_sync(try_out, app, principal.owner_id, sent, limiter=app.intake)
     return Response(found.model_dump_json(), media_type="application/json")
 
 
@@ -153,13 +151,13 @@ async def validate_job(request: Request, parts: PartsDep, principal: PrincipalDe
 )
 def retry_job(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """A job that failed, was canceled or has expired, as a new job that goes on from its last checkpoint."""
-    return retry(parts, Caller.of(request, principal, idempotency_key), id).response()
+    return retry(app, Caller.of(request, principal, idempotency_key), id).response()
 
 
 @router.post(
@@ -177,7 +175,7 @@ def retry_job(
 )
 async def branch_job(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002
     step: _Step,
@@ -187,29 +185,30 @@ async def branch_job(
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
     with tempfile.TemporaryDirectory(prefix="meshdeform-branch-") as folder:
-        answer = await to_thread.run_sync(
-            branch, parts, caller, id, step, document, FilePath(folder), limiter=parts.intake
-        )
+        answer = await to_thread.run_sync(branch, app, caller, id, step, document, FilePath(folder), limiter=app.intake)
     return answer.response()
 
 
 @asynccontextmanager
-async def _submitted(request: Request, parts: Parts) -> AsyncIterator[tuple[Submission, FilePath]]:
-    """What a request asks for, its files in a folder that goes when the block ends."""
+async def _submitted(request: Request, app: AppState) -> AsyncIterator[Submission]:
+    """Receive what a request asks for; its files lie in a folder that goes when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
-        sent = submission(parse_document(JobDocument, await receive_document(request)))
+        document = parse_document(JobDocument, await receive_document(request))
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-            yield sent, FilePath(folder)
+            yield Submission(document, {}, FilePath(folder))
         return
     # The place is kept until the files are checked and stored: so many may lie here, not more.
-    async with body_slot(parts.bodies):
+    async with body_slot(app.bodies):
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-            form = await receive_form(
+            text, files = await receive_form(
                 request.headers.get("content-type", ""),
                 request.headers.get("content-length", ""),
                 body_of(request),
                 FilePath(folder),
-                parts.settings.max_upload_bytes,
+                app.settings.max_upload_bytes,
             )
-            yield submission(parse_document(JobDocument, form.document, "The part `request`"), form), FilePath(folder)
+            document = parse_document(JobDocument, text, "The part `request`")
+            if "asset" not in files and document.asset is None:
+                raise RequestError("The part `asset` is missing.", advice=ASSET_ADVICE)
+            yield Submission(document, files, FilePath(folder))

@@ -6,11 +6,11 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import JobRequest
 
 __all__ = [
-    "MAX_FILENAME",
     "SHA256_PATTERN",
     "UPLOAD_ID_PATTERN",
     "BranchDocument",
@@ -22,7 +22,6 @@ __all__ = [
 
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
-MAX_FILENAME = 200
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 
@@ -75,10 +74,6 @@ class JobDocument(JobRequest):
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
 
-    def request(self) -> JobRequest:
-        """The request alone, as it was written."""
-        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"asset", "target"}))
-
 
 class BranchDocument(JobRequest):
     """The document that asks for a job which begins with a checkpoint of another one, and deforms the same asset."""
@@ -88,10 +83,6 @@ class BranchDocument(JobRequest):
         description="The second mesh of `target` guidance. Default: that of the other job.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
-
-    def request(self) -> JobRequest:
-        """The request alone, as it was written."""
-        return JobRequest.model_validate(self.model_dump(exclude_unset=True, exclude={"target"}))
 
 
 _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]

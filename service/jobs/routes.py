@@ -11,21 +11,20 @@ from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 
-from meshdeform.api.jobs import JobList, JobView
+from meshdeform.api.jobs import JobList, JobView, job_headers
+from meshdeform.api.limits import MAX_PAGE
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.cleanup import remove_job
 from meshdeform.record.models import Job, JobState
 from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
-from service.events.waiting import settled
+from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.http.preferences import Prefer, applied, preferred_wait
 from service.http.ranges import matches
-from service.jobs.intake import job_headers
-from service.state import PartsDep
+from service.state import AppStateDep
 
-__all__ = ["MAX_PAGE", "JobId", "router", "shown"]
+__all__ = ["JobId", "router", "shown"]
 
 _log = logging.getLogger(__name__)
 _LABEL = re.compile(r"metadata\[(.*)\]", re.DOTALL)
@@ -44,7 +43,6 @@ _METADATA = {
     },
     "example": {"shot": "sc010"},
 }
-MAX_PAGE = 200
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
@@ -60,7 +58,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 )
 def list_jobs(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
@@ -77,7 +75,7 @@ def list_jobs(
 ) -> Response:
     """Jobs that come in between two pages do not shift the second one."""
     labels = _labels(request)
-    page = parts.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
+    page = app.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
     return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 
 
@@ -93,7 +91,7 @@ def list_jobs(
 )
 async def get_job(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     if_none_match: Annotated[
@@ -107,9 +105,9 @@ async def get_job(
     """With `If-None-Match` a job that has not changed costs a 304 without a body."""
     wait_s = preferred_wait(request)
     if wait_s is None:
-        job = await to_thread.run_sync(parts.record.get, id, principal.owner_id)
+        job = await to_thread.run_sync(app.record.get, id, principal.owner_id)
     else:
-        job = await settled(parts, id, principal.owner_id, wait_s, request=request)
+        job = await settled(app, id, principal.owner_id, wait_s, request=request)
     headers = {**job_headers(job), **applied(wait_s)}
     if matches(if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
@@ -125,18 +123,18 @@ async def get_job(
         **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
     },
 )
-def cancel_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
     """A queued job is canceled at once, a running one within a step. One that ended otherwise gives 409."""
     try:
-        job = parts.record.request_cancel(id, principal.owner_id)
+        job = app.record.request_cancel(id, principal.owner_id)
     except ConflictError:
-        job = parts.record.get(id, principal.owner_id)
+        job = app.record.get(id, principal.owner_id)
         if job.state is not JobState.CANCELED:
             raise
         # What was asked for is so: a request that is sent again is no mistake.
     if job.state is JobState.CANCELING:
         try:
-            parts.queue.publish_cancel(id)
+            app.queue.publish_cancel(id)
         except UnavailableError as error:
             # Its worker reads the record with every heartbeat: it stops a little later.
             _log.warning("job %s: its worker is not told at once: %s", id, error)
@@ -154,12 +152,12 @@ def cancel_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:
         **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
     },
 )
-def delete_job(parts: PartsDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
     """Only a job that is over: cancel it first. The asset goes too, unless another job uses it."""
-    files = parts.record.delete(id, principal.owner_id)
+    files = app.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
         # The record knows what is left to remove: if the store is away now, the reconciler does it later.
-        remove_job(parts.record, parts.store, id, files)
+        remove_job(app.record, app.store, id, files)
     return Response(status_code=204)
 
 

@@ -11,11 +11,12 @@ from meshdeform import __version__
 from meshdeform.errors import MeshdeformError
 from service.http.errors import problem_responses
 from service.schemas import Health, PartHealth, Readiness
-from service.state import PartsDep
+from service.state import AppStateDep
 
 __all__ = ["router"]
 
 router = APIRouter(tags=["health"])
+_STORE_S = 5.0  # asked every few seconds, so it is given up soon
 
 
 @router.get(
@@ -39,12 +40,12 @@ async def healthz() -> JSONResponse:
         **problem_responses(),
     },
 )
-def readyz(parts: PartsDep) -> JSONResponse:
+def readyz(app: AppStateDep) -> JSONResponse:
     """Each part with its state."""
     found = {
-        "record": _ask(parts.record.ping),
-        "redis": _ask(parts.queue.ping),
-        "store": _ask(parts.probe.ping),
+        "record": _ask(app.record.ping),
+        "redis": _ask(app.queue.ping),
+        "store": _ask(lambda: app.store.ping(_STORE_S)),
     }
     ready = all(part.status == "ok" for part in found.values())
     readiness = Readiness(status="ok" if ready else "unavailable", **found)

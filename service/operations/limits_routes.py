@@ -5,6 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S
 from meshdeform.assets import Limits
 from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import (
@@ -18,14 +19,9 @@ from meshdeform.requests.document import (
 )
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
-from service.http.bodies import IDLE_S, MAX_DOCUMENT_BYTES
 from service.http.errors import problem_responses
-from service.http.idempotency import MAX_KEY
-from service.http.preferences import MAX_WAIT_S
-from service.jobs.documents import MAX_FILENAME
-from service.jobs.routes import MAX_PAGE
 from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
-from service.state import PartsDep
+from service.state import AppStateDep
 
 __all__ = ["router"]
 
@@ -42,9 +38,9 @@ _FORMATS = ["glb", "obj", "ply", "stl"]
         **problem_responses(*CALLER_ERRORS),
     },
 )
-async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
+async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Those of the API key that asks."""
-    settings, limits = parts.settings, Limits.from_settings(parts.settings)
+    settings, limits = app.settings, Limits.from_settings(app.settings)
     found = LimitList(
         files=FileLimits(
             formats=_FORMATS,
@@ -56,8 +52,6 @@ async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
             max_triangles=limits.max_triangles,
             max_vertices=limits.max_vertices,
             max_primitives=limits.max_primitives,
-            max_image_pixels=limits.max_image_pixels,
-            max_total_pixels=limits.max_total_pixels,
             max_check_bytes=limits.max_memory_bytes,
             max_check_s=limits.max_check_s,
         ),
@@ -82,7 +76,7 @@ async def get_limits(parts: PartsDep, principal: PrincipalDep) -> JSONResponse:
             max_wait_s=MAX_WAIT_S,
             max_idempotency_key_characters=MAX_KEY,
             idempotency_kept_s=IDEMPOTENCY_KEPT_S,
-            max_bodies_at_once=int(parts.bodies.total_tokens),
+            max_bodies_at_once=int(app.bodies.total_tokens),
             max_body_idle_s=IDLE_S,
         ),
         uploads=UploadLimits(

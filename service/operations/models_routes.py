@@ -12,7 +12,7 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.schemas import ModelList, ModelView
-from service.state import PartsDep
+from service.state import AppStateDep
 
 __all__ = ["router"]
 
@@ -28,9 +28,9 @@ router = APIRouter(prefix="/v1/models", tags=["models"])
         **problem_responses(*CALLER_ERRORS),
     },
 )
-def get_models(parts: PartsDep, _principal: PrincipalDep) -> JSONResponse:
+def get_models(app: AppStateDep, _principal: PrincipalDep) -> JSONResponse:
     """What each is for, whether it is there, and what it understands. A prompt in its words is accepted."""
-    settings = parts.settings
+    settings = app.settings
     found = list_models(settings.model, settings.allowed_models, settings.model_revision)
     views = [ModelView.model_validate(asdict(model)) for model in found]
     return JSONResponse(ModelList(default=settings.model, models=views).model_dump(mode="json"))

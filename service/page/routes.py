@@ -4,83 +4,98 @@ from __future__ import annotations
 
 import functools
 import json
+import os
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
-from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.staticfiles import StaticFiles
 
-from meshdeform.errors import NotFoundError
 from meshdeform.requests.document import DeformParams
-from service.http.ranges import matches
-from service.page.files import PAGE_HEADERS, PageFile, PageFiles, page_file
-from service.state import Parts, PartsDep
 
-__all__ = ["router"]
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.types import Scope
 
-# Not in the OpenAPI document, which is about the API.
-router = APIRouter(include_in_schema=False)
-_files = PageFiles()
-_INDEX = "index.html"
-_PARAMETERS = "parameters.json"
+__all__ = ["PAGE_HEADERS", "routes"]
+
+PAGE_HEADERS = {
+    # Its own scripts and styles, bytes that it holds itself (blob:, data:), and no other host at all. WebAssembly is
+    # for decoders of meshes; no text is ever run as a script.
+    "Content-Security-Policy": "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; "
+    "img-src 'self' blob: data:; connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; "
+    "manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), "
+    "magnetometer=(), microphone=(), payment=(), usb=()",
+    # Every release may change every file, and a page of two releases does not work: asked for again each time.
+    "Cache-Control": "no-cache",
+}
+"""Headers of every answer that is part of the page."""
+
+# `mimetypes` reads files of the system, which differ from machine to machine; browsers refuse scripts of another type.
+_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".glb": "model/gltf-binary",
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".md": "text/markdown; charset=utf-8",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".wasm": "application/wasm",
+    ".webmanifest": "application/manifest+json",
+    ".woff2": "font/woff2",
+}
 
 
-@router.head("/")
-@router.get("/")
-def get_page(request: Request, parts: PartsDep) -> Response:
-    """The page itself."""
-    found = _find(parts, _INDEX)
-    if found is None:
-        raise NotFoundError(
-            "This installation has no web page.",
-            advice="Install meshdeform from a wheel or a complete checkout; the API is described at /docs.",
-        )
-    return _answer(request, found)
+class _Page(StaticFiles):
+    """The files of `service/web`, with the page's headers."""
 
+    def get_path(self, scope: Scope) -> str:
+        """Return the path below the folder that the route names; of `/` it is the page itself."""
+        path: str = scope["path_params"].get("path", "index.html")
+        return os.path.normpath(path.lstrip("/"))
 
-@router.head("/web/{path:path}")
-@router.get("/web/{path:path}")
-def get_page_file(request: Request, parts: PartsDep, path: str) -> Response:
-    """A script, a style, a picture of the page."""
-    found = _find(parts, path)
-    if found is None:
-        raise NotFoundError(f"The page has no file {request.url.path}.", advice="The page itself is at /.")
-    return _answer(request, found)
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """Return a file, or raise 404 where the deployment has no page."""
+        if scope["app"].state.app_state.settings.web == "off":
+            raise HTTPException(404)
+        return await super().get_response(path, scope)
 
-
-def _find(parts: Parts, path: str) -> PageFile | None:
-    if parts.settings.web == "off":
-        raise HTTPException(404)
-    return _parameters() if path == _PARAMETERS else _files.find(path)
+    def file_response(
+        self, full_path: str | os.PathLike[str], stat_result: os.stat_result, scope: Scope, status_code: int = 200
+    ) -> Response:
+        """Return a file or 304. The tag is weak: it is the same for the compressed form and the plain one."""
+        response = super().file_response(full_path, stat_result, scope, status_code)
+        tag = response.headers["etag"]
+        response.headers.update({**PAGE_HEADERS, "ETag": f"W/{tag}"})
+        if response.status_code == 200:
+            response.headers["Content-Type"] = _TYPES.get(PurePath(full_path).suffix, "text/plain; charset=utf-8")
+        return response
 
 
 @functools.cache
-def _parameters() -> PageFile:
-    """The schema of a job's parameters, from which the page makes its form."""
-    return page_file(json.dumps(DeformParams.model_json_schema()).encode(), "application/json")
+def _parameters() -> bytes:
+    """Return the schema of a job's parameters, from which the page makes its form."""
+    return json.dumps(DeformParams.model_json_schema()).encode()
 
 
-def _answer(request: Request, found: PageFile) -> Response:
-    compressed = found.compressed if _takes_gzip(request.headers.get("accept-encoding", "")) else None
-    headers = {
-        **PAGE_HEADERS,
-        # Each form has a tag of its own: strong tags name bytes.
-        "ETag": f'"{found.digest}{"-gzip" if compressed else ""}"',
-        # Every release may change every file, and a page of two releases does not work: asked for again each time.
-        "Cache-Control": "no-cache",
-        "Vary": "Accept-Encoding",
-    }
-    if matches(request.headers.get("if-none-match"), headers["ETag"]):
-        return Response(status_code=304, headers=headers)
-    content = found.content if compressed is None else compressed
-    if compressed is not None:
-        headers["Content-Encoding"] = "gzip"
-    headers["Content-Length"] = str(len(content))
-    return Response(b"" if request.method == "HEAD" else content, 200, headers, found.content_type)
+async def _get_parameters(request: Request) -> Response:
+    if request.app.state.app_state.settings.web == "off":
+        raise HTTPException(404)
+    return Response(_parameters(), headers=PAGE_HEADERS, media_type="application/json")
 
 
-def _takes_gzip(header: str) -> bool:
-    """Whether `Accept-Encoding` names gzip, and not to refuse it (RFC 9110, section 12.5.3)."""
-    for entry in header.lower().split(","):
-        coding, _, weight = entry.partition(";")
-        if coding.strip() in ("gzip", "x-gzip"):
-            return weight.replace(" ", "") not in ("q=0", "q=0.0", "q=0.00", "q=0.000")
-    return False
+_files = GZipMiddleware(_Page(directory=Path(__file__).parents[1] / "web", check_dir=False), compresslevel=6)
+# Plain routes, so that they are not in the OpenAPI document, which is about the API.
+routes = [
+    Route("/web/parameters.json", _get_parameters, methods=["GET"]),
+    *(Route(path, _files, methods=["GET"]) for path in ("/", "/web/{path:path}")),
+]

@@ -28,9 +28,8 @@ from meshdeform.errors import (
 from meshdeform.record.cleanup import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
-from service.jobs.file_leases import Pins
 from service.schemas import UploadView
-from service.state import Parts
+from service.state import AppState
 
 __all__ = ["ContentRange", "admitted", "arrived", "complete", "parse_content_range", "receive_content", "view"]
 
@@ -48,18 +47,18 @@ class ContentRange:
     end: int
 
 
-def view(parts: Parts, upload: Upload, *, offset: int | None = None) -> UploadView:
+def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadView:
     """Return what is told about an upload, with a new signed URL while it is open.
 
     Parameters
     ----------
-    parts : Parts
+    app : AppState
     upload : Upload
     offset : int, optional
         Bytes that have come; looked up unless given.
     """
     if offset is None:
-        offset = upload.size if upload.complete else arrived(parts, upload)
+        offset = upload.size if upload.complete else arrived(app, upload)
     common = UploadView(
         id=upload.id,
         filename=upload.filename,
@@ -73,43 +72,43 @@ def view(parts: Parts, upload: Upload, *, offset: int | None = None) -> UploadVi
     if upload.complete:
         return common
     # Not longer than the upload itself, and in whole seconds.
-    until = min(int(time.time() + parts.settings.signed_url_ttl_s), int(upload.expires_at.timestamp()))
-    url, headers = _address(parts, upload, until)
+    until = min(int(time.time() + app.settings.signed_url_ttl_s), int(upload.expires_at.timestamp()))
+    url, headers = _address(app, upload, until)
     return common.model_copy(
         update={
             "method": "PUT",
             "url": url,
             "url_expires_at": datetime.fromtimestamp(until, UTC),
             "headers": headers,
-            "resumable": parts.store.appends,
+            "resumable": app.store.appends,
         }
     )
 
 
-def _address(parts: Parts, upload: Upload, until: int) -> tuple[str, dict[str, str]]:
+def _address(app: AppState, upload: Upload, until: int) -> tuple[str, dict[str, str]]:
     headers = {"Content-Type": "application/octet-stream"}
-    if parts.store.appends:
+    if app.store.appends:
         path = f"/v1/uploads/{upload.id}/content"
-        return f"{path}?{sign_path('PUT', path, until, parts.record.secret(_KEY_NAME))}", headers
+        return f"{path}?{sign_path('PUT', path, until, app.record.secret(_KEY_NAME))}", headers
     lifetime_s = min(max(1, until - int(time.time())), 7 * 86_400)
-    url = parts.store.presign_put(_sent(upload), lifetime_s)
+    url = app.store.presign_put(_sent(upload), lifetime_s)
     if url is None:
         raise UnavailableError(
             "This server's object store takes no uploads.", advice="Send the file with POST /v1/jobs."
         )
-    if parts.settings.resolved_storage_url.startswith(("az:", "azure:", "abfs")):
+    if app.settings.resolved_storage_url.startswith(("az:", "azure:", "abfs")):
         headers["x-ms-blob-type"] = "BlockBlob"
     return url, headers
 
 
-def arrived(parts: Parts, upload: Upload) -> int:
+def arrived(app: AppState, upload: Upload) -> int:
     """Return how many bytes of an open upload have come."""
     with suppress(NotFoundError):
-        return parts.store.appended_size(upload.id) if parts.store.appends else parts.store.size(_sent(upload))
+        return app.store.appended_size(upload.id) if app.store.appends else app.store.size(_sent(upload))
     return 0
 
 
-def admitted(parts: Parts, upload_id: str, path: str, query: str) -> Upload:
+def admitted(app: AppState, upload_id: str, path: str, query: str) -> Upload:
     """Return the upload that a signed URL lets its bearer write to.
 
     Raises
@@ -119,8 +118,8 @@ def admitted(parts: Parts, upload_id: str, path: str, query: str) -> Upload:
     NotFoundError
         There is no such upload any more.
     """
-    verify_path("PUT", path, query, parts.record.secret(_KEY_NAME))
-    return parts.record.uploads.get(upload_id)
+    verify_path("PUT", path, query, app.record.secret(_KEY_NAME))
+    return app.record.uploads.get(upload_id)
 
 
 def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
@@ -143,12 +142,12 @@ def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
     return ContentRange(first, last + 1)
 
 
-async def receive_content(parts: Parts, upload: Upload, part: ContentRange, body: AsyncIterator[bytes]) -> int:
+async def receive_content(app: AppState, upload: Upload, part: ContentRange, body: AsyncIterator[bytes]) -> int:
     """Add a body to an upload as it comes. What has come stays, also where the body breaks off.
 
     Parameters
     ----------
-    parts : Parts
+    app : AppState
     upload : Upload
     part : ContentRange
         Where the body belongs. The whole of it replaces what has come before.
@@ -168,9 +167,9 @@ async def receive_content(parts: Parts, upload: Upload, part: ContentRange, body
     """
     if upload.complete:
         raise ConflictError("The upload is complete.", advice="Make a new one for other bytes.", offset=upload.size)
-    present = await to_thread.run_sync(arrived, parts, upload)
+    present = await to_thread.run_sync(arrived, app, upload)
     if part == ContentRange(0, upload.size) and present:
-        await to_thread.run_sync(parts.store.discard_append, upload.id)
+        await to_thread.run_sync(app.store.discard_append, upload.id)
     elif part.start != present:
         raise ConflictError(
             f"The upload has {present} bytes; the request begins at {part.start}.",
@@ -182,7 +181,7 @@ async def receive_content(parts: Parts, upload: Upload, part: ContentRange, body
     async def flush() -> None:
         nonlocal offset
         if block:
-            offset = await to_thread.run_sync(parts.store.append, upload.id, offset, [bytes(block)], upload.size)
+            offset = await to_thread.run_sync(app.store.append, upload.id, offset, [bytes(block)], upload.size)
             block.clear()
 
     try:
@@ -203,7 +202,7 @@ async def receive_content(parts: Parts, upload: Upload, part: ContentRange, body
     return offset
 
 
-def complete(parts: Parts, upload: Upload, sha256: str) -> Upload:
+def complete(app: AppState, upload: Upload, sha256: str) -> Upload:
     """Make an upload a stored file that jobs can name. May be repeated, also after a crash at any point.
 
     Raises
@@ -214,48 +213,48 @@ def complete(parts: Parts, upload: Upload, sha256: str) -> Upload:
     if upload.complete or (upload.sha256 is not None and upload.sha256 != sha256):
         return _agreed(upload, sha256)
     try:
-        _seal(parts, upload, sha256)
-        found = parts.store.measure(_sealed(upload))
+        _seal(app, upload, sha256)
+        found = app.store.measure(_sealed(upload))
         if (found.size, found.sha256) != (upload.size, sha256):
             # Written to between the look and the move.
-            parts.store.delete(_sealed(upload))
+            app.store.delete(_sealed(upload))
             raise _other(upload, sha256, found.size, found.sha256)
         key = f"assets/{sha256}"
-        with Pins(parts.record.files) as pins:
-            pins.take(key)
-            if not parts.store.exists(key):
-                parts.store.copy(_sealed(upload), key)
-            done = parts.record.uploads.complete(upload.id, sha256, key)
-            pins.passed_on([key])
+        with app.record.files.leases() as leases:
+            leases.take(key)
+            if not app.store.exists(key):
+                app.store.copy(_sealed(upload), key)
+            done = app.record.uploads.complete(upload.id, sha256, key)
+            leases.passed_on([key])
     except NotFoundError:
         # Another request was faster, or it was deleted.
-        return _agreed(parts.record.uploads.get(upload.id), sha256)
+        return _agreed(app.record.uploads.get(upload.id), sha256)
     with suppress(UnavailableError):
         # What is left goes with the upload.
-        remove_upload(parts.store, upload.id)
+        remove_upload(app.store, upload.id)
     return _agreed(done, sha256)
 
 
-def _seal(parts: Parts, upload: Upload, sha256: str) -> None:
+def _seal(app: AppState, upload: Upload, sha256: str) -> None:
     """Move the bytes to where their sender cannot write."""
-    if not parts.store.appends:
+    if not app.store.appends:
         try:
-            size = parts.store.size(_sent(upload))
+            size = app.store.size(_sent(upload))
         except NotFoundError:
             size = 0
         if size != upload.size:
             raise _other(upload, sha256, size, None)
-        parts.store.copy(_sent(upload), _sealed(upload))
+        app.store.copy(_sent(upload), _sealed(upload))
         return
     try:
-        found = parts.store.appended(upload.id)
+        found = app.store.appended(upload.id)
     except NotFoundError:
-        if parts.store.exists(_sealed(upload)):
+        if app.store.exists(_sealed(upload)):
             return
         raise _other(upload, sha256, 0, None) from None
     if (found.size, found.sha256) != (upload.size, sha256):
         raise _other(upload, sha256, found.size, found.sha256)
-    parts.store.commit_append(upload.id, _sealed(upload))
+    app.store.commit_append(upload.id, _sealed(upload))
 
 
 def _agreed(upload: Upload, sha256: str) -> Upload:

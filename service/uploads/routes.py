@@ -24,13 +24,12 @@ from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, body_slot, parse_document, receive_document
-from service.http.caller import Caller
 from service.http.errors import problem_responses
-from service.http.idempotency import Answer, IdempotencyKey, Keep, done_once, request_hash
+from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
 from service.http.multipart import clean_filename
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.schemas import UploadView
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 from service.uploads.receiving import admitted, arrived, complete, parse_content_range, receive_content, view
 
 __all__ = ["content", "router"]
@@ -96,12 +95,12 @@ _OFFSET = {
     openapi_extra=json_body("UploadDocument", {"filename": "knight.glb", "size": 30720, "sha256": _SHA256}),
 )
 async def create_upload(
-    request: Request, parts: PartsDep, principal: PrincipalDep, idempotency_key: IdempotencyKey = None
+    request: Request, app: AppStateDep, principal: PrincipalDep, idempotency_key: IdempotencyKey = None
 ) -> Response:
     """Send the bytes to `url`, say that it is complete, and name it in `asset` or `target` of a job."""
     document = parse_document(UploadDocument, await receive_document(request))
     caller = Caller.of(request, principal, idempotency_key)
-    answer = await to_thread.run_sync(_create, parts, caller, document)
+    answer = await to_thread.run_sync(_create, app, caller, document)
     return answer.response()
 
 
@@ -114,9 +113,9 @@ async def create_upload(
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def get_upload(parts: PartsDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002 - the path's own word
+def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002 - the path's own word
     """`offset` says how much has come."""
-    return _shown(view(parts, parts.record.uploads.get(id, principal.owner_id)))
+    return _shown(view(app, app.record.uploads.get(id, principal.owner_id)))
 
 
 @router.delete(
@@ -127,11 +126,11 @@ def get_upload(parts: PartsDep, principal: PrincipalDep, id: _UploadId) -> Respo
     response_class=Response,
     responses={204: {"description": "It is gone."}, **problem_responses(NotFoundError, *CALLER_ERRORS)},
 )
-def delete_upload(parts: PartsDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
+def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
     """Jobs that were made of it keep their file."""
     # The bytes first: if the store is away, the row remembers that they are there.
-    remove_upload(parts.store, parts.record.uploads.get(id, principal.owner_id).id)
-    parts.record.uploads.delete(id, principal.owner_id)
+    remove_upload(app.store, app.record.uploads.get(id, principal.owner_id).id)
+    app.record.uploads.delete(id, principal.owner_id)
     return Response(status_code=204)
 
 
@@ -153,15 +152,15 @@ def delete_upload(parts: PartsDep, principal: PrincipalDep, id: _UploadId) -> Re
     },
     openapi_extra=json_body("UploadCompletion", {"sha256": _SHA256}),
 )
-async def complete_upload(request: Request, parts: PartsDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
+async def complete_upload(request: Request, app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
     """Size and SHA-256 are compared with what came; where they differ the upload stays open. May be repeated."""
     document = parse_document(UploadCompletion, await receive_document(request))
 
     def work() -> UploadView:
-        upload = parts.record.uploads.get(id, principal.owner_id)
-        return view(parts, complete(parts, upload, document.sha256))
+        upload = app.record.uploads.get(id, principal.owner_id)
+        return view(app, complete(app, upload, document.sha256))
 
-    return _shown(await to_thread.run_sync(work, limiter=parts.intake))
+    return _shown(await to_thread.run_sync(work, limiter=app.intake))
 
 
 @content.put(
@@ -197,7 +196,7 @@ async def complete_upload(request: Request, parts: PartsDep, principal: Principa
 )
 async def send_upload(
     request: Request,
-    parts: PartsDep,
+    app: AppStateDep,
     id: _UploadId,  # noqa: A002
     content_range: Annotated[
         str | None,
@@ -210,7 +209,7 @@ async def send_upload(
     ] = None,
 ) -> Response:
     """The URL is signed: no API key. Where a body breaks off, what came stays; `HEAD` says how much that is."""
-    upload = await to_thread.run_sync(_admitted, parts, request, id)
+    upload = await to_thread.run_sync(_admitted, app, request, id)
     part = parse_content_range(content_range, upload)
     declared = request.headers.get("content-length", "")
     if declared.isdigit() and int(declared) > part.end - part.start:
@@ -219,22 +218,22 @@ async def send_upload(
             advice="Send the bytes that Content-Range or the upload's size announces.",
             limit=part.end - part.start,
         )
-    async with body_slot(parts.bodies):
-        offset = await receive_content(parts, upload, part, body_of(request))
+    async with body_slot(app.bodies):
+        offset = await receive_content(app, upload, part, body_of(request))
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})
 
 
 @content.head("/{id}/content", include_in_schema=False)
-def look_at_content(request: Request, parts: PartsDep, id: _UploadId) -> Response:  # noqa: A002
+def look_at_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:  # noqa: A002
     """How much has come, for whoever holds the signed URL."""
-    upload = _admitted(parts, request, id)
-    offset = upload.size if upload.complete else arrived(parts, upload)
+    upload = _admitted(app, request, id)
+    offset = upload.size if upload.complete else arrived(app, upload)
     headers = {"Upload-Offset": str(offset), "Upload-Length": str(upload.size), "Cache-Control": "no-store"}
     return Response(status_code=200, headers=headers)
 
 
-def _create(parts: Parts, caller: Caller, document: UploadDocument) -> Answer:
-    limit = parts.settings.max_upload_bytes
+def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
+    limit = app.settings.max_upload_bytes
     if document.size > limit:
         raise AssetTooLargeError(
             f"The file has {document.size} bytes; the limit is {limit}.",
@@ -242,33 +241,35 @@ def _create(parts: Parts, caller: Caller, document: UploadDocument) -> Answer:
             limit=limit,
         )
 
-    def work(keep: Keep) -> Answer:
-        answers: list[Answer] = []
-        # Made before the transaction begins: within it nothing else may write.
-        parts.record.secret("signed-urls")
+    # Made before the transaction begins: within it nothing else may write.
+    app.record.secret("signed-urls")
+    answers: list[Answer] = []
+    asked = document.model_dump(mode="json", exclude_unset=True)
+    with claimed(app.record, caller, request_hash(caller.method, caller.path, asked, {})) as claim:
+        if isinstance(claim, Answer):
+            return claim
 
         def also(connection: sa.Connection, upload: Upload) -> None:
-            document = view(parts, upload, offset=0).model_dump(mode="json")
-            answers.append(Answer(201, document, {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}))
-            keep(connection, answers[-1])
+            shown = view(app, upload, offset=0).model_dump(mode="json")
+            headers = {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}
+            answers.append(Answer(201, shown, headers))
+            if claim is not None:
+                app.record.idempotency.complete(claim, answers[0].kept(), connection)
 
         filename = clean_filename(document.filename)
-        parts.record.uploads.create(
+        app.record.uploads.create(
             caller.owner_id,
             filename,
             document.size,
-            parts.settings.upload_ttl_s,
+            app.settings.upload_ttl_s,
             sha256=document.sha256,
             also=also,
         )
-        return answers[-1]
-
-    asked = document.model_dump(mode="json", exclude_unset=True)
-    return done_once(parts.record, caller, request_hash(caller.method, caller.path, asked, {}), work)
+        return answers[0]
 
 
-def _admitted(parts: Parts, request: Request, upload_id: str) -> Upload:
-    return admitted(parts, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
+def _admitted(app: AppState, request: Request, upload_id: str) -> Upload:
+    return admitted(app, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
 
 
 def _shown(found: UploadView) -> Response:

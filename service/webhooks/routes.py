@@ -32,7 +32,7 @@ from meshdeform.record.ids import id_pattern
 from meshdeform.webhooks.addresses import find_destination, parse_networks
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.state import Parts, PartsDep
+from service.state import AppState, AppStateDep
 
 __all__ = ["messages", "router"]
 
@@ -75,10 +75,10 @@ _LOCATION = {
         **problem_responses(RequestError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def create_webhook(parts: PartsDep, principal: PrincipalDep, body: NewWebhook) -> Response:
+def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
     """The host is resolved and must be public; this is checked again whenever a message is sent."""
-    url = _checked(parts, body.url)
-    webhook, secret = parts.record.webhooks.create(principal.owner_id, url, body.events)
+    url = _checked(app, body.url)
+    webhook, secret = app.record.webhooks.create(principal.owner_id, url, body.events)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(
         document.model_dump(mode="json"),
@@ -96,9 +96,9 @@ def create_webhook(parts: PartsDep, principal: PrincipalDep, body: NewWebhook) -
         **problem_responses(UnavailableError),
     },
 )
-def list_webhooks(parts: PartsDep, principal: PrincipalDep) -> Response:
+def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
     """There are at most 20, so there are no pages."""
-    found = [WebhookView.of(webhook) for webhook in parts.record.webhooks.list_webhooks(principal.owner_id)]
+    found = [WebhookView.of(webhook) for webhook in app.record.webhooks.list_webhooks(principal.owner_id)]
     return JSONResponse(WebhookList(webhooks=found).model_dump(mode="json"))
 
 
@@ -111,9 +111,9 @@ def list_webhooks(parts: PartsDep, principal: PrincipalDep) -> Response:
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
-def get_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002 - the path's own word
+def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002 - the path's own word
     """Whether it is enabled, and if not, why."""
-    return JSONResponse(WebhookView.of(parts.record.webhooks.get(id, principal.owner_id)).model_dump(mode="json"))
+    return JSONResponse(WebhookView.of(app.record.webhooks.get(id, principal.owner_id)).model_dump(mode="json"))
 
 
 @router.patch(
@@ -125,12 +125,12 @@ def get_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Res
         **problem_responses(NotFoundError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def update_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId, body: WebhookChange) -> Response:  # noqa: A002
+def update_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, body: WebhookChange) -> Response:  # noqa: A002
     """A new URL holds for what is still pending too. `enabled: true` enables one that `410 Gone` has disabled."""
     # First whether there is one: nobody else's webhook makes this server look a host up.
-    parts.record.webhooks.get(id, principal.owner_id)
-    url = None if body.url is None else _checked(parts, body.url)
-    webhook = parts.record.webhooks.update(id, principal.owner_id, url=url, events=body.events, enabled=body.enabled)
+    app.record.webhooks.get(id, principal.owner_id)
+    url = None if body.url is None else _checked(app, body.url)
+    webhook = app.record.webhooks.update(id, principal.owner_id, url=url, events=body.events, enabled=body.enabled)
     return JSONResponse(WebhookView.of(webhook).model_dump(mode="json"))
 
 
@@ -145,9 +145,9 @@ def update_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId, bod
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
-def delete_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
     """What is pending is not sent any more; what is on its way may still arrive."""
-    parts.record.webhooks.delete(id, principal.owner_id)
+    app.record.webhooks.delete(id, principal.owner_id)
     return Response(status_code=204)
 
 
@@ -160,9 +160,9 @@ def delete_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> 
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
-def rotate_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
     """For 24 hours messages carry two signatures, by the new secret and by the one before."""
-    webhook, secret = parts.record.webhooks.rotate(id, principal.owner_id)
+    webhook, secret = app.record.webhooks.rotate(id, principal.owner_id)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(document.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
@@ -177,9 +177,9 @@ def rotate_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> 
         **problem_responses(NotFoundError, ConflictError, UnavailableError),
     },
 )
-def test_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
     """A message of the type `meshdeform.test`, on the same way as every other one. Look at its delivery to see it."""
-    delivery = parts.record.webhooks.send_test(id, principal.owner_id)
+    delivery = app.record.webhooks.send_test(id, principal.owner_id)
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
 
@@ -193,7 +193,7 @@ def test_webhook(parts: PartsDep, principal: PrincipalDep, id: _WebhookId) -> Re
     },
 )
 def list_deliveries(
-    parts: PartsDep,
+    app: AppStateDep,
     principal: PrincipalDep,
     id: _WebhookId,  # noqa: A002
     state: Annotated[
@@ -210,7 +210,7 @@ def list_deliveries(
     ] = None,
 ) -> Response:
     """Kept for 30 days."""
-    page = parts.record.webhooks.deliveries(id, principal.owner_id, state=state, cursor=cursor, limit=limit)
+    page = app.record.webhooks.deliveries(id, principal.owner_id, state=state, cursor=cursor, limit=limit)
     found = [DeliveryView.of(delivery) for delivery in page.deliveries]
     return JSONResponse(DeliveryList(deliveries=found, next_cursor=page.next_cursor).model_dump(mode="json"))
 
@@ -224,9 +224,9 @@ def list_deliveries(
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
-def get_delivery(parts: PartsDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
+def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
     """Of an answer only its status is kept."""
-    delivery = parts.record.webhooks.delivery(id, delivery_id, principal.owner_id)
+    delivery = app.record.webhooks.delivery(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryDetail.of_log(delivery).model_dump(mode="json"))
 
 
@@ -240,14 +240,14 @@ def get_delivery(parts: PartsDep, principal: PrincipalDep, id: _WebhookId, deliv
         **problem_responses(NotFoundError, ConflictError, UnavailableError),
     },
 )
-def replay_delivery(parts: PartsDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
+def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
     """The same message with the same `webhook-id`: a receiver that has dealt with it drops it."""
-    delivery = parts.record.webhooks.replay(id, delivery_id, principal.owner_id)
+    delivery = app.record.webhooks.replay(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
 
-def _checked(parts: Parts, url: str) -> str:
-    return str(find_destination(url, parse_networks(parts.settings.webhook_networks)).url)
+def _checked(app: AppState, url: str) -> str:
+    return str(find_destination(url, parse_networks(app.settings.webhook_networks)).url)
 
 
 def _describe(event: WebhookEvent) -> None:

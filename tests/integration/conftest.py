@@ -128,7 +128,7 @@ class _Server(uvicorn.Server):
     """In a thread no signal tells the application that it ends; this does."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self.app.state.parts.hub.close()
+        self.app.state.app_state.waiters.close()
         await super().shutdown(sockets)
 
     app: FastAPI

@@ -37,6 +37,9 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
     assert job["state"] == "queued"
     assert job["params"] == {"preset": "preview", "seed": 7}
     assert job["metadata"] == {"shot": "sc010"}
+    resolved = api.record.get(job["id"]).resolved
+    assert resolved is not None
+    assert (resolved["preset"], resolved["seed"], resolved["model"]) == ("preview", 7, "builtin")
     digest = hashlib.sha256(sphere).hexdigest()
     assert job["asset"] == {"filename": "my sphere.glb", "size": len(sphere), "sha256": digest}
     assert api.store.get(f"assets/{digest}") == sphere
@@ -101,8 +104,9 @@ EXTERNAL = {**NAN, "buffers": [{"byteLength": 36, "uri": "file:///etc/passwd"}]}
         (glb(EXTERNAL), 422, "asset_external_uri"),
         (glb(NAN, struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, float("nan"), 0)), 422, "asset_not_finite"),
         (glb(BARE), 422, "asset_no_triangles"),
+        (glb(NAN, struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0.5, 1e-6, 0)), 422, "asset_no_triangles"),
     ],
-    ids=["empty", "zip", "truncated", "huge", "external", "nan", "no triangles"],
+    ids=["empty", "zip", "truncated", "huge", "external", "nan", "no triangles", "needles"],
 )
 def test_a_bad_asset_is_a_clear_problem_and_leaves_nothing(api: Api, asset: bytes, status: int, code: str) -> None:
     before = api.record.list_jobs().jobs

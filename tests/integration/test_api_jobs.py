@@ -169,7 +169,7 @@ def test_a_job_stays_readable_whatever_it_holds(api: Api, openapi: dict[str, Any
 def test_deleting_a_job_is_no_time_to_remove_others(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     job_id, other_id = finished_job(api), finished_job(api)
     with serving_app(api.settings) as (url, app):
-        store = app.state.parts.store
+        store = app.state.app_state.store
         remove, removed = store.delete_prefix, []
 
         def watched(prefix: str) -> None:
@@ -192,7 +192,7 @@ def test_a_job_is_deleted_while_the_store_is_away(api: Api, monkeypatch: pytest.
             raise UnavailableError("away")
 
         # There is another reconciler, of the fixture's API, which removes what this one cannot.
-        monkeypatch.setattr(app.state.parts.store, "delete_prefix", away)
+        monkeypatch.setattr(app.state.app_state.store, "delete_prefix", away)
         assert httpx.delete(f"{url}/v1/jobs/{job_id}").status_code == 204
         check_problem(httpx.get(f"{url}/v1/jobs/{job_id}"), 404, "not_found")
     eventually(lambda: not api.store.exists(artifact.key))

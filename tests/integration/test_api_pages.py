@@ -15,7 +15,7 @@ import pytest
 from meshdeform.requests.document import DeformParams, Safeguard
 from meshdeform.requests.parameters import FORM
 from meshdeform.settings import Settings
-from service.page.files import PAGE_HEADERS
+from service.page.routes import PAGE_HEADERS
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.integration.http_calls import check_problem
@@ -112,9 +112,7 @@ def test_the_page_is_asked_for_again_and_costs_nothing_then(http: httpx.Client) 
         assert again.headers["content-security-policy"] == PAGE_HEADERS["Content-Security-Policy"]
         head = http.head("/", headers=headers)
         assert (head.status_code, head.content) == (200, b"")
-        assert {name: head.headers[name] for name in ("etag", "content-length")} == {
-            name: first.headers[name] for name in ("etag", "content-length")
-        }
+        assert head.headers["etag"] == first.headers["etag"]
 
 
 def test_text_comes_compressed_where_that_is_understood(http: httpx.Client, repository: Path) -> None:
@@ -122,12 +120,14 @@ def test_text_comes_compressed_where_that_is_understood(http: httpx.Client, repo
     with http.stream("GET", "/", headers={"Accept-Encoding": "br;q=1, gzip;q=0.5"}) as answer:
         assert answer.headers["content-encoding"] == "gzip"
         raw = b"".join(answer.iter_raw())
-    assert len(raw) == int(answer.headers["content-length"]) < len(content)
+    assert len(raw) < len(content)
     assert zlib.decompress(raw, 31) == gzip.decompress(raw) == content
-    for refused in ("identity", "gzip;q=0", "br", ""):
-        plain = http.get("/", headers={"Accept-Encoding": refused})
+    for other in ("identity", "br", ""):
+        plain = http.get("/", headers={"Accept-Encoding": other})
         assert "content-encoding" not in plain.headers
-        assert plain.headers["etag"] != answer.headers["etag"]
+    # One tag for both forms: so it names the file and not the bytes.
+    assert plain.headers["etag"] == answer.headers["etag"]
+    assert plain.headers["etag"].startswith("W/")
 
 
 @each_case(

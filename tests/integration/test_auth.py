@@ -16,8 +16,8 @@ import pytest
 
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
+from meshdeform.support.logs import ACCESS_LOG
 from service.http.auth import _FAILURES, Gate
-from service.http.middleware import ACCESS_LOG
 from service.http.rate import RateLimiter
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving
 from tests.servers import free_port

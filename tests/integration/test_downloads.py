@@ -51,7 +51,7 @@ def owned_job(api: Api, owner_id: str) -> str:
     """A job of theirs that is over, with one artifact."""
     job = api.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id=owner_id))
     assert api.record.claim(job.id, "worker", 60.0)
-    stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT)
+    stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT, "model/gltf-binary")
     made = Artifact(
         name="result.glb",
         content_type="model/gltf-binary",

@@ -20,7 +20,7 @@ from meshdeform.record.models import TERMINAL_STATES, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.events import broker as hub_module
-from service.events.broker import Hub
+from service.events.broker import JobWaiters
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.streams import STREAM, stream, until
 from tests.integration.test_api_process import api_process
@@ -44,7 +44,7 @@ def counted(own: Settings) -> Iterator[tuple[str, FastAPI, list[str]]]:
             statements.append(statement)
 
     with serving_app(own) as (url, app):
-        engine = app.state.parts.record.database._engine
+        engine = app.state.app_state.record.database._engine
         sa.event.listen(engine, "before_cursor_execute", count)
         yield url, app, statements
 
@@ -53,16 +53,16 @@ def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_whe
     counted: tuple[str, FastAPI, list[str]], record: JobRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     url, app, statements = counted
-    hub: Hub = app.state.parts.hub
+    waiters: JobWaiters = app.state.app_state.waiters
     jobs = [new_job(record).id for _ in range(20)]
     ticks: list[None] = []
-    look = hub._look
+    look = waiters._look
 
     async def counted_look() -> None:
         ticks.append(None)
         await look()
 
-    monkeypatch.setattr(hub, "_look", counted_look)
+    monkeypatch.setattr(waiters, "_look", counted_look)
 
     async def clients() -> None:
         limits = httpx.Limits(max_connections=None)
@@ -78,12 +78,12 @@ def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_whe
 
             async def everybody_waits(many: int) -> None:
                 async with asyncio.timeout(DEADLINE_S):
-                    while hub.waiting != many:
+                    while waiters.waiting != many:
                         await asyncio.sleep(0.01)
 
             readers = [asyncio.create_task(follow(job_id)) for job_id in jobs * 10]
             await everybody_waits(200)
-            assert hub.held == 200
+            assert waiters.held == 200
             threads = threading.active_count()
             ticks.clear()
             statements.clear()
@@ -100,9 +100,9 @@ def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_whe
             assert await asyncio.gather(*readers[100:]) == [[1, 2]] * 100
 
     asyncio.run(clients())
-    until(lambda: hub.held == 0, "all places are free")
-    assert hub.waiting == 0
-    assert hub._held == {}
+    until(lambda: waiters.held == 0, "all places are free")
+    assert waiters.waiting == 0
+    assert waiters._held == {}
 
 
 def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, list[str]], record: JobRecord) -> None:
@@ -114,7 +114,7 @@ def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, 
         until(lambda: statements, "somebody waits")
         record.request_cancel(job.id)
         list(events)
-    until(lambda: not app.state.parts.hub._somebody.is_set(), "the task rests")
+    until(lambda: not app.state.app_state.waiters._somebody.is_set(), "the task rests")
 
 
 @pytest.mark.both_databases
@@ -123,8 +123,8 @@ def test_a_record_that_is_away_loses_no_reader(
 ) -> None:
     url, app, _ = counted
     job = new_job(record)
-    log, hub = app.state.parts.record.events, app.state.parts.hub
-    away, heads, after = threading.Event(), hub._heads, log.after
+    log, waiters = app.state.app_state.record.events, app.state.app_state.waiters
+    away, heads, after = threading.Event(), waiters._heads, log.after
     refused: list[str] = []
 
     def asked(name: str, real: Any) -> Any:
@@ -136,7 +136,7 @@ def test_a_record_that_is_away_loses_no_reader(
 
         return call
 
-    monkeypatch.setattr(hub, "_heads", asked("heads", heads))
+    monkeypatch.setattr(waiters, "_heads", asked("heads", heads))
     monkeypatch.setattr(log, "after", asked("after", after))
     with httpx.Client(base_url=url, timeout=DEADLINE_S) as http, stream(http, job.id) as found:
         events = found.events()
@@ -152,15 +152,15 @@ def test_places_are_counted_by_owner_and_in_all(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(hub_module, "MOST_HELD_OF_ONE", 2)
 
     async def crowd() -> None:
-        hub = Hub(lambda ids: {})
-        monkeypatch.setattr(hub, "_most", 4)
-        with hub.place("a"), hub.place("a"):
-            with pytest.raises(hub_module.LimitError, match="2 requests of this key"), hub.place("a"):
+        waiters = JobWaiters(lambda ids: {})
+        monkeypatch.setattr(waiters, "_most", 4)
+        with waiters.place("a"), waiters.place("a"):
+            with pytest.raises(hub_module.LimitError, match="2 requests of this key"), waiters.place("a"):
                 raise AssertionError
-            with hub.place("b"), hub.place(""), pytest.raises(hub_module.LimitError, match="4 requests"):
-                hub.place("c").__enter__()
-        with hub.place("a"):
-            assert hub.held == 1
+            with waiters.place("b"), waiters.place(""), pytest.raises(hub_module.LimitError, match="4 requests"):
+                waiters.place("c").__enter__()
+        with waiters.place("a"):
+            assert waiters.held == 1
 
     asyncio.run(crowd())
 
@@ -179,7 +179,7 @@ def test_what_a_crowd_waits_for_is_looked_up_for_those_who_were_there(monkeypatc
                 go.wait(DEADLINE_S)
             return {job_id: Head(1, 1, JobState.QUEUED) for job_id in ids}
 
-        hub = Hub(heads, tick_s=0.01)
+        waiters = JobWaiters(heads, tick_s=0.01)
         gone: list[str] = []
 
         def wanted(head: Head | None) -> bool:
@@ -187,10 +187,10 @@ def test_what_a_crowd_waits_for_is_looked_up_for_those_who_were_there(monkeypatc
                 gone.append("gone")
             return len(asked) >= 3
 
-        async with hub.running():
-            first = asyncio.create_task(hub.until("a", wanted, DEADLINE_S))
+        async with waiters.running():
+            first = asyncio.create_task(waiters.until("a", wanted, DEADLINE_S))
             await asyncio.to_thread(come.wait, DEADLINE_S)
-            second = asyncio.create_task(hub.until("b", wanted, DEADLINE_S))
+            second = asyncio.create_task(waiters.until("b", wanted, DEADLINE_S))
             await asyncio.sleep(0)
             go.set()
             assert await asyncio.gather(first, second) == [True, True]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
 import sqlalchemy as sa
 
+from meshdeform.api.jobs import accepted
 from meshdeform.errors import IdempotencyBusyError, IdempotencyMismatchError
-from meshdeform.record.idempotency import Claim
-from meshdeform.record.models import NewJob
+from meshdeform.record.models import Claim, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import idempotency
 from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
@@ -17,8 +18,6 @@ from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import stored_file
 
 pytestmark = pytest.mark.both_databases
-
-ANSWER = {"status": 202, "body": {"id": "job_1"}, "headers": {"Location": "/v1/jobs/job_1"}}
 
 
 def begun(record: JobRecord, owner: str = "me", key: str = "k", request: str = "hash") -> Claim:
@@ -28,9 +27,14 @@ def begun(record: JobRecord, owner: str = "me", key: str = "k", request: str = "
 
 
 def done(record: JobRecord, claim: Claim) -> str:
-    """What a request does: a job and its answer, or neither."""
-    new = NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=claim.owner_id)
-    return record.create(new, also=lambda connection, _: record.idempotency.complete(claim, ANSWER, connection)).id
+    """Do what a request asks for: a job and its answer, or neither."""
+    new = NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=claim.owner_id, claim=claim)
+    return record.create(new).id
+
+
+def answer(record: JobRecord) -> dict[str, Any]:
+    """What the request that made the newest job was answered with."""
+    return accepted(record.list_jobs().jobs[0])
 
 
 def later(record: JobRecord, seconds: float) -> None:
@@ -44,9 +48,9 @@ def later(record: JobRecord, seconds: float) -> None:
 
 def test_a_request_that_comes_again_gets_the_first_answer(record: JobRecord) -> None:
     done(record, begun(record))
-    assert record.idempotency.begin("me", "k", "hash") == ANSWER
+    assert record.idempotency.begin("me", "k", "hash") == answer(record)
     later(record, 3600.0)
-    assert record.idempotency.begin("me", "k", "hash") == ANSWER
+    assert record.idempotency.begin("me", "k", "hash") == answer(record)
     assert len(record.list_jobs().jobs) == 1
 
 
@@ -71,7 +75,7 @@ def test_a_request_that_was_refused_gives_its_key_free_also_for_another_one(reco
     record.idempotency.abandon(claim)
     done(record, again)
     record.idempotency.abandon(again)
-    assert record.idempotency.begin("me", "k", "another") == ANSWER
+    assert record.idempotency.begin("me", "k", "another") == answer(record)
 
 
 def test_the_key_of_a_request_that_died_is_taken_over_and_what_that_one_does_late_is_undone(record: JobRecord) -> None:
@@ -87,7 +91,7 @@ def test_the_key_of_a_request_that_died_is_taken_over_and_what_that_one_does_lat
     with pytest.raises(IdempotencyBusyError):
         done(record, slow)
     assert [job.id for job in record.list_jobs().jobs] == [job_id]
-    assert record.idempotency.begin("me", "k", "hash") == ANSWER
+    assert record.idempotency.begin("me", "k", "hash") == answer(record)
 
 
 def test_a_request_that_died_is_still_known_by_its_hash(record: JobRecord) -> None:
@@ -130,7 +134,7 @@ def test_keys_are_forgotten_after_their_time(record: JobRecord) -> None:
     done(record, begun(record))
     later(record, IDEMPOTENCY_KEPT_S - 60.0)
     record.delete_stale_requests()
-    assert record.idempotency.begin("me", "k", "hash") == ANSWER
+    assert record.idempotency.begin("me", "k", "hash") == answer(record)
     later(record, IDEMPOTENCY_KEPT_S + 60.0)
     record.delete_stale_requests()
     begun(record, request="another")

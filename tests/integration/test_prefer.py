@@ -37,7 +37,7 @@ def server(
 
 
 def waiting(app: FastAPI, many: int) -> None:
-    until(lambda: app.state.parts.hub.waiting == many, f"{many} wait")
+    until(lambda: app.state.app_state.waiters.waiting == many, f"{many} wait")
 
 
 def test_an_answer_is_held_back_until_the_job_is_over(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
@@ -87,7 +87,7 @@ def test_a_job_that_is_deleted_meanwhile_is_not_found(server: tuple[httpx.Client
 def test_a_job_that_is_not_there_is_not_waited_for(server: tuple[httpx.Client, FastAPI]) -> None:
     http, app = server
     check_problem(http.get("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6", headers=WAIT), 404, "not_found")
-    assert app.state.parts.hub.held == 0
+    assert app.state.app_state.waiters.held == 0
 
 
 def test_a_client_that_goes_away_frees_its_place(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
@@ -96,7 +96,7 @@ def test_a_client_that_goes_away_frees_its_place(server: tuple[httpx.Client, Fas
     with httpx.Client(base_url=http.base_url) as impatient:
         with pytest.raises(httpx.ReadTimeout):
             impatient.get(f"/v1/jobs/{job.id}", headers=WAIT, timeout=httpx.Timeout(DEADLINE_S, read=1.0))
-        until(lambda: app.state.parts.hub.held == 0, "the place is free")
+        until(lambda: app.state.app_state.waiters.held == 0, "the place is free")
 
 
 def test_a_post_may_wait_too(server: tuple[httpx.Client, FastAPI], record: JobRecord, sphere: bytes) -> None:
@@ -117,7 +117,7 @@ def test_a_record_that_goes_away_shows_the_job_as_it_was(
 ) -> None:
     http, app = server
     job = new_job(record)
-    kept = app.state.parts.record
+    kept = app.state.app_state.record
     get, away = kept.get, threading.Event()
 
     def maybe(*arguments: Any) -> Any:

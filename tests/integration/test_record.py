@@ -6,13 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 
 import pytest
-import sqlalchemy as sa
 
-from meshdeform.errors import ConflictError, NotFoundError, ParameterError, TooManyJobsError
+from meshdeform.errors import ConflictError, IdempotencyBusyError, NotFoundError, ParameterError, TooManyJobsError
 from meshdeform.record.estimates import estimate
-from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
+from meshdeform.record.models import Claim, EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, ResolvedParams, resolve
 from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted, set_to
@@ -174,16 +173,24 @@ def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoi
     assert "assets/copy" in record.files.unused()
 
 
-def test_what_also_raises_undoes_the_job(record: JobRecord) -> None:
-    def refuse(connection: sa.Connection, job: Job) -> None:
-        assert job.state is JobState.QUEUED
-        raise ConflictError("no")
-
-    with pytest.raises(ConflictError):
-        record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), stored_file()), also=refuse)
+def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRecord) -> None:
+    claim = Claim("me", "key", "a token that nobody holds")
+    with pytest.raises(IdempotencyBusyError):
+        record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), stored_file(), claim=claim))
     assert record.list_jobs().jobs == []
     assert record.untold() == []
     assert record.files.unused() == []
+
+
+def test_what_runs_is_kept_beside_what_was_written(record: JobRecord) -> None:
+    request = JobRequest.model_validate({"prompt": "a vase", "params": {"preset": "preview"}})
+    resolved = resolve(request.params)
+    made = record.create(NewJob(request, stored_file(), resolved=resolved))
+    assert made.resolved == resolved.model_dump(mode="json")
+    assert ResolvedParams.model_validate(record.get(made.id).resolved) == resolved
+    assert record.get(made.id).request == request
+    # Jobs of before 0003.
+    assert new_job(record).resolved is None
 
 
 def test_an_owner_has_only_so_many_unfinished_jobs_also_when_they_come_at_once(record: JobRecord) -> None:

@@ -72,7 +72,7 @@ def test_identity_gives_equal_accessors_and_leaves_the_rest() -> None:
     after["buffers"] = before["buffers"]
     assert after == before
     assert list(after) == list(before)
-    assert b'"baseColorFactor": [1.0, 0.1, 0, 1]' in written  # as it was written
+    assert b'"baseColorFactor":[1.0,0.1,0,1]' in written  # floats stay floats, integers stay integers
 
 
 @each_case(

@@ -80,13 +80,6 @@ def test_version() -> None:
     assert CliRunner().invoke(app, ["version"]).output.strip() == meshdeform.__version__
 
 
-def test_serve_and_stack_agree_on_the_address() -> None:
-    from meshdeform.cli import servers
-    from meshdeform.serving import stack
-
-    assert (servers._HOST, servers._PORT) == (stack.DEFAULT_HOST, stack.DEFAULT_PORT)
-
-
 @each_case(
     ("error", "code"),
     [

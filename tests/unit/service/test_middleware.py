@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError
-from service.http.middleware import ACCESS_LOG, MAX_BODY_BYTES, RequestFrame, add_header, request_id
+from meshdeform.support.logs import ACCESS_LOG
+from service.http.middleware import RequestFrame, add_header, request_id
 from tests.cases import each_case
 
 
@@ -107,7 +109,7 @@ def reader(route: Route) -> Any:
     return app
 
 
-HALF = b"x" * (MAX_BODY_BYTES // 2)
+HALF = b"x" * (MAX_DOCUMENT_BYTES // 2)
 
 
 def test_a_body_that_is_parsed_has_a_limit_that_holds_while_it_comes() -> None:

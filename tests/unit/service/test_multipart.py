@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
-from service.http.multipart import ReceivedForm, receive_form
+from service.http.multipart import ReceivedFile, receive_form
 from tests.cases import each_case
 
 KIND = "multipart/form-data; boundary=edge"
@@ -27,7 +27,9 @@ def form(asset: bytes, document: bytes = b"{}") -> bytes:
     return part("asset", asset, "a.glb") + part("request", document) + b"--edge--\r\n"
 
 
-def receive(body: bytes, folder: Path, *, size: int = 7, max_bytes: int = 10**6, length: str = "") -> ReceivedForm:
+def receive(
+    body: bytes, folder: Path, *, size: int = 7, max_bytes: int = 10**6, length: str = ""
+) -> tuple[bytes, dict[str, ReceivedFile]]:
     async def pieces() -> AsyncIterator[bytes]:
         for start in range(0, len(body), size):
             yield body[start : start + size]
@@ -38,16 +40,16 @@ def receive(body: bytes, folder: Path, *, size: int = 7, max_bytes: int = 10**6,
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(asset=st.binary(max_size=200), size=st.integers(1, 300))
 def test_any_bytes_arrive_whole_in_pieces_of_any_size(asset: bytes, size: int, tmp_path: Path) -> None:
-    received = receive(form(asset, b'{"prompt": "x"}'), tmp_path, size=size)
-    assert received.asset.path.read_bytes() == asset
-    assert (received.asset.size, received.asset.sha256) == (len(asset), hashlib.sha256(asset).hexdigest())
-    assert received.document == b'{"prompt": "x"}'
-    assert received.target is None
+    document, files = receive(form(asset, b'{"prompt": "x"}'), tmp_path, size=size)
+    assert document == b'{"prompt": "x"}'
+    assert list(files) == ["asset"]
+    assert files["asset"].path.read_bytes() == asset
+    assert (files["asset"].size, files["asset"].sha256) == (len(asset), hashlib.sha256(asset).hexdigest())
 
 
 def test_bytes_that_look_like_a_boundary_are_data(tmp_path: Path) -> None:
     asset = b"\r\n--edg\r\n--edgf\r\n-\r\n--"
-    assert receive(form(asset), tmp_path, size=1).asset.path.read_bytes() == asset
+    assert receive(form(asset), tmp_path, size=1)[1]["asset"].path.read_bytes() == asset
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -69,7 +71,7 @@ def test_a_body_that_ends_early_is_refused(cut: int, tmp_path: Path) -> None:
 
 def test_the_limit_holds_while_it_streams_and_before(tmp_path: Path) -> None:
     body = form(bytes(1000))
-    assert receive(body, tmp_path, max_bytes=len(body)).asset.size == 1000
+    assert receive(body, tmp_path, max_bytes=len(body))[1]["asset"].size == 1000
     with pytest.raises(AssetTooLargeError):
         receive(body, tmp_path, max_bytes=len(body) - 1)
     with pytest.raises(AssetTooLargeError):
@@ -89,6 +91,6 @@ def test_the_limit_holds_while_it_streams_and_before(tmp_path: Path) -> None:
 )
 def test_a_file_keeps_the_last_part_of_its_name(sent: str, kept: str, tmp_path: Path) -> None:
     body = part("asset", b"x", sent) + part("request", b"{}") + b"--edge--\r\n"
-    received = receive(body, tmp_path)
-    assert received.asset.filename == kept
-    assert received.asset.path.parent == tmp_path
+    _, received = receive(body, tmp_path)
+    assert received["asset"].filename == kept
+    assert received["asset"].path.parent == tmp_path

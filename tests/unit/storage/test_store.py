@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import pytest
 
-from meshdeform.errors import NotFoundError, RequestError, UnavailableError
+from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore, StoredObject
 from tests.cases import each_case
 
@@ -101,16 +101,6 @@ def test_a_prefix_is_a_folder_and_not_the_beginning_of_a_name(store: ObjectStore
 
 def test_a_store_that_is_there_answers(store: ObjectStore) -> None:
     store.ping()
-
-
-def test_bytes_that_are_not_the_announced_ones_are_not_stored(store: ObjectStore, tmp_path: Path) -> None:
-    source = tmp_path / "source.bin"
-    source.write_bytes(DATA)
-    for data in (DATA, source):
-        with pytest.raises(RequestError, match="SHA-256"):
-            store.put("a", data, sha256=hashlib.sha256(b"others").hexdigest())
-        assert not store.exists("a")
-        assert store.put("b", data, sha256=hashlib.sha256(DATA).hexdigest().upper()).sha256 == store.sha256_of("b")
 
 
 def test_verified_bytes_are_read_back(store: ObjectStore, monkeypatch: pytest.MonkeyPatch) -> None:

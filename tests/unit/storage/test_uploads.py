@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -203,14 +202,3 @@ def test_a_discarded_upload_is_gone(store: ObjectStore) -> None:
     store.discard_append("u1")
     with pytest.raises(NotFoundError):
         store.appended_size("u1")
-
-
-def test_uploads_that_nobody_goes_on_with_go(store: ObjectStore, tmp_path: Path) -> None:
-    assert store.discard_stale_appends(0) == 0
-    for name in ("old", "new"):
-        store.append(name, 0, [DATA], LIMIT)
-    os.utime(tmp_path / "store" / ".uploads" / "old", (time.time() - 100,) * 2)
-    assert store.discard_stale_appends(50) == 1
-    assert store.appended_size("new") == len(DATA)
-    with pytest.raises(NotFoundError):
-        store.appended_size("old")

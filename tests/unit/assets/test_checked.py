@@ -8,15 +8,14 @@ from pathlib import Path
 import pytest
 
 from meshdeform.assets import Limits
+from meshdeform.assets import check as checked
+from meshdeform.assets.check import CheckedAssets
 from meshdeform.errors import AssetError
-from service.http.multipart import ReceivedFile
-from service.jobs import checked_assets as checked
-from service.jobs.checked_assets import CheckedAssets
 
 
-def received(path: Path, data: bytes, filename: str) -> ReceivedFile:
+def received(path: Path, data: bytes, filename: str) -> tuple[Path, str, str]:
     path.write_bytes(data)
-    return ReceivedFile(path, filename, len(data), hashlib.sha256(data).hexdigest())
+    return path, filename, hashlib.sha256(data).hexdigest()
 
 
 def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,14 +29,14 @@ def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monke
     monkeypatch.setattr(checked, "check_asset_subprocess", counted)
     assets = CheckedAssets(Limits())
     sphere = (repository / "examples/sphere.glb").read_bytes()
-    first = assets.check(received(tmp_path / "a", sphere, "one.glb"))
-    again = assets.check(received(tmp_path / "b", sphere, "two.GLB"))
+    first = assets.check(*received(tmp_path / "a", sphere, "one.glb"))
+    again = assets.check(*received(tmp_path / "b", sphere, "two.GLB"))
     assert first == again
     assert calls == ["one.glb"]
     broken = received(tmp_path / "c", sphere[:-100], "three.glb")
     for _ in range(2):
         with pytest.raises(AssetError):
-            assets.check(broken)
+            assets.check(*broken)
     assert calls == ["one.glb", "three.glb", "three.glb"]
 
 
@@ -45,7 +44,7 @@ def test_what_was_checked_long_ago_is_forgotten(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(checked, "check_asset_subprocess", lambda *_: object())
     monkeypatch.setattr(checked, "_REMEMBERED", 2)
     assets = CheckedAssets(Limits())
-    files = [ReceivedFile(Path("x"), "x.glb", 1, letter * 64) for letter in "abc"]
-    seen = [assets.check(file) for file in files]
-    assert assets.check(files[2]) is seen[2]
-    assert assets.check(files[0]) is not seen[0]
+    files = [(Path("x"), "x.glb", letter * 64) for letter in "abc"]
+    seen = [assets.check(*file) for file in files]
+    assert assets.check(*files[2]) is seen[2]
+    assert assets.check(*files[0]) is not seen[0]

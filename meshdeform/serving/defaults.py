@@ -1,0 +1,9 @@
+"""Where a service on this machine listens unless it is told otherwise. Imports nothing: the client needs it too."""
+
+from __future__ import annotations
+
+__all__ = ["DEFAULT_HOST", "DEFAULT_PORT", "DEFAULT_URL"]
+
+DEFAULT_HOST = "127.0.0.1"
+DEFAULT_PORT = 8765
+DEFAULT_URL = f"http://{DEFAULT_HOST}:{DEFAULT_PORT}"
