@@ -41,6 +41,11 @@ class Settings(BaseSettings):
         description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, as a JSON list.",
     )
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
+    dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
+        "auto",
+        description="Precision of a Stable Diffusion model. `auto`: float32 on the CPU, bfloat16 on a GPU that has it, "
+        "else float16.",
+    )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
     threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: as many as there are cores.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")

@@ -26,6 +26,7 @@ Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Commo
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 __all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
 
+_DRAWS = 3
+"""One number that overflows in half precision must not end a run of thousands of steps: the step draws again."""
 REFERENCE_ELEMENTS = 4 * 64 * 64
 """Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
 
@@ -116,27 +119,31 @@ class ScoreDistillation:
         Raises
         ------
         NumericalError
-            The prediction or z0 is not finite.
+            The prediction or z0 is not finite, however often timestep and noise are drawn anew.
         """
         z0 = self._prior.encode_image(image)
-        with torch.no_grad():
-            timestep = self._draw_timestep(len(z0), context)
-            level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
-            residual = self._residual(z0.detach(), timestep, level, context)
-            gradient = (1 - level) * (REFERENCE_ELEMENTS / z0.numel()) * residual
-            value, norm = 0.5 * (gradient * residual).sum(), gradient.norm()
+        for _ in range(_DRAWS):
+            value, gradient, logs = self._ask(z0.detach(), context)
+            if math.isfinite(value.item()) and math.isfinite(logs["sds_gradient_norm"]):
+                scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
+                return scalar, logs
+        raise NumericalError(
+            f"The diffusion prior's prediction at timestep {logs['timestep']:.0f} is not finite, and {_DRAWS} draws of "
+            "timestep and noise made it no better.",
+            advice="Set MESHDEFORM_DTYPE=float32, or lower guidance_scale.",
+        )
+
+    @torch.no_grad()
+    def _ask(self, z0: Tensor, context: StepContext) -> tuple[Tensor, Tensor, dict[str, float]]:
+        """Draw a timestep and noise; return the loss, its gradient on z0, and the numbers for the log."""
+        timestep = self._draw_timestep(len(z0), context)
+        level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
+        residual = self._residual(z0, timestep, level, context)
+        gradient = (1 - level) * (REFERENCE_ELEMENTS / z0.numel()) * residual
+        value = 0.5 * (gradient * residual).sum()
+        mean_square, norm = torch.stack([residual.square().mean(), gradient.norm()]).tolist()
         mean_timestep = timestep.double().mean().item()
-        if not (torch.isfinite(value) and torch.isfinite(norm)):
-            raise NumericalError(
-                f"The diffusion prior's prediction at timestep {mean_timestep:.0f} is not finite.",
-                advice="Lower guidance_scale; with a half-precision model, run it in float32.",
-            )
-        scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
-        return scalar, {
-            "sds_mse": residual.square().mean().item(),
-            "sds_gradient_norm": norm.item(),
-            "timestep": mean_timestep,
-        }
+        return value, gradient, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
         """Lowest and highest timestep that may be drawn at this step, both inclusive."""

@@ -42,7 +42,7 @@ def check_model(model: str, revision: str = "") -> None:
     check(model, revision)
 
 
-def load_prior(model: str, *, device: str, revision: str = "") -> Prior:
+def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
     """Load a model; what is not on this machine is not fetched.
 
     Parameters
@@ -51,6 +51,9 @@ def load_prior(model: str, *, device: str, revision: str = "") -> Prior:
         As in `check_model`.
     device : str
         `cpu`, `cuda` or `cuda:N`.
+    dtype : str
+        Precision of a Stable Diffusion model: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior has
+        float32 everywhere.
 
     Raises
     ------
@@ -65,4 +68,4 @@ def load_prior(model: str, *, device: str, revision: str = "") -> Prior:
         return BuiltinPrior(device=device)
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
-    return StableDiffusionPrior(model, device=device, revision=revision)
+    return StableDiffusionPrior(model, device=device, revision=revision, dtype=dtype)

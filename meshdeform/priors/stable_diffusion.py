@@ -8,8 +8,8 @@
 The posterior's mean is taken, not a sample: its standard deviation is about a ten-thousandth of the latents' for
 the published autoencoders, far below the noise that score distillation adds, and the mean gives the same result twice.
 
-Views are lit clay on white. A surface seen edge-on never gets brighter than 0.79 in that light, so the silhouette,
-where the shape's gradient comes from, stands out everywhere, as in the product photographs such models have seen.
+Views are clay before a background and under a light that change with every view, as the paper's are
+(`rendering/scenes.py`).
 
 Sources: Rombach et al. 2022, section 3 (latents); Ho & Salimans 2022, eq. 6, in diffusers' convention of s;
 Salimans & Ho 2022, appendix D (v-prediction).
@@ -27,6 +27,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError
+from meshdeform.priors.half_precision import scaled_backward
 from meshdeform.priors.model_files import ModelFiles, find
 from meshdeform.rendering.shading import RenderStyle
 
@@ -48,10 +49,8 @@ class StableDiffusionPrior:
     device : str or torch.device
     revision : str
         Branch, tag or commit of a hub model.
-    dtype : torch.dtype, optional
-        float32 on the CPU and float16 elsewhere unless given; bfloat16 where float16 overflows.
-    gradient_checkpointing : bool
-        Recompute the image encoder's activations in the backward pass: less memory, more time.
+    dtype : "auto", "float32", "float16" or "bfloat16"
+        What the networks compute in. `auto` is float32 on the CPU, bfloat16 on a GPU that has it, else float16.
 
     Raises
     ------
@@ -67,15 +66,12 @@ class StableDiffusionPrior:
         *,
         device: str | torch.device = "cpu",
         revision: str = "",
-        dtype: torch.dtype | None = None,
-        gradient_checkpointing: bool = False,
+        dtype: str = "auto",
     ) -> None:
-        files = find(model, revision)
         self.device = torch.device(device)
-        self.dtype = dtype or (torch.float32 if self.device.type == "cpu" else torch.float16)
+        self.dtype = _dtype(dtype, self.device)
+        files = find(model, revision, half=self.dtype is not torch.float32)
         self._load(files)
-        if gradient_checkpointing:
-            self._vae.enable_gradient_checkpointing()
         self.identity = {"id": model, "revision": files.revision, "sha256": files.sha256()}
 
     def _load(self, files: ModelFiles) -> None:
@@ -111,10 +107,8 @@ class StableDiffusionPrior:
                 advice=f"Use a text-to-image checkpoint that predicts {' or '.join(_PREDICTIONS)} from {latents}.",
             )
         shrink = 2 ** (len(self._vae.config.block_out_channels) - 1)
-        self.image_size = int(self._unet.config.sample_size) * shrink
-        self.style = RenderStyle(
-            view_size=self.image_size // 2, supersample=1, shading="lambert", background=(1.0, 1.0, 1.0)
-        )
+        self.image_size = _side(self._unet.config.sample_size, files.model) * shrink
+        self.style = RenderStyle(view_size=self.image_size // 2, supersample=1, shading="lambert", scene="varied")
 
     def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
         network, report = kind.from_pretrained(
@@ -170,6 +164,9 @@ class StableDiffusionPrior:
         if image.shape[2:] != (self.image_size, self.image_size):
             size = (self.image_size, self.image_size)
             image = functional.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True)
+        return scaled_backward(self._latents, image)
+
+    def _latents(self, image: Tensor) -> Tensor:
         posterior = self._vae.encode((image * 2.0 - 1.0).to(self.dtype)).latent_dist
         latents: Tensor = posterior.mean.float() * self._vae.config.scaling_factor
         return latents
@@ -204,6 +201,29 @@ class StableDiffusionPrior:
         level = self.alphas_cumprod[steps].view(-1, 1, 1, 1)
         signal, sigma = level.sqrt(), (1 - level).sqrt()
         return tuple(signal * velocity + sigma * noisy for velocity in predictions)
+
+
+def _dtype(name: str, device: torch.device) -> torch.dtype:
+    """Return the precision of a setting: float32 on the CPU, else bfloat16 where the device has it, unless named."""
+    if name != "auto":
+        found: torch.dtype = getattr(torch, name)
+        return found
+    if device.type == "cpu":
+        return torch.float32
+    # bfloat16 has float32's range: nothing overflows in it.
+    return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
+
+
+def _side(sample_size: Any, model: str) -> int:
+    """Return the side of the latents that a U-Net's configuration names: a number, or a pair of equal ones."""
+    sides = set(sample_size) if isinstance(sample_size, list | tuple) else {sample_size}
+    if len(sides) != 1 or not all(isinstance(side, int) and side > 0 for side in sides):
+        raise ModelError(
+            f"The model {model!r} has the sample_size {sample_size!r} in unet/config.json, which is no square.",
+            advice="Use a checkpoint of square pictures whose configuration names their size, such as 64.",
+        )
+    side: int = sides.pop()
+    return side
 
 
 @contextmanager

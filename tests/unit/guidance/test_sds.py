@@ -183,6 +183,22 @@ def test_a_prediction_that_is_not_finite_stops_the_run(bad: float) -> None:
         ScoreDistillation(BrokenPrior(), "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
 
 
+def test_one_prediction_that_is_not_finite_is_drawn_again() -> None:
+    class StumblingPrior(FakePrior):
+        asked = 0
+
+        def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras) -> tuple[Tensor, ...]:
+            self.asked += 1
+            if self.asked == 1:
+                return torch.full_like(z_t, float("inf")), torch.full_like(z_t, float("inf"))
+            return super().predict_noise(z_t, timestep, embedding, cameras)
+
+    prior = StumblingPrior()
+    loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
+    assert torch.isfinite(loss)
+    assert prior.asked == 2
+
+
 class TwoMindedPrior(FakePrior):
     """Knows one picture without a prompt and another with one, both as (z_t, abar) -> eps."""
 

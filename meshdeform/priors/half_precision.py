@@ -1,0 +1,66 @@
+"""Carry a gradient through an encoder in half precision without overflow or underflow.
+
+Float16 holds 6e-8 to 65,504. The gradient that score distillation puts onto z0 is multiplied by the guidance's weight
+before it reaches the encoder, so a small weight would underflow inside and a large one overflow. `scaled_backward`
+gives the encoder a gradient whose largest entry is 1, and multiplies what comes out of it, in float32. Since the
+backward pass is linear, the result is the same wherever nothing overflows or underflows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor
+
+__all__ = ["scaled_backward"]
+
+
+class _Scale:
+    """What the gradient was divided by on its way into the encoder."""
+
+    value: float = 1.0
+
+
+class _Divide(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, latents: Tensor, scale: _Scale) -> Tensor:
+        ctx.scale = scale
+        return latents.view_as(latents)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        largest = float(gradient.abs().max())
+        ctx.scale.value = largest if 0 < largest < float("inf") else 1.0
+        return gradient / ctx.scale.value, None
+
+
+class _Multiply(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, image: Tensor, scale: _Scale) -> Tensor:
+        ctx.scale = scale
+        return image.view_as(image)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        return gradient.float() * ctx.scale.value, None
+
+
+def scaled_backward(encode: Callable[[Tensor], Tensor], image: Tensor) -> Tensor:
+    """Encode a picture, such that the backward pass inside the encoder has gradients of order 1.
+
+    Parameters
+    ----------
+    encode : callable
+        From pictures float32 to latents float32; computes in any precision between.
+    image : (B, 3, S, S) float32
+
+    Returns
+    -------
+    What `encode` returns, with the same values.
+    """
+    scale = _Scale()
+    encoded: Tensor = encode(_Multiply.apply(image, scale))  # type: ignore[no-untyped-call]
+    divided: Tensor = _Divide.apply(encoded, scale)  # type: ignore[no-untyped-call]
+    return divided
