@@ -127,7 +127,7 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
 
 def _check_scheduler(config: dict[str, Any], model: str) -> None:
     """Refuse a noise schedule without its numbers, for which diffusers would put in defaults of another model."""
-    if "trained_betas" not in config and not {"beta_start", "beta_end", "beta_schedule"} <= config.keys():
+    if config.get("trained_betas") is None and not {"beta_start", "beta_end", "beta_schedule"} <= config.keys():
         raise ModelError(
             f"The model {model!r} has no betas in scheduler/scheduler_config.json.",
             advice="Download that file again, or add beta_start, beta_end and beta_schedule as the model was trained.",
