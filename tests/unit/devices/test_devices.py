@@ -1,0 +1,129 @@
+"""Every device computes what the CPU computes: rasterizer, shading, antialiasing, score distillation, a whole step.
+
+On a machine with a GPU, `scripts/test tests/unit/devices` proves or refutes it in one command; elsewhere the CPU is
+compared with itself through the code that other devices use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.loop import Deformation
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere, torus
+from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.guidance.target import TargetGuidance, place_target
+from meshdeform.priors import load_prior
+from meshdeform.rendering import rasterizer
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
+from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
+from meshdeform.rendering.rasterizer.spans import rasterize_spans
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.requests.document import DeformParams, resolve
+
+MESHES = {
+    "sphere": icosphere(3, 0.6),
+    "torus": TriangleMesh(0.6 * torus().verts, torus().faces),
+    "small faces": icosphere(5, 0.6),
+    # Reaches through the near plane and beyond the far one.
+    "far": TriangleMesh(icosphere(3).verts * torch.tensor([0.4, 0.4, 6.0], dtype=torch.float64), icosphere(3).faces),
+}
+SIZE = 96
+
+
+@pytest.fixture
+def torch_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Send the CPU through the code of the other devices."""
+    monkeypatch.setattr("meshdeform.rendering.rasterizer.compiled.rasterize_compiled", rasterize_spans)
+    monkeypatch.setattr("meshdeform.rendering.shading.interpolate", interpolate_torch)
+
+
+def clip_of(mesh: TriangleMesh, cameras: Cameras) -> Tensor:
+    return mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
+    mesh = MESHES[name]
+    clip = clip_of(mesh, fixed_cameras(20.0, 15.0))
+    expected, depth = rasterize_compiled(clip, mesh.faces, SIZE, SIZE)
+    found, found_depth = rasterize_spans(clip.to(device), mesh.faces.to(device), SIZE, SIZE)
+    other = found.cpu() != expected
+    # Ties in depth at shared edges are broken by the order of faces, or not.
+    assert int(other.sum()) <= 1e-3 * int((expected >= 0).sum())
+    torch.testing.assert_close(found_depth.cpu()[~other], depth[~other], atol=2e-6, rtol=0)
+    assert float(depth.max()) == rasterizer.EMPTY_DEPTH
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@pytest.mark.parametrize("name", ["sphere", "torus", "small faces"])
+def test_pictures_and_their_gradients_agree(
+    device: str, name: str, shading: str, request: pytest.FixtureRequest
+) -> None:
+    mesh = MESHES[name]
+    style = RenderStyle(view_size=SIZE, supersample=1, shading=shading)  # type: ignore[arg-type]
+    cameras = fixed_cameras(20.0, 15.0)
+    weights = torch.rand(4, SIZE, SIZE, 3, generator=torch.Generator().manual_seed(0))
+
+    def drawn(where: str) -> tuple[Tensor, Tensor]:
+        verts = mesh.verts.clone().to(where).requires_grad_()
+        image = Renderer(mesh.faces, len(mesh.verts), style, where).render(verts, cameras.to(where))
+        (image * weights.to(where)).sum().backward()
+        assert verts.grad is not None
+        return image.detach().cpu(), verts.grad.cpu()
+
+    image, gradient = drawn("cpu")
+    request.getfixturevalue("torch_path")
+    other_image, other_gradient = drawn(device)
+    different = (image - other_image).abs().amax(-1) > 1e-4
+    assert int(different.sum()) <= 1e-3 * different.numel()
+    assert float((gradient - other_gradient).norm()) < 0.02 * float(gradient.norm())
+
+
+def test_score_distillation_gives_the_same_gradient(device: str) -> None:
+    image = torch.rand(1, 3, 128, 128, generator=torch.Generator().manual_seed(1))
+
+    def gradient(where: str) -> Tensor:
+        guidance = ScoreDistillation(load_prior("builtin", device=where), "a mushroom", guidance_scale=7.5)
+        drawn = image.clone().to(where).requires_grad_()
+        context = StepContext(0, 10, fixed_cameras(0.0, 15.0).to(where), torch.Generator().manual_seed(3))
+        guidance.loss(drawn, context)[0].backward()
+        assert drawn.grad is not None
+        return drawn.grad.cpu()
+
+    expected = gradient("cpu")
+    assert float((gradient(device) - expected).norm()) < 1e-3 * float(expected.norm())
+
+
+def one_step(guidance: Callable[[TriangleMesh, str], object], device: str) -> tuple[dict[str, float], Tensor]:
+    mesh = MESHES["sphere"]
+    params = resolve(DeformParams(preset="preview", steps=1, seed=5, checkpoint_every_steps=1))
+    run = Deformation(mesh, guidance(mesh, device), params, device=device)  # type: ignore[arg-type]
+    losses = next(iter(run)).losses
+    return losses, run._optimizer.state[run._variables.tensors["jacobians"]]["exp_avg"]
+
+
+def with_prior(mesh: TriangleMesh, device: str) -> object:
+    return ScoreDistillation(load_prior("builtin", device=device), "a mushroom", guidance_scale=7.5)
+
+
+def with_target(mesh: TriangleMesh, device: str) -> object:
+    return TargetGuidance(place_target(torus(), mesh), device=device)
+
+
+@pytest.mark.parametrize("guidance", [with_prior, with_target])
+def test_a_whole_step_is_the_same(
+    device: str, guidance: Callable[[TriangleMesh, str], object], request: pytest.FixtureRequest
+) -> None:
+    losses, direction = one_step(guidance, "cpu")
+    request.getfixturevalue("torch_path")
+    other_losses, other = one_step(guidance, device)
+    for name in ("total", "guidance", "jacobian", "laplacian", "normal", "dirichlet"):
+        assert other_losses[name] == pytest.approx(losses[name], rel=1e-3, abs=1e-6), name
+    assert float((direction - other).norm()) < 0.02 * float(direction.norm())
