@@ -7,18 +7,19 @@ over the rest surface of area A:
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
   it has no unit, and a detail of the rest shape costs nothing, only its bending away from where it was
-* normal     1/A  sum_e a_e h((1 - cos b_e) (d_0 / d_e)^2)       b_e the change of the angle between the two faces'
-  normals since rest, d_e the distance between their centroids at rest, a_e the edge's share of the area, d_0 that
-  distance on a uniform mesh of 5,000 faces. h(y) = y^2 up to y_0, then 4 sqrt(y_0^3 y) - 3 y_0^2
+* normal     1/A  sum_e a_e (h(r_e^2 c_e) + r_e (c_e^2 - h(c_e)))    c_e = 1 - cos b_e, b_e the change of the angle
+  between the two faces' normals since rest; r_e = d_0 / d_e, d_e the distance between their centroids at rest, d_0 that
+  distance on a uniform mesh of 5,000 faces; a_e the edge's share of the area; h(y) = y^2 up to y_0, beyond it
+  4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
   from jumping across
 
-The normal term measures against rest: a crease costs nothing until it bends. Its h makes it independent of resolution
-in both kinds of bending. A smooth one has b_e in proportion to d_e, so y stays the same as the mesh is refined, and
-a_e adds up to the area. A crease bends by the same b_e at every resolution, so sqrt(y) grows as 1 / d_e while the area
-beside the crease shrinks as d_e. On a flat rest surface of the reference resolution, the value is exactly the published
-(1 - n_i . n_j)^2 up to an angle of 15 degrees.
+The normal term measures against rest: a crease costs nothing until it bends. It is independent of resolution in both
+kinds of bending. A smooth one has b_e in proportion to d_e and so c_e to d_e^2: r_e^2 c_e stays the same as the mesh is
+refined, the a_e add up to the area, and the second part is zero. A crease bends by the same b_e at every resolution,
+while the area beside it shrinks as d_e: there the sum is r_e c_e^2 but for 3 y_0^2 (r_e - 1). At the reference
+resolution, r_e = 1, it is exactly the published (1 - n_i . n_j)^2 where the rest surface is flat.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
 Shells (bending against rest); Huber 1964, Robust estimation of a location parameter (the change from square to linear);
@@ -103,16 +104,16 @@ class Regularizers:
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Bending away from rest: area-weighted mean of h((1 - cos b) (d_0 / d)^2) over neighbouring faces.
+        """Bending away from rest: area-weighted mean of h(r^2 c) + r (c^2 - h(c)) over neighbouring faces.
 
         Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
         """
         bend = self._bend(verts)
         # cos b = cos(angle - rest angle). A face that collapsed on the way has a zero normal and costs a constant.
         cosine = (bend * self._rest_bend).sum(1)
-        y = (1 - cosine).clamp_min(0) * self._edge_scale
-        linear = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
-        return (self._edge_weights * torch.where(y < _CREASE, y.square(), linear)).sum()
+        c = (1 - cosine).clamp_min(0)
+        energy = _smooth_part(self._edge_scale * c) + self._edge_scale.sqrt() * (c.square() - _smooth_part(c))
+        return (self._edge_weights * energy).sum()
 
     def _bend(self, verts: Tensor) -> Tensor:
         """Return cosine and sine (E, 2) of the signed angle between the normals of neighbouring faces."""
@@ -139,6 +140,12 @@ class Regularizers:
         energy = trace + trace / determinant.clamp_min(_LEAST_DETERMINANT) - 4
         mean: Tensor = (self._face_weights[self._solid] * energy).sum()
         return mean
+
+
+def _smooth_part(y: Tensor) -> Tensor:
+    """Return h: the square up to a crease, in proportion to the root beyond, with one derivative."""
+    beyond = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
+    return torch.where(y < _CREASE, y.square(), beyond)
 
 
 def _in_plane(corners: Tensor) -> Tensor:
