@@ -18,6 +18,7 @@ from tests.fault_proxy import FaultProxy  # noqa: E402
 
 Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
+pytestmark = pytest.mark.without_3d
 
 ENDLESS: dict[str, Any] = {
     "prompt": "a mushroom",

@@ -147,17 +147,18 @@ def test_events_go_on_over_the_death_of_the_api(cluster: Cluster, client: Client
         if event.type == "recovered":
             # The new process has noticed that this worker is none that lives.
             assert cluster.record.claim(job_id, "worker", 60.0)
-        elif event.type in ("started", "progress") and step < 6:
+        elif event.type in ("started", "progress"):
             step += 1
-            killed = step == 3
-            if killed:
+            if step == 3:
                 cluster.parts["api"].kill()
+            # The new process may take the job back at any moment; then this goes on when it is claimed again.
             with contextlib.suppress(StaleAttemptError):
-                progress(cluster.record, job_id, event.attempt, step)
-            if killed:
+                if step > 6:
+                    cluster.record.finish(job_id, event.attempt, JobState.SUCCEEDED)
+                else:
+                    progress(cluster.record, job_id, event.attempt, step)
+            if step == 3:
                 cluster.start_api()
-        elif event.type == "progress":
-            cluster.record.finish(job_id, event.attempt, JobState.SUCCEEDED)
     check_whole(cluster, job_id, events)
     assert len(events) >= 9
 
@@ -290,7 +291,7 @@ def test_an_upload_goes_on_where_it_broke_off(
     job = client.submit(asset, "a mushroom", upload=True)
     assert job.asset.sha256 == hashlib.sha256(asset.read_bytes()).hexdigest()
     assert job.asset.filename == "tetrahedron.obj"
-    assert proxy.connections >= 4
+    assert proxy.connections >= 3
     # The same once more is not sent again; a job may name it.
     key = request.node.name.encode().hex()[:100]
     first = client.upload(asset, idempotency_key=key)
