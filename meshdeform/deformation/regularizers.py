@@ -7,19 +7,24 @@ over the rest surface of area A:
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
   it has no unit, and a detail of the rest shape costs nothing, only its bending away from where it was
-* normal     1/A  sum_e a_e (h(r_e^2 c_e) + r_e (c_e^2 - h(c_e)))    c_e = 1 - cos b_e, b_e the change of the angle
-  between the two faces' normals since rest; r_e = d_0 / d_e, d_e the distance between their centroids at rest, d_0 that
-  distance on a uniform mesh of 5,000 faces; a_e the edge's share of the area; h(y) = y^2 up to y_0, beyond it
-  4 sqrt(y_0^3 y) - 3 y_0^2
+* normal     1/A  sum_e a_e max(0, g_e(1 - cos t_e) - g_e(1 - cos t_e0))    t_e the signed angle between the normals of
+  the two faces, t_e0 at rest (0 where t_e has the other sign); g_e(c) = h(r_e^2 c) + r_e (c^2 - h(c)); r_e = d_0 / d_e,
+  d_e the distance between their centroids at rest, d_0 that distance on a uniform mesh of 5,000 faces; a_e the edge's
+  share of the area; h(y) = y^2 up to y_0, beyond it 4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
   from jumping across
 
-The normal term measures against rest: a crease costs nothing until it bends. It is independent of resolution in both
-kinds of bending. A smooth one has b_e in proportion to d_e and so c_e to d_e^2: r_e^2 c_e stays the same as the mesh is
-refined, the a_e add up to the area, and the second part is zero. A crease bends by the same b_e at every resolution,
-while the area beside it shrinks as d_e: there the sum is r_e c_e^2 but for 3 y_0^2 (r_e - 1). At the reference
-resolution, r_e = 1, it is exactly the published (1 - n_i . n_j)^2 where the rest surface is flat.
+The normal term measures against rest: a crease costs nothing unless it becomes sharper than it was, or turns over. It
+is the published energy less what rest has of it, so it stops sharp corners from growing into spikes as hard as the
+published term does, without pulling them flat. A term in the change of the angle alone was tried: it is weak where a
+corner of a cube begins to fold, and the guard then holds the whole shape.
+
+It is independent of resolution in both kinds of bending. A smooth one has t_e in proportion to d_e and so c to d_e^2:
+r_e^2 c stays the same as the mesh is refined, the a_e add up to the area, and the second part of g is zero. A crease
+bends by the same angle at every resolution, while the area beside it shrinks as d_e: there g is r_e c^2 but for
+3 y_0^2 (r_e - 1). At the reference resolution, r_e = 1, the value is exactly the published (1 - n_i . n_j)^2 where the
+rest surface is flat.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
 Shells (bending against rest); Huber 1964, Robust estimation of a location parameter (the change from square to linear);
@@ -92,6 +97,7 @@ class Regularizers:
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
+        self._rest_energy = self._energy((1 - self._rest_bend[:, 0]).clamp_min(0))
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
@@ -104,16 +110,21 @@ class Regularizers:
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Bending away from rest: area-weighted mean of h(r^2 c) + r (c^2 - h(c)) over neighbouring faces.
+        """Return what neighbouring faces bend beyond rest: an area-weighted mean, dimensionless.
 
         Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
         """
         bend = self._bend(verts)
-        # cos b = cos(angle - rest angle). A face that collapsed on the way has a zero normal and costs a constant.
-        cosine = (bend * self._rest_bend).sum(1)
-        c = (1 - cosine).clamp_min(0)
-        energy = _smooth_part(self._edge_scale * c) + self._edge_scale.sqrt() * (c.square() - _smooth_part(c))
-        return (self._edge_weights * energy).sum()
+        # Bent the other way than at rest, an edge has no crease to be measured from.
+        same_way = bend[:, 1] * self._rest_bend[:, 1] > 0
+        at_rest = torch.where(same_way, self._rest_energy, 0.0)
+        # A face that collapsed on the way has a zero normal and costs a constant.
+        beyond = (self._energy((1 - bend[:, 0]).clamp_min(0)) - at_rest).clamp_min(0)
+        return (self._edge_weights * beyond).sum()
+
+    def _energy(self, c: Tensor) -> Tensor:
+        """Return g (E,) of c = 1 - cos t (E,)."""
+        return _smooth_part(self._edge_scale * c) + self._edge_scale.sqrt() * (c.square() - _smooth_part(c))
 
     def _bend(self, verts: Tensor) -> Tensor:
         """Return cosine and sine (E, 2) of the signed angle between the normals of neighbouring faces."""
