@@ -14,16 +14,18 @@ from meshdeform.requests.document import GuidanceKind, resolve
 from meshdeform.runs.base import JobRun
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
-from worker.checkpoints import CheckpointStore
-from worker.context import Workplace
-from worker.memory import is_out_of_memory
-from worker.results import store_results
-from worker.retry import Patience
+from worker.context import WorkerContext
+from worker.outputs import CheckpointStore, store_results
+from worker.retry import Retry
 from worker.watch import JobWatch
 
-__all__ = ["Attempt", "Ended", "Outcome"]
+__all__ = ["Attempt", "Ended", "Outcome", "is_out_of_memory"]
 
 _log = logging.getLogger(__name__)
+
+_OUT_OF_MEMORY = "OutOfMemoryError"
+# What CUDA and its libraries say where torch has no class for it.
+_OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED", "CUDNN_STATUS_ALLOC_FAILED")
 
 
 class Outcome(Enum):
@@ -58,7 +60,7 @@ class Ended:
 
 
 class _InterruptedError(Exception):
-    """The job is canceled, or the process shall end, while something is waited for."""
+    """The job is canceled, or the process is to end, while something is waited for."""
 
 
 class Attempt:
@@ -66,16 +68,16 @@ class Attempt:
 
     Parameters
     ----------
-    at : Workplace
+    at : WorkerContext
     job : Job
         As claimed.
     watch : JobWatch
         Running.
     """
 
-    def __init__(self, at: Workplace, job: Job, watch: JobWatch) -> None:
+    def __init__(self, at: WorkerContext, job: Job, watch: JobWatch) -> None:
         self._at, self._job, self._watch = at, job, watch
-        self._patience = Patience(self._go_on, at.patience_s)
+        self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
         self._steps, self._steps_s = 0, 0.0
@@ -121,7 +123,7 @@ class Attempt:
             return self._ended(Outcome.CANCELED)
         self._phase("uploading")
         with span("upload"):
-            results = store_results(self._at.store, self._job, artifacts, self._patience)
+            results = store_results(self._at.store, self._job, artifacts, self._retry)
         failpoint("worker.results.stored")
         if self._watch.canceled:
             return self._ended(Outcome.CANCELED)
@@ -148,10 +150,10 @@ class Attempt:
 
     def _start(self) -> JobRun:
         """Start from the newest checkpoint that can be used, else from what the job begins with."""
-        job, store, insist = self._job, self._at.store, self._patience.insist
-        asset = insist(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
+        job, store, ask = self._job, self._at.store, self._retry.until_answered
+        asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
         given = job.target
-        target = insist(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
+        target = ask(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
         params = resolve(job.request.params, default_model=self._at.settings.model)
         self._at.pulse.beat()
         prior = self._at.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None
@@ -172,7 +174,7 @@ class Attempt:
                 device=self._at.device,
             )
 
-        for checkpoint in self._checkpoints.usable(self._patience):
+        for checkpoint in self._checkpoints.usable(self._retry):
             try:
                 run = start(checkpoint)
             except CheckpointError as error:
@@ -182,7 +184,7 @@ class Attempt:
             return run
         if job.origin is None or not job.origin.key:
             return start()
-        origin = self._checkpoints.origin(self._patience)
+        origin = self._checkpoints.origin(self._retry)
         if job.origin.mode is OriginMode.BRANCH:
             if origin is None:
                 raise CheckpointError(f"The checkpoint of job {job.origin.job_id} cannot be read any more.")
@@ -241,3 +243,17 @@ class Attempt:
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
         return Ended(outcome, results or [], error, step_s)
+
+
+def is_out_of_memory(error: BaseException | None) -> bool:
+    """Return whether the error, or the one that it was made of, says that the device ran out of memory.
+
+    Names and words are compared, not classes: that needs no torch, and a fake may raise one as well.
+    """
+    while error is not None:
+        if any(each.__name__ == _OUT_OF_MEMORY for each in type(error).__mro__):
+            return True
+        if isinstance(error, RuntimeError) and any(words in str(error) for words in _OUT_OF_MEMORY_WORDS):
+            return True
+        error = error.__cause__
+    return False

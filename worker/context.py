@@ -1,4 +1,4 @@
-"""What a worker process works with; made once, and shared by all attempts at all jobs."""
+"""What a worker process has at hand; made once, and shared by all attempts at all jobs."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from meshdeform.assets import Limits
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs.base import JobRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from worker.pulse import Pulse
-from worker.retry import PATIENCE_S
+from worker.retry import RETRY_FOR_S
 from worker.watch import CancelListener
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["StartRun", "Workplace"]
+__all__ = ["StartRun", "WorkerContext"]
 
 
 class StartRun(Protocol):
@@ -45,8 +46,8 @@ class StartRun(Protocol):
 
 
 @dataclass(frozen=True)
-class Workplace:
-    """Settings, the places where things lie, and how a run is started.
+class WorkerContext:
+    """Hold the settings, the record, the store, and what starts a run.
 
     Attributes
     ----------
@@ -59,14 +60,14 @@ class Workplace:
         Gives the prior of a model; keeps it between jobs.
     device : str
     stopping : callable
-        True once this process shall end: the job is then handed back after its step.
-    worker_id : str
-        Who the leases of this process belong to: no other process, ever, has the same.
+        True once this process is to end: the job is then handed back after its step.
+    worker : WorkerIdentity
+        Whose leases those of this process are.
     renew : callable
         Ends this process after the job, because its device ran out of memory; the next one has a clean context.
     pulse : Pulse
         Tells the supervisor that something moves.
-    patience_s : float
+    retry_for_s : float
         How long an outage of the store or the record may last before a job is left to another attempt.
     """
 
@@ -78,7 +79,7 @@ class Workplace:
     load_prior: Callable[[str], Prior]
     device: str
     stopping: Callable[[], bool]
-    worker_id: str
+    worker: WorkerIdentity
     renew: Callable[[], None]
     pulse: Pulse = field(default_factory=Pulse)
-    patience_s: float = PATIENCE_S
+    retry_for_s: float = RETRY_FOR_S

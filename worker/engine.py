@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,7 +13,9 @@ from worker.context import StartRun
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Engine", "torch_engine"]
+__all__ = ["Engine", "PriorCache", "torch_engine"]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,6 @@ def torch_engine(settings: Settings) -> Engine:
     """
     from meshdeform.runs import text_deform
     from meshdeform.runs.devices import resolve_device, use_threads
-    from worker.priors import PriorCache
 
     use_threads(settings.threads)
     device = resolve_device(settings.device)
@@ -52,3 +54,29 @@ def torch_engine(settings: Settings) -> Engine:
         return priors.get(model, device=device, revision=settings.model_revision if model == settings.model else "")
 
     return Engine(text_deform.start, load_prior, device)
+
+
+class PriorCache:
+    """Keeps the prior that was used last; another one takes its place, so only one is ever in memory."""
+
+    def __init__(self) -> None:
+        self._key: tuple[str, str, str] | None = None
+        self._prior: Prior | None = None
+
+    def get(self, model: str, *, device: str, revision: str = "") -> Prior:
+        """Return the prior `model`, loaded unless it is the one at hand.
+
+        Raises
+        ------
+        ModelError, DependencyError
+            It cannot be loaded.
+        """
+        key = (model, device, revision)
+        if self._prior is None or self._key != key:
+            self._prior = None  # before the next one is loaded: two may not fit
+            from meshdeform.priors import load_prior
+
+            _log.info("loading the prior %s on %s", model, device)
+            self._prior = load_prior(model, device=device, revision=revision)
+            self._key = key
+        return self._prior

@@ -75,6 +75,6 @@ def _checkpoints(parts: Parts, job_id: str, owner: str) -> list[CheckpointRef]:
     """By step; where two attempts stored the same step, that of the newer one."""
     parts.record.get(job_id, owner)
     found: dict[int, CheckpointRef] = {}
-    for checkpoint in parts.record.checkpoints(job_id):
+    for checkpoint in parts.record.leases.checkpoints(job_id):
         found.setdefault(checkpoint.step, checkpoint)
     return [found[step] for step in sorted(found)]

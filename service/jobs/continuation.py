@@ -43,7 +43,8 @@ def retry(parts: Parts, caller: Caller, job_id: str) -> Answer:
         check_params(job.request, parts.settings, has_target=job.target is not None)
         with Pins(parts.record.files) as pins:
             _hold(parts, pins, job.asset, job.target)
-            newest = sorted(parts.record.checkpoints(job_id), key=lambda found: (found.step, found.attempt))[::-1]
+            found = parts.record.leases.checkpoints(job_id)
+            newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copied(parts, pins, job, newest, OriginMode.RETRY) or _beginning(parts, pins, job)
             return record_job(parts, caller, pins, job.request, job.asset, job.target, origin=origin, keep=keep)
 
@@ -86,7 +87,7 @@ def branch(parts: Parts, caller: Caller, job_id: str, step: int, document: Branc
                 check_asset_subprocess(file.path, file.filename, limits)
                 target = keep_file(parts, pins, file)
             _hold(parts, pins, job.asset, target)
-            known = parts.record.checkpoints(job_id)
+            known = parts.record.leases.checkpoints(job_id)
             origin = _copied(parts, pins, job, [found for found in known if found.step == step], OriginMode.BRANCH)
             if origin is None:
                 steps = sorted({found.step for found in known})

@@ -163,7 +163,7 @@ def _estimate(parts: Parts, checked: Checked) -> JobEstimate:
     settings = parts.settings
     found = estimate(
         parts.record.database,
-        parts.record.registry,
+        parts.record.leases,
         checked.request,
         default_model=settings.model,
         queue=settings.queue,

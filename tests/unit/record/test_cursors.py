@@ -5,8 +5,7 @@ import base64
 import pytest
 
 from meshdeform.errors import ParameterError
-from meshdeform.record.cursors import decode_cursor, encode_cursor
-from meshdeform.record.ids import new_id, new_job_id
+from meshdeform.record.ids import decode_cursor, encode_cursor, new_id, new_job_id
 
 
 def test_a_cursor_names_the_id_that_it_was_made_of_and_fits_into_a_url() -> None:

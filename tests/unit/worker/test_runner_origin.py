@@ -34,7 +34,7 @@ def state(world: World) -> tuple[bytes, bytes]:
     """The checkpoint of step 30 of an uninterrupted run, and that run's result."""
     whole = world.create()
     world.run(whole)
-    (key,) = [each.key for each in world.record.checkpoints(whole.id) if each.step == 30]
+    (key,) = [each.key for each in world.record.leases.checkpoints(whole.id) if each.step == 30]
     return world.store.get(key), world.result(whole)
 
 
