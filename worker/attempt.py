@@ -6,18 +6,21 @@ import logging
 import time
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
 from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
 from meshdeform.record.models import Artifact, Job, JobError, OriginMode
-from meshdeform.requests.document import GuidanceKind, resolve
-from meshdeform.runs.base import JobRun
+from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
 from worker.context import WorkerContext
 from worker.outputs import CheckpointStore, store_results
 from worker.retry import Retry
 from worker.watch import JobWatch
+
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
 
 __all__ = ["Attempt", "Ended", "Outcome", "is_out_of_memory"]
 
@@ -154,25 +157,29 @@ class Attempt:
         asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
         given = job.target
         target = ask(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
-        params = resolve(job.request.params, default_model=self._at.settings.model)
-        self._at.pulse.beat()
-        prior = self._at.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None
+        files = {"asset": InputFile(asset, job.asset.filename)}
+        if given and target is not None:
+            files["target"] = InputFile(target, given.filename)
+
+        def load_prior(model: str) -> Prior:
+            self._at.pulse.beat()
+            prior = self._at.load_prior(model)
+            self._at.pulse.beat()
+            return prior
 
         def start(checkpoint: bytes | None = None, initial: bytes | None = None) -> JobRun:
             self._at.pulse.beat()
-            return self._at.start(
-                asset=asset,
-                filename=job.asset.filename,
+            given = RunInput(
                 request=job.request,
-                prior=prior,
-                target=target,
-                target_filename=job.target.filename if job.target else "",
+                files=files,
                 checkpoint=checkpoint,
                 initial=initial,
+                load_prior=load_prior,
                 default_model=self._at.settings.model,
                 limits=Limits.from_settings(self._at.settings),
                 device=self._at.device,
             )
+            return self._at.start(given)
 
         for checkpoint in self._checkpoints.usable(self._retry):
             try:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from meshdeform.assets import Limits
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import JobRun
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from worker.pulse import Pulse
@@ -21,28 +19,7 @@ from worker.watch import CancelListener
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["StartRun", "WorkerContext"]
-
-
-class StartRun(Protocol):
-    """How a kind of job starts: `meshdeform.runs.text_deform.start`."""
-
-    def __call__(
-        self,
-        *,
-        asset: bytes,
-        filename: str,
-        request: JobRequest,
-        prior: Prior | None,
-        target: bytes | None,
-        target_filename: str,
-        checkpoint: bytes | None,
-        initial: bytes | None,
-        default_model: str,
-        limits: Limits | None,
-        device: str,
-    ) -> JobRun:
-        """Read the asset and get ready to run."""
+__all__ = ["WorkerContext"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +33,7 @@ class WorkerContext:
     listen : callable
         Opens a listener for the cancel of a job.
     start : StartRun
+        Starts a run of any kind: `meshdeform.runs.start_run`, which imports what the kind needs.
     load_prior : callable
         Gives the prior of a model; keeps it between jobs.
     device : str

@@ -1,4 +1,4 @@
-"""What computes in a worker process: the kind of job, the device and the prior. The only place that imports torch."""
+"""What computes in a worker process: the kinds of job, the device and the prior. Torch is imported here."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from meshdeform.runs import kinds, start_run
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
-from worker.context import StartRun
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -43,7 +44,6 @@ def torch_engine(settings: Settings) -> Engine:
     DependencyError
         The device that the settings name is not there.
     """
-    from meshdeform.runs import text_deform
     from meshdeform.runs.devices import resolve_device, use_threads
 
     use_threads(settings.threads)
@@ -53,7 +53,9 @@ def torch_engine(settings: Settings) -> Engine:
     def load_prior(model: str) -> Prior:
         return priors.get(model, device=device, revision=settings.model_revision if model == settings.model else "")
 
-    return Engine(text_deform.start, load_prior, device)
+    for kind in kinds():
+        kind.load()  # now, not when the first job waits
+    return Engine(start_run, load_prior, device)
 
 
 class PriorCache:

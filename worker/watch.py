@@ -142,7 +142,7 @@ class JobWatch:
     def step(self, report: StepReport) -> None:
         """A step is done. Costs microseconds: it is published from the thread."""
         self._timer.tick()
-        self._latest = self._progress(report.step, report.total_steps, report.phase, report.losses)
+        self._latest = self._progress(report.step, report.total_steps, self._latest.phase, report.losses)
 
     def _progress(self, step: int, total_steps: int, phase: str, losses: dict[str, float]) -> Progress:
         return Progress(

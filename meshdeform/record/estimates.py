@@ -9,13 +9,13 @@ from typing import Any, Self
 
 import sqlalchemy as sa
 
-from meshdeform.errors import MeshdeformError
 from meshdeform.record.database import Database
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
-from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import kind_of
 
 __all__ = ["Estimate", "estimate"]
 
@@ -131,8 +131,4 @@ def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_mo
 
 
 def _steps(request: JobRequest, default_model: str) -> int:
-    try:
-        return resolve(request.params, default_model=default_model).total_steps
-    except MeshdeformError:
-        # A default that has changed since it was accepted; its worker will say so.
-        return request.params.steps or 0
+    return kind_of(request.kind).steps(request, default_model)

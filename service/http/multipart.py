@@ -13,6 +13,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from meshdeform.errors import AssetTooLargeError, RequestError
+from meshdeform.runs import file_parts
 from service.http.bodies import MAX_DOCUMENT_BYTES
 from service.jobs.documents import MAX_FILENAME
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ReceivedFile", "ReceivedForm", "clean_filename", "receive_form"]
 
-FILES = ("asset", "target")
 DOCUMENT = "request"
 _MAX_HEADER_BYTES = 8 * 1024
 
@@ -52,14 +52,23 @@ class ReceivedForm:
     """The parts of one request; a file that is not among them may be named in the document."""
 
     document: bytes
-    asset: ReceivedFile | None
-    target: ReceivedFile | None
+    files: dict[str, ReceivedFile]
+
+    @property
+    def asset(self) -> ReceivedFile | None:
+        """The file to work on."""
+        return self.files.get("asset")
+
+    @property
+    def target(self) -> ReceivedFile | None:
+        """The second mesh."""
+        return self.files.get("target")
 
 
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> ReceivedForm:
-    """Receive the part `request` and, where they are sent, `asset` and `target`.
+    """Receive the part `request` and the files that are sent: those that any kind of job reads.
 
     Parameters
     ----------
@@ -145,9 +154,10 @@ class _Receiver:
                 f"The part `{DOCUMENT}` is missing.",
                 advice="Send the file as the part `asset` and the JSON document as the part `request`.",
             )
-        document, (asset, target) = self._parts[DOCUMENT], (self._parts.get(name) for name in FILES)
+        document = self._parts[DOCUMENT]
         assert isinstance(document, _DocumentPart)
-        return ReceivedForm(bytes(document.data), _file(asset) if asset else None, _file(target) if target else None)
+        files = {name: _file(part) for name, part in self._parts.items() if name != DOCUMENT}
+        return ReceivedForm(bytes(document.data), files)
 
     def close(self) -> None:
         for part in self._parts.values():
@@ -169,8 +179,10 @@ class _Receiver:
     def _on_headers_finished(self) -> None:
         _, options = parse_options_header(self._headers.get("content-disposition", b""))
         name = options.get(b"name", b"").decode("utf-8", "replace")
-        if name not in (*FILES, DOCUMENT):
-            raise RequestError(f"There is no part {name[:100]!r}.", advice="The parts are asset, request and target.")
+        known = sorted((*file_parts(), DOCUMENT))
+        if name not in known:
+            advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
+            raise RequestError(f"There is no part {name[:100]!r}.", advice=advice)
         if name in self._parts:
             raise RequestError(f"The part `{name}` comes twice.", advice="Send one job in a request.")
         if name == DOCUMENT:

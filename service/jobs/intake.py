@@ -75,7 +75,7 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
             detail = "A label holds the character U+0000."
             errors = [{"loc": ["metadata", name], "msg": detail, "type": "value_error"}]
             raise ParameterError(detail, errors=errors)
-    check_request(request, settings, has_target=has_target)
+    check_request(request, settings, files=["asset", "target"] if has_target else ["asset"])
     params = resolve(request.params, default_model=settings.model)
     if params.steps > settings.max_steps:
         detail = f"{params.steps} steps are more than this server allows: {settings.max_steps}."

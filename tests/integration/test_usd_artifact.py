@@ -17,7 +17,7 @@ pytest.importorskip("pxr", reason="needs usd-core (the extra usd)")
 from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.runs import text_deform
+from meshdeform.runs import start_run
 from tests.integration.conftest import Api
 from worker.context import WorkerContext
 from worker.runner import JobRunner
@@ -49,7 +49,7 @@ def test_result_usdz_is_listed_and_downloads(api: Api) -> None:
         record=api.record,
         store=api.store,
         listen=_listen,
-        start=text_deform.start,
+        start=start_run,
         load_prior=lambda _model: pytest.fail("target guidance needs no prior"),
         device="cpu",
         stopping=lambda: False,

@@ -101,7 +101,7 @@ def test_a_resumed_job_writes_the_same_bytes() -> None:
     assert second.step == 5
     for _ in second:
         pass
-    assert second.leases.finish()["result.glb"].data == whole.finish()["result.glb"].data
+    assert second.finish()["result.glb"].data == whole.finish()["result.glb"].data
 
 
 def test_a_checkpoint_of_other_parameters_is_refused() -> None:
@@ -246,4 +246,4 @@ def test_a_resumed_search_writes_the_same_bytes(stop: int) -> None:
     for _ in second:
         pass
     assert second.step == whole.step
-    assert second.leases.finish()["result.glb"] == whole.finish()["result.glb"]
+    assert second.finish()["result.glb"] == whole.finish()["result.glb"]

@@ -15,6 +15,7 @@ import sqlalchemy as sa
 from meshdeform.errors import NumericalError
 from meshdeform.record.models import Job, JobState
 from meshdeform.record.schema import jobs
+from meshdeform.runs.base import InputFile
 from meshdeform.settings import Settings
 from tests.worker_world import STEPS, World, new_world
 
@@ -35,18 +36,15 @@ def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> No
     assert (job.progress.step, job.progress.fraction) == (STEPS, 1.0)
     assert world.kept(job) == [40, 30, 20, 10]
     (given,) = world.kind.started
-    assert (given["asset"], given["filename"], given["target"], given["prior"]) == (
-        b"an asset",
-        "a.glb",
-        b"an asset",
-        None,
-    )
+    file = InputFile(b"an asset", "a.glb")
+    assert given.files == {"asset": file, "target": file}
 
 
-def test_only_score_distillation_loads_a_prior(world: World) -> None:
+def test_a_kind_that_needs_a_prior_loads_it_through_the_worker(world: World) -> None:
+    world.run(world.create())
+    assert world.priors == []
     world.run(world.create(guidance="sds"))
     assert world.priors == ["builtin"]
-    assert world.kind.started[0]["prior"] is not None
 
 
 def test_a_duplicate_delivery_does_nothing(world: World) -> None:

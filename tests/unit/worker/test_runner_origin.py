@@ -72,7 +72,7 @@ def test_a_branch_begins_with_the_shape_at_step_0(world: World) -> None:
     job = continued(world, OriginMode.BRANCH, data, steps=5)
     assert world.run(job).state is JobState.SUCCEEDED
     given = world.kind.started[-1]
-    assert (given["checkpoint"], given["initial"], world.kind.started_at[-1]) == (None, data, 0)
+    assert (given.checkpoint, given.initial, world.kind.started_at[-1]) == (None, data, 0)
     value = json.loads(data)["value"]
     for step in range(1, 6):
         value = value * 3 + step

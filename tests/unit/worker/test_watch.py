@@ -103,11 +103,12 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def step(n: int, total: int = 100) -> StepReport:
-    return StepReport(n, total, "optimizing", {"total": 1.0 / n})
+    return StepReport(n, total, {"total": 1.0 / n})
 
 
 def test_the_newest_step_is_published_and_only_from_the_thread(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
+        watch.phase("optimizing", step=0, total_steps=100)
         for n in range(1, 51):
             watch.step(step(n))
         until(lambda: bool(record.progress) and record.progress[-1].step == 50)
@@ -222,7 +223,7 @@ def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, m
 
 def test_losses_that_are_not_finite_are_left_out(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
-        watch.step(StepReport(1, 2, "optimizing", {"total": float("nan"), "guidance": 1.0}))
+        watch.step(StepReport(1, 2, {"total": float("nan"), "guidance": 1.0}))
     assert record.progress[-1].losses == {"guidance": 1.0}
 
 
