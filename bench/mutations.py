@@ -26,12 +26,13 @@ _TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
 @cache
 def corpus() -> list[tuple[str, bytes]]:
     """Return the seeds: (name, file)."""
+    from tests.unit.assets.test_images import asset, picture
+
     from meshdeform.assets import load_asset
     from tests.unit.assets.builders import quad
     from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
     from tests.unit.assets.test_convert import OBJ, PLY, stl
     from tests.unit.assets.test_fuzz import kitchen_sink
-    from tests.unit.assets.test_images import asset, picture
     from tests.unit.assets.test_morph import with_targets
     from tests.unit.assets.test_replace import rich
 

@@ -9,13 +9,13 @@ from typing import Any, Self
 
 import sqlalchemy as sa
 
-from meshdeform.errors import MeshdeformError
 from meshdeform.record.database import Database
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
-from meshdeform.record.workers import WorkerRegistry
-from meshdeform.requests.document import JobRequest, read_stored, resolve
+from meshdeform.requests.document import JobRequest, read_stored
+from meshdeform.runs import kind_of
 
 __all__ = ["Estimate", "estimate"]
 
@@ -43,15 +43,14 @@ class Estimate:
     basis: str
 
 
-def estimate(
-    database: Database, registry: WorkerRegistry, request: JobRequest, *, default_model: str, queue: str
-) -> Estimate:
+def estimate(database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str) -> Estimate:
     """Look at the newest jobs that succeeded, at those ahead, and at the workers that are alive.
 
     Parameters
     ----------
     database : Database
-    registry : WorkerRegistry
+    leases : Leases
+        Knows the workers.
     request : JobRequest
         The job in question.
     default_model : str
@@ -70,7 +69,7 @@ def estimate(
             return Estimate(None, None, "no job of this kind has succeeded here yet")
         ahead = _Ahead.of(connection, request.priority, default_model)
     run_s = step_s * _steps(request, default_model)
-    workers = registry.alive(queue)
+    workers = leases.alive(queue)
     if workers == 0:
         return Estimate(None, run_s, f"{basis}; no worker is alive")
     basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
@@ -132,8 +131,4 @@ def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_mo
 
 
 def _steps(request: JobRequest, default_model: str) -> int:
-    try:
-        return resolve(request.params, default_model=default_model).steps
-    except MeshdeformError:
-        # A default that has changed since it was accepted; its worker will say so.
-        return request.params.steps if "steps" in request.params.model_fields_set else 0
+    return kind_of(request.kind).steps(request, default_model)

@@ -42,7 +42,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
         params = check_params(job.request, app.settings, has_target=job.target is not None)
         with app.record.files.leases() as leases:
             _hold(app, leases, job.asset, job.target)
-            newest = sorted(app.record.checkpoints(job_id), key=lambda found: (found.step, found.attempt))[::-1]
+            found = app.record.leases.checkpoints(job_id)
+            newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copied(app, leases, job, newest, OriginMode.RETRY) or _beginning(app, leases, job)
             new = new_job(app, caller, job.request, job.asset, job.target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
@@ -84,7 +85,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 app.assets.check(file.path, file.filename, file.sha256)
                 target = keep_file(app, leases, file)
             _hold(app, leases, job.asset, target)
-            known = app.record.checkpoints(job_id)
+            known = app.record.leases.checkpoints(job_id)
             origin = _copied(app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH)
             if origin is None:
                 steps = sorted({found.step for found in known})
