@@ -26,8 +26,6 @@ _TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
 @cache
 def corpus() -> list[tuple[str, bytes]]:
     """Return the seeds: (name, file)."""
-    from tests.unit.assets.test_images import asset, picture
-
     from meshdeform.assets import load_asset
     from tests.unit.assets.builders import quad
     from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
@@ -37,7 +35,6 @@ def corpus() -> list[tuple[str, bytes]]:
     from tests.unit.assets.test_replace import rich
 
     examples = [(path.name, path.read_bytes()) for path in sorted((ROOT / "examples").glob("*.glb"))[:1]]
-    textured = asset(picture("PNG"), picture("JPEG"), picture("WEBP"))
     embedded = load_asset(quad())
     made = [
         ("quad.glb", quad()),
@@ -47,7 +44,6 @@ def corpus() -> list[tuple[str, bytes]]:
         ("morphed.glb", embedded.replace(embedded.surface.positions * 2.0, morph=True)),
         ("meshopt.glb", meshopt_asset().glb()),
         ("draco.glb", draco_asset(draco_stream()).glb()),
-        ("textured.glb", textured),
         ("data-uris.gltf", _as_gltf(kitchen_sink())),
         ("mesh.obj", OBJ),
         ("mesh.ply", PLY),
