@@ -157,9 +157,9 @@ class Attempt:
         asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
         given = job.target
         target = ask(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
-        files = {"asset": InputFile(asset, job.asset.filename)}
+        files = {"asset": InputFile(asset, job.asset.filename, job.asset.sha256)}
         if given and target is not None:
-            files["target"] = InputFile(target, given.filename)
+            files["target"] = InputFile(target, given.filename, given.sha256)
 
         def load_prior(model: str) -> Prior:
             self._at.pulse.beat()
@@ -172,6 +172,7 @@ class Attempt:
             given = RunInput(
                 request=job.request,
                 files=files,
+                resolved=job.resolved,
                 checkpoint=checkpoint,
                 initial=initial,
                 load_prior=load_prior,

@@ -68,7 +68,7 @@ def estimate(database: Database, leases: Leases, request: JobRequest, *, default
         if step_s is None:
             return Estimate(None, None, "no job of this kind has succeeded here yet")
         ahead = _Ahead.of(connection, request.priority, default_model)
-    run_s = step_s * _steps(request, default_model)
+    run_s = step_s * kind_of(request.kind).steps(request, default_model, None)
     workers = leases.alive(queue)
     if workers == 0:
         return Estimate(None, run_s, f"{basis}; no worker is alive")
@@ -106,9 +106,9 @@ class _Ahead:
         count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(before)).scalar_one()
 
         def left(which: sa.ColumnElement[bool]) -> list[int]:
-            query = sa.select(jobs.c.request, jobs.c.total_steps, jobs.c.step).where(which)
+            query = sa.select(jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step).where(which)
             found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(_COUNTED)).all()
-            return [_steps_left(request, total, step, default_model) for request, total, step in found]
+            return [_steps_left(*row, default_model) for row in found]
 
         queued = left(before)
         return cls(left(jobs.c.state.in_(OWNED)), queued, count - len(queued))
@@ -124,11 +124,10 @@ class _Ahead:
         return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
 
 
-def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_model: str) -> int:
+def _steps_left(
+    document: dict[str, Any], resolved: dict[str, Any] | None, total_steps: int, step: int, default_model: str
+) -> int:
     if total_steps:
         return max(0, total_steps - step)
-    return _steps(read_stored(request), default_model)
-
-
-def _steps(request: JobRequest, default_model: str) -> int:
-    return kind_of(request.kind).steps(request, default_model)
+    request = read_stored(document)
+    return kind_of(request.kind).steps(request, default_model, resolved)

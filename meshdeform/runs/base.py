@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel
 
@@ -68,10 +68,19 @@ class ArtifactKind:
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file as a run gets it."""
+    """A file as a run gets it.
+
+    Attributes
+    ----------
+    data : bytes
+    filename : str
+    sha256 : str, optional
+        Of the data, hexadecimal, where it is known.
+    """
 
     data: bytes
     filename: str
+    sha256: str | None = None
 
 
 def _no_prior(model: str) -> Prior:
@@ -87,6 +96,9 @@ class RunInput:
     request : JobRequest
     files : mapping of str to InputFile
         By the names of the kind's parts.
+    resolved : mapping, optional
+        Every parameter with its value, as the kind's check returned them when the job was accepted, in JSON. Where it
+        is None, the run resolves them.
     checkpoint : bytes, optional
         A checkpoint of the same request, from which the run goes on.
     initial : bytes, optional
@@ -102,6 +114,7 @@ class RunInput:
 
     request: JobRequest
     files: Mapping[str, InputFile]
+    resolved: Mapping[str, Any] | None = None
     checkpoint: bytes | None = None
     initial: bytes | None = None
     load_prior: Callable[[str], Prior] = field(default=_no_prior)
@@ -179,8 +192,8 @@ class Kind:
         Refuses a request that no worker of a deployment could run, and returns every parameter with the value that it
         would have: gets the request, the settings and the names of the files that come with it. Torch-free.
     steps : callable
-        Returns how many steps a request takes, for estimates: gets the request and the model where it names none.
-        Torch-free.
+        Returns how many steps a request takes, for limits and estimates: gets the request, the model where it names
+        none, and what the check returned, in JSON, if that was kept. Torch-free.
     load : callable
         Imports what runs it, torch and all, and returns what starts a run.
     artifacts : tuple of ArtifactKind
@@ -191,6 +204,6 @@ class Kind:
     reads: tuple[FilePart, ...]
     params: type[BaseModel]
     check: Callable[[JobRequest, Settings, frozenset[str]], BaseModel]
-    steps: Callable[[JobRequest, str], int]
+    steps: Callable[[JobRequest, str, Mapping[str, Any] | None], int]
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
 
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.document import (
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = ["TEXT_DEFORM", "check"]
+
+_log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl")
@@ -124,9 +129,20 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
     )
 
 
-def _steps(request: JobRequest, default_model: str) -> int:
+def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
+    """Return the parameters as they were kept when the request was accepted, else resolve them."""
+    if kept is not None:
+        try:
+            return ResolvedParams.model_validate(kept)
+        except ValidationError as error:
+            # Another version wrote them, which knew other parameters: the request still says what was asked for.
+            _log.info("the resolved parameters cannot be read, and are resolved anew: %s", error)
+    return resolve(request.params, default_model=default_model)
+
+
+def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return resolve(request.params, default_model=default_model).steps
+        return _resolved(request, default_model, kept).steps
     except MeshdeformError:
         # A default that has changed since it was accepted; its worker will say so.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -137,7 +153,7 @@ def _load() -> StartRun:
 
     def start(given: RunInput) -> JobRun:
         asset, target = given.files["asset"], given.files.get("target")
-        params = resolve(given.request.params, default_model=given.default_model)
+        params = _resolved(given.request, given.default_model, given.resolved)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
@@ -150,6 +166,8 @@ def _load() -> StartRun:
             default_model=given.default_model,
             limits=given.limits,
             device=given.device,
+            asset_sha256=asset.sha256,
+            resolved=params,
         )
 
     return start

@@ -48,7 +48,7 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
             raise ParameterError(detail, errors=errors)
     files = ["asset", "target"] if has_target else ["asset"]
     params = check_request(request, settings, files=files)
-    steps = kind_of(request.kind).steps(request, settings.model)
+    steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:
         detail = f"{steps} steps are more than this server allows: {settings.max_steps}."
         raise ParameterError(

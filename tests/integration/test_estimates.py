@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from meshdeform.record.estimates import Estimate, estimate
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.models import JobState
+from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, resolve
+from tests.integration.conftest import stored_file
 from tests.integration.record_calls import at, claimed, posted
 
 QUEUE = "test"
@@ -84,6 +85,15 @@ def test_a_job_waits_for_the_work_before_it_on_the_workers_that_are_alive(record
     assert estimated(record).queue_s == 13.0
     assert estimated(record, priority=-1).queue_s == 63.0
     assert estimated(record, priority=1).queue_s == 3.0
+
+
+def test_a_job_that_waits_counts_with_the_parameters_that_it_was_accepted_with(record: JobRecord) -> None:
+    measured(record, 0.5)
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
+    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 20}})
+    resolved = resolve(request.params).model_copy(update={"steps": 6})
+    record.create(NewJob(request, stored_file(), resolved=resolved))
+    assert estimated(record).queue_s == 3.0
 
 
 def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord) -> None:

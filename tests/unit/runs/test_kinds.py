@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import ParameterError
 from meshdeform.record.models import JobState, NewJob, StoredFile
-from meshdeform.requests.document import JobKind, JobRequest
+from meshdeform.requests.document import JobKind, JobRequest, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
@@ -84,7 +84,7 @@ def kind() -> Kind:
         reads=(FilePart("asset", "Any file.", required=True, media_types=(TEXT,)),),
         params=CountParams,
         check=refuse_z,
-        steps=lambda request, default_model: 8,
+        steps=lambda request, default_model, kept: 8,
         load=load,
         artifacts=(ArtifactKind("count.txt", TEXT, "How often the letter was found."),),
     )
@@ -108,6 +108,15 @@ def test_a_request_has_the_parameters_of_its_kind() -> None:
     # Documents of before, which name no kind, mean what they meant.
     assert JobRequest(prompt="a vase").kind is JobKind.TEXT_DEFORM
     assert kind_of(JobKind.TEXT_DEFORM).artifacts[0].name == "result.glb"
+
+
+def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
+    asked = JobRequest.model_validate({"prompt": "a vase", "params": {"preset": "preview"}})
+    kept = resolve(asked.params).model_dump(mode="json")
+    steps = kind_of(JobKind.TEXT_DEFORM).steps
+    assert steps(asked, "builtin", None) == kept["steps"]
+    assert steps(asked, "builtin", {**kept, "steps": 7}) == 7
+    assert steps(asked, "builtin", {**kept, "steps": 7, "a_parameter_of_before": 1}) == kept["steps"]
 
 
 def test_the_door_checks_it() -> None:

@@ -13,8 +13,9 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import NumericalError
-from meshdeform.record.models import Job, JobState
+from meshdeform.record.models import Job, JobState, NewJob
 from meshdeform.record.schema import jobs
+from meshdeform.requests.document import resolve
 from meshdeform.runs.base import InputFile
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -37,8 +38,17 @@ def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> No
     assert (job.progress.step, job.progress.fraction) == (STEPS, 1.0)
     assert world.kept(job) == [40, 30, 20, 10]
     (given,) = world.kind.started
-    file = InputFile(b"an asset", "a.glb")
+    file = InputFile(b"an asset", "a.glb", hashlib.sha256(b"an asset").hexdigest())
     assert given.files == {"asset": file, "target": file}
+
+
+def test_a_run_gets_the_parameters_as_they_were_resolved_at_the_door(world: World) -> None:
+    job = world.run(world.create())
+    resolved = resolve(job.request.params)
+    world.run(world.record.create(NewJob(job.request, job.asset, job.target, resolved=resolved)))
+    before, after = world.kind.started
+    assert before.resolved is None
+    assert after.resolved == resolved.model_dump(mode="json")
 
 
 def test_a_kind_that_needs_a_prior_loads_it_through_the_worker(world: World) -> None:
