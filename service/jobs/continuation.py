@@ -39,7 +39,7 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only one that failed, was canceled or has expired can be tried again.",
                 state=job.state.value,
             )
-        params = check_params(job.request, app.settings, has_target=job.target is not None)
+        params = check_params(job.request, app.settings, files=_files(job.target))
         with app.record.files.leases() as leases:
             _hold(app, leases, job.asset, job.target)
             found = app.record.leases.checkpoints(job_id)
@@ -77,8 +77,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         job = app.record.get(job_id, owner=caller.owner_id)
         # The other job's target goes along only where it is looked at.
         target = job.target if document.params.guidance is GuidanceKind.TARGET else None
-        has_target = (document.target or target) is not None
-        params = check_params(document, app.settings, has_target=has_target)
+        params = check_params(document, app.settings, files=_files(document.target or target))
         with app.record.files.leases() as leases:
             if document.target is not None:
                 file = fetch(app, caller.owner_id, document.target, "target", folder)
@@ -96,6 +95,11 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 )
             new = new_job(app, caller, document, job.asset, target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
+
+
+def _files(target: object) -> list[str]:
+    """Return the names of the files of a job with this target or none; an asset it always has."""
+    return ["asset"] if target is None else ["asset", "target"]
 
 
 def _hold(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:

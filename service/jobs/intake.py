@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -32,8 +33,15 @@ _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
 
 
-def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -> BaseModel:
+def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
     """Return the parameters that a request would run with.
+
+    Parameters
+    ----------
+    request : JobRequest
+    settings : Settings
+    files : collection of str
+        The names of the files that it has.
 
     Raises
     ------
@@ -46,7 +54,6 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
             detail = "A label holds the character U+0000."
             errors = [{"loc": ["metadata", name], "msg": detail, "type": "value_error"}]
             raise ParameterError(detail, errors=errors)
-    files = ["asset", "target"] if has_target else ["asset"]
     params = check_request(request, settings, files=files)
     steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:
@@ -74,7 +81,7 @@ def _checked(
     AssetError, RequestError, ModelError
         What is wrong with the asset or the request.
     """
-    params = check_params(sent.document, app.settings, has_target=sent.has_target)
+    params = check_params(sent.document, app.settings, files=sent.names)
     files = sent.fetched(app, owner_id)
     found = {name: app.assets.check(file.path, file.filename, file.sha256) for name, file in files.items()}
     return params, files, found

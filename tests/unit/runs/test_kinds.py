@@ -11,12 +11,17 @@ from pydantic import Field, ValidationError
 
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import ParameterError
+from meshdeform.record.ids import new_job_id
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobKind, JobRequest, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
 from meshdeform.settings import Settings
+from service.http.multipart import ReceivedFile
+from service.jobs.documents import JobDocument
+from service.jobs.intake import check_params
+from service.jobs.sources import Submission, missing_files
 from tests.worker_world import new_world
 
 TEXT = "text/plain"
@@ -128,6 +133,18 @@ def test_the_door_checks_it() -> None:
         check_request(request(), Settings(), files=[])
     with pytest.raises(ParameterError, match="Nobody counts z"):
         check_request(request(letter="z"), Settings(), files=["asset"])
+
+
+def test_the_service_asks_for_the_files_that_it_reads(tmp_path: Path) -> None:
+    document = JobDocument.model_validate({"kind": "count"})
+    assert missing_files(document, []) == ["asset"]
+    sent = {"asset": ReceivedFile(tmp_path / "asset", "a.txt", 8, "0" * 64)}
+    assert check_params(document, Settings(), files=Submission(document, sent, tmp_path).names) == CountParams()
+    with pytest.raises(ParameterError, match="8 steps are more"):
+        check_params(document, Settings(max_steps=7), files=["asset"])
+    named = JobDocument.model_validate({"kind": "count", "target": {"job_id": new_job_id()}})
+    with pytest.raises(ParameterError, match="does not read `target`"):
+        check_params(named, Settings(), files=Submission(named, sent, tmp_path).names)
 
 
 def test_a_worker_runs_it_from_a_checkpoint_to_its_artifacts(tmp_path: Path, kind: Kind) -> None:
