@@ -51,7 +51,8 @@ def torch_engine(settings: Settings) -> Engine:
     priors = PriorCache()
 
     def load_prior(model: str) -> Prior:
-        return priors.get(model, device=device, revision=settings.model_revision if model == settings.model else "")
+        revision = settings.model_revision if model == settings.model else ""
+        return priors.get(model, device=device, revision=revision, dtype=settings.dtype)
 
     for kind in kinds():
         kind.load()  # now, not when the first job waits
@@ -62,10 +63,10 @@ class PriorCache:
     """Keeps the prior that was used last; another one takes its place, so only one is ever in memory."""
 
     def __init__(self) -> None:
-        self._key: tuple[str, str, str] | None = None
+        self._key: tuple[str, str, str, str] | None = None
         self._prior: Prior | None = None
 
-    def get(self, model: str, *, device: str, revision: str = "") -> Prior:
+    def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
         """Return the prior `model`, loaded unless it is the one at hand.
 
         Raises
@@ -73,12 +74,12 @@ class PriorCache:
         ModelError, DependencyError
             It cannot be loaded.
         """
-        key = (model, device, revision)
+        key = (model, device, revision, dtype)
         if self._prior is None or self._key != key:
             self._prior = None  # before the next one is loaded: two may not fit
             from meshdeform.priors import load_prior
 
             _log.info("loading the prior %s on %s", model, device)
-            self._prior = load_prior(model, device=device, revision=revision)
+            self._prior = load_prior(model, device=device, revision=revision, dtype=dtype)
             self._key = key
         return self._prior
