@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
 
 from meshdeform.record.models import (
     Artifact,
@@ -90,7 +90,9 @@ class JobView(_Document):
         examples=["running"],
     )
     prompt: str = Field(description="What the asset shall become.", examples=["a mushroom"])
-    params: DeformParams = Field(description="The parameters as they were written.", examples=[{"preset": "preview"}])
+    params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
+        description="The parameters as they were written.", examples=[{"preset": "preview"}]
+    )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
     priority: int = Field(0, description="Workers take the job with the greatest one first.", examples=[0])

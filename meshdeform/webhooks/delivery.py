@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.record.outgoing import DueDelivery
+from meshdeform.record.deliveries import DueDelivery
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.webhooks.addresses import parse_networks
@@ -53,7 +53,7 @@ class WebhookDelivery:
     """
 
     def __init__(self, record: JobRecord, settings: Settings, *, sender: Sender | None = None) -> None:
-        self._book, self._sender = record.webhooks, sender
+        self._deliveries, self._sender = record.deliveries, sender
         self._networks = parse_networks(settings.webhook_networks)
         self._done = threading.Event()
         self._clean_at = 0.0
@@ -69,9 +69,9 @@ class WebhookDelivery:
         """
         if time.monotonic() >= self._clean_at:
             self._clean_at = time.monotonic() + _CLEAN_EVERY_S
-            while self._book.delete_old_deliveries() and not self._done.is_set():
+            while self._deliveries.delete_old_deliveries() and not self._done.is_set():
                 pass
-        first = self._book.due(AT_ONCE, each=_EACH)
+        first = self._deliveries.due(AT_ONCE, each=_EACH)
         return self._send_all(first) if first else 0
 
     def __enter__(self) -> Self:
@@ -108,17 +108,17 @@ class WebhookDelivery:
             return []
         counts = Counter(delivery.webhook_id for delivery in under_way)
         busy = [webhook_id for webhook_id, count in counts.items() if count > _EACH // 2]
-        return self._book.due(AT_ONCE - len(under_way), without=busy, each=_EACH // 2)
+        return self._deliveries.due(AT_ONCE - len(under_way), without=busy, each=_EACH // 2)
 
     def _send(self, sender: Sender, due: DueDelivery) -> None:
         outcome = sender.send(due.url, due.message_id, due.payload, due.secrets)
         if sender.closed and not outcome.delivered:
             # Cut by our own end: no fault of the receiver.
-            return self._book.give_back(due)
+            return self._deliveries.give_back(due)
         if outcome.delivered and outcome.status is not None:
-            return self._book.succeeded(due, at=outcome.at, status=outcome.status, seconds=outcome.seconds)
+            return self._deliveries.succeeded(due, at=outcome.at, status=outcome.status, seconds=outcome.seconds)
         _log.info("webhook %s, message %s: %s", due.webhook_id, due.message_id, outcome.error)
-        return self._book.failed(
+        return self._deliveries.failed(
             due,
             at=outcome.at,
             status=outcome.status,

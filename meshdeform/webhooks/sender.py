@@ -26,7 +26,7 @@ from meshdeform import __version__
 from meshdeform.errors import WebhookAddressError
 from meshdeform.webhooks.addresses import Destination, Lookup, Networks, find_destination, system_lookup
 
-__all__ = ["Outcome", "Sender", "signed_headers"]
+__all__ = ["SendOutcome", "Sender", "signed_headers"]
 
 CONNECT_S = 5.0
 TOTAL_S = 15.0
@@ -35,7 +35,7 @@ _Hold = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None],
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SendOutcome:
     """What came of an attempt.
 
     Attributes
@@ -93,7 +93,7 @@ class Sender:
         self._lock = threading.Lock()
         self.closed = False
 
-    def send(self, url: str, message_id: str, payload: dict[str, Any], secrets: Iterable[str]) -> Outcome:
+    def send(self, url: str, message_id: str, payload: dict[str, Any], secrets: Iterable[str]) -> SendOutcome:
         """Send a message once, and say what came of it. Raises nothing that the network or the receiver can cause."""
         at, began = datetime.now(UTC), time.monotonic()
         status, error, retry_after_s = None, "", 0.0
@@ -111,7 +111,7 @@ class Sender:
             error = "The answer is not HTTP."
         except (httpcore.NetworkError, OSError) as failed:
             error = _network_error(failed)
-        return Outcome(at, time.monotonic() - began, status, error, retry_after_s)
+        return SendOutcome(at, time.monotonic() - began, status, error, retry_after_s)
 
     def close(self) -> None:
         """Cut what is under way: nothing is sent after this."""
