@@ -14,7 +14,7 @@ from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
-from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
 from worker.health import SignOfLife
@@ -65,7 +65,7 @@ class Supervisor:
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
             presence = Presence(record.registry, self._settings.queue, self._settings.device)
             with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s), presence:
-                worker = KeptChild(
+                worker = SupervisedChild(
                     lambda: self._start_worker(presence),
                     _log.warning,
                     lambda: self._give_up_lease(record),
@@ -74,7 +74,7 @@ class Supervisor:
                 while not inbox.wait(_TEND_EVERY_S) & _STOP:
                     sign.give()
                     self._kill_if_hung(worker)
-                    worker.tend()
+                    worker.supervise()
                 worker.stop(STOP_GRACE_S)
                 # It has handed its job back, unless it had to be killed.
                 self._give_up_lease(record)
@@ -107,7 +107,7 @@ class Supervisor:
         presence.announce(self._worker_id)
         return child
 
-    def _kill_if_hung(self, worker: KeptChild) -> None:
+    def _kill_if_hung(self, worker: SupervisedChild) -> None:
         if self._monitor is None or worker.child.exit_code is not None:
             return
         silent_s, limit_s = self._monitor.silent_s(), self._settings.step_timeout_s
