@@ -248,7 +248,9 @@ class UnauthorizedError(MeshdeformError):
 
     status = 401
     code = "unauthorized"
-    advice = "Send the header: Authorization: Bearer KEY. The server's operator creates keys with: meshdeform keys create."
+    advice = (
+        "Send the header: Authorization: Bearer KEY. The server's operator creates keys with: meshdeform keys create."
+    )
 
 
 class ForbiddenError(MeshdeformError):
