@@ -14,7 +14,7 @@ from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
-from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
 from worker.health import sign_of_life
@@ -62,7 +62,7 @@ class Supervisor:
                 return
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
             with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s):
-                worker = KeptChild(
+                worker = SupervisedChild(
                     self._start_worker,
                     _log.warning,
                     lambda: self._give_up_lease(record),
@@ -70,7 +70,7 @@ class Supervisor:
                 )
                 while not inbox.wait(_TEND_EVERY_S) & _STOP:
                     self._kill_if_hung(worker)
-                    worker.tend()
+                    worker.supervise()
                 worker.stop(STOP_GRACE_S)
                 # It has handed its job back, unless it had to be killed.
                 self._give_up_lease(record)
@@ -100,7 +100,7 @@ class Supervisor:
         command = python_command(self._process_module)
         return Child("worker process", command, env=environment, pass_fds=[descriptor])
 
-    def _kill_if_hung(self, worker: KeptChild) -> None:
+    def _kill_if_hung(self, worker: SupervisedChild) -> None:
         if self._monitor is None or worker.child.exit_code is not None:
             return
         silent_s, limit_s = self._monitor.silent_s(), self._settings.step_timeout_s
