@@ -1,4 +1,4 @@
-"""Penalties that keep the asset what it was, the same at every mesh resolution and scale.
+"""Compute the regularisers, which do not depend on mesh resolution or scale.
 
 The published forms are means over faces, vertices and edges, and two of them change with the tessellation: halving
 the edges divides the umbrella Laplacian by four and (1 - n_i . n_j)^2 by sixteen. Here each is a discretised integral
@@ -6,19 +6,19 @@ over the rest surface of area A:
 
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
-  it has no unit, and a detail of the rest shape costs nothing, only its bending away from where it was
+  dimensionless; details of the rest shape cost nothing, only bending relative to it
 * normal     1/A  sum_e a_e h((1 - cos b_e) (d_0 / d_e)^2)       b_e the change of the angle between the two faces'
   normals since rest, d_e the distance between their centroids at rest, a_e the edge's share of the area, d_0 that
   distance on a uniform mesh of 5,000 faces. h(y) = y^2 up to y_0, then 4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
-  from jumping across
+  from crossing this barrier
 
-The normal term measures against rest: a crease costs nothing until it bends. Its h makes it independent of resolution
-in both kinds of bending. A smooth one has b_e in proportion to d_e, so y stays the same as the mesh is refined, and
-a_e adds up to the area. A crease bends by the same b_e at every resolution, so sqrt(y) grows as 1 / d_e while the area
-beside the crease shrinks as d_e. On a flat rest surface of the reference resolution, the value is exactly the published
-(1 - n_i . n_j)^2 up to an angle of 15 degrees.
+The normal term is relative to rest: a crease costs nothing until its angle changes. The function h makes it independent
+of resolution for both kinds of bending. Under smooth bending, b_e is proportional to d_e, so y does not change as the
+mesh is refined, and a_e adds up to the area. A crease bends by the same b_e at every resolution, so sqrt(y) grows as
+1 / d_e while the area beside the crease shrinks as d_e. On a flat rest surface of the reference resolution, the value
+is exactly the published (1 - n_i . n_j)^2 up to an angle of 15 degrees.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
 Shells (bending against rest); Huber 1964, Robust estimation of a location parameter (the change from square to linear);
@@ -45,18 +45,18 @@ REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
 _CREASE = 1 - math.cos(math.radians(15))
-"""y_0: neighbours on the reference mesh that bend by more than 15 degrees bend at a crease."""
+"""y_0: on the reference mesh, a change of more than 15 degrees between neighbours counts as a crease."""
 _LEAST_DETERMINANT = 1e-16
-"""Of C = F^T F, squared area ratios: below an area ratio of 1e-8 the energy goes on as if it were that."""
+"""Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
 
 
 class Regularizers:
-    """The penalties of one rest mesh; every method gives a float64 scalar, differentiable in its argument.
+    """Penalties of one rest mesh; every method returns a float64 scalar, differentiable in its argument.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Faces without area do not count, nor edges beside such faces, at borders or of more than two faces.
+        Faces without area are left out, as are edges of such faces, border edges and edges of more than two faces.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -66,7 +66,7 @@ class Regularizers:
         self._face_weights = torch.from_numpy(rest.areas / total)
         mass = rest.vertex_areas
         used = mass > 0
-        # Needle triangles have vertices of nearly no mass, and there M^-1 is no sensible curvature.
+        # Vertices of needle triangles have almost no mass, and there M^-1 L u is no meaningful curvature.
         floor = _MASS_FLOOR * float(mass[used].mean()) if used.any() else 1.0
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
         self._half_operator = (root @ rest.laplacian).tocsr()
@@ -76,39 +76,39 @@ class Regularizers:
 
     def _init_edges(self, mesh: RestMesh, areas: Tensor, total: float) -> None:
         edges = mesh.edges
-        # Which two faces continue each other is known only where exactly two meet, and not where one doubles the other.
-        keep = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
-        keep[keep.clone()] = (areas[edges.faces[keep]] > 0).all(1)
-        self._pairs, self._ends = edges.faces[keep], edges.edges[keep]
+        # Two faces are neighbours only where exactly two meet and they are not duplicates of each other.
+        kept = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
+        kept[kept.clone()] = (areas[edges.faces[kept]] > 0).all(1)
+        self._pairs, self._ends = edges.faces[kept], edges.edges[kept]
         pairs = self._pairs
-        # Neighbours wound against each other have opposite normals where the surface is flat.
-        self._sign = torch.where(edges.consistent[keep], 1.0, -1.0).double()
+        # Neighbours of inconsistent winding have opposite normals where the surface is flat.
+        self._sign = torch.where(edges.consistent[kept], 1.0, -1.0).double()
         self._rest_bend = self._bend(mesh.verts)
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
         squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
-        # Equilateral triangles of area a have centroids 2/3 of a height apart across an edge: d^2 = 4 a / (3 sqrt 3).
+        # Centroids of equilateral neighbours of area a are 2/3 of a height apart: d^2 = 4 a / (3 sqrt 3).
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
-        """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
+        """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""
         rigid = torch.eye(3, dtype=jacobians.dtype)
         return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
 
     def laplacian(self, verts: Tensor) -> Tensor:
-        """Integral of the squared Laplacian of the displacement of (V, 3) positions, over 4 pi; zero at rest."""
+        """Return the integral of the squared Laplacian of the displacement of positions (V, 3), divided by 4 pi."""
         bent = sparse_product(self._half_operator, verts - self._rest)
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Bending away from rest: area-weighted mean of h((1 - cos b) (d_0 / d)^2) over neighbouring faces.
+        """Return the bending relative to rest: the area-weighted mean of h((1 - cos b) (d_0 / d)^2) over neighbours.
 
-        Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
+        Neighbours are two faces at an edge of no other face; if their winding is inconsistent, one normal is flipped.
         """
         bend = self._bend(verts)
-        # cos b = cos(angle - rest angle). A face that collapsed on the way has a zero normal and costs a constant.
+        # cos b = cos(angle - rest angle). A face that has collapsed since has a zero normal and a constant cost.
         cosine = (bend * self._rest_bend).sum(1)
         y = (1 - cosine).clamp_min(0) * self._edge_scale
         linear = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
@@ -125,10 +125,10 @@ class Regularizers:
         return torch.stack([(first * second).sum(1), sine], 1)
 
     def dirichlet(self, verts: Tensor) -> Tensor:
-        """Area-weighted mean symmetric Dirichlet energy of (V, 3) positions, less that of a motion; no unit.
+        """Return the area-weighted mean symmetric Dirichlet energy of positions (V, 3), zero for a rigid motion.
 
-        With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4. Faces without
-        area at rest do not count.
+        Dimensionless. With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4.
+        Faces without area at rest are left out.
         """
         corners = verts.index_select(0, self._faces[self._solid].reshape(-1)).view(-1, 3, 3)
         edges = torch.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], 2)
@@ -142,7 +142,7 @@ class Regularizers:
 
 
 def _in_plane(corners: Tensor) -> Tensor:
-    """Two edges of each triangle (F, 3, 3) as the columns of a 2 x 2 matrix, in coordinates of its own plane."""
+    """Return two edges of each triangle (F, 3, 3) as columns of a 2 x 2 matrix, in coordinates of its own plane."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = first.norm(dim=1)
     along = (first * second).sum(1) / length
