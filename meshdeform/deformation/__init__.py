@@ -1,8 +1,7 @@
-"""The paper, in the order of its sections.
+"""Deform a mesh as in the paper, with a few additions of our own.
 
-`jacobians` and `poisson` are its section 4.1 (eq. 6), `loop` one optimisation step (eq. 4 and 8), `regularizers` its
-section 4.3 (eq. 9 to 13). What the paper does not have, and our presets add: `attachments`, `step_limit`,
-`surface_guard` and `face_blend`.
+`jacobians` and `poisson` implement eq. 6 of the paper, `loop` one optimisation step (eq. 7 and 8), `regularizers`
+eq. 9 to 13. `attachments`, `step_limit`, `surface_guard` and `step_repair` are not in the paper; our presets add them.
 
 Source: Xu et al. 2024, FusionDeformer.
 """

@@ -1,8 +1,7 @@
-"""What holds an asset of several parts together: parts that lie close at rest stay close.
+"""Penalise the separation of components that are close to each other at rest.
 
-Real assets are many components: a car's wheels, a knight's sword. The Poisson solve knows nothing of one
-component's relation to another, so where two of them come near each other at rest, pairs of vertices remember their
-offset, and::
+Real assets have many components: a car's wheels, a knight's sword. The Poisson solve treats each component on its own,
+so where two of them are close at rest, pairs of their vertices should keep their offset::
 
     E = 1 / (A P)  sum_p || (x_i - x_j) - (x_i^0 - x_j^0) ||^2        P pairs, A the area of the rest mesh
 
@@ -22,19 +21,19 @@ from meshdeform.geometry.mesh import TriangleMesh, face_areas
 __all__ = ["Attachments"]
 
 _REACH = 0.05
-"""Share of the bounding box diagonal up to which two parts count as neighbours."""
+"""Largest distance between neighbouring components, as a share of the bounding box diagonal."""
 
 _PAIRS_PER_COMPONENT = 8
 _MAX_QUERIES = 2_000_000
 
 
 class Attachments:
-    """Pairs of vertices that hold neighbouring components together.
+    """Pairs of vertices that keep neighbouring components together.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        At rest.
+        The rest mesh.
     components : (V,) int64
         Component of each vertex.
     """
@@ -49,7 +48,7 @@ class Attachments:
         return len(self._first)
 
     def penalty(self, verts: Tensor) -> Tensor:
-        """Energy of deformed positions (V, 3) float64; a float64 scalar, differentiable."""
+        """Return the energy of deformed positions (V, 3) float64: a differentiable float64 scalar."""
         if not len(self):
             return verts.new_zeros(())
         moved = verts.index_select(0, self._first) - verts.index_select(0, self._second) - self._offsets
@@ -59,23 +58,23 @@ class Attachments:
 def _neighbours(
     verts: NDArray[np.float64], components: NDArray[np.int64], used: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Pairs (P, 2) of nearby vertices of different components, the closest few of each component."""
+    """Return pairs (P, 2) of nearby vertices of different components, the closest few of each component."""
     none = np.empty((0, 2), np.int64)
     order = used[np.argsort(components[used], kind="stable")]
     groups = np.split(order, np.flatnonzero(np.diff(components[order])) + 1)
-    # Every vertex is asked about every component: of very many vertices and components only some are asked.
-    asked = min(len(order), _MAX_QUERIES // len(groups)) // len(groups)
-    if len(groups) < 2 or asked < 1:
+    # Every vertex is compared with every component; where that is too many queries, only a sample is compared.
+    sampled = min(len(order), _MAX_QUERIES // len(groups)) // len(groups)
+    if len(groups) < 2 or sampled < 1:
         return none
     if len(groups) * len(order) > _MAX_QUERIES:
-        groups = [group[np.linspace(0, len(group) - 1, min(asked, len(group))).astype(np.int64)] for group in groups]
-    everyone = np.concatenate(groups)
+        groups = [group[np.linspace(0, len(group) - 1, min(sampled, len(group))).astype(np.int64)] for group in groups]
+    candidates = np.concatenate(groups)
     owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    points = verts[everyone]
+    points = verts[candidates]
     reach = _REACH * float(np.linalg.norm(points.max(0) - points.min(0)))
     found = []
     for number, group in enumerate(groups):
-        others = everyone[owner != number]
+        others = candidates[owner != number]
         distance, nearest = cKDTree(verts[group]).query(verts[others], distance_upper_bound=reach)
         kept = np.argsort(distance, kind="stable")[:_PAIRS_PER_COMPONENT]
         kept = kept[np.isfinite(distance[kept])]

@@ -1,4 +1,4 @@
-"""Checkpoints: the state of an optimisation as safetensors bytes, bound to the parameters it was made with.
+"""Save the state of an optimisation as safetensors bytes, and load it again.
 
 The file holds tensors only (nothing that executes on load), the step, and a fingerprint of everything that the state
 depends on: the parameters, the asset's bytes, the prompt and the model. A checkpoint of another job is refused.
@@ -24,12 +24,12 @@ _FORMAT = "meshdeform-checkpoint-1"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A state to go on from.
+    """A state from which an optimisation can continue.
 
     Attributes
     ----------
     step : int
-        How many steps are done.
+        Number of completed steps.
     tensors : dict of name to Tensor
         Jacobians, translations, Adam's moments and the random generator's state.
     """
@@ -39,24 +39,24 @@ class Checkpoint:
 
 
 def fingerprint(**parts: Any) -> str:
-    """SHA-256 of what a run depends on, as JSON with sorted keys."""
+    """Return the SHA-256 of what a run depends on, serialised as JSON with sorted keys."""
     text = json.dumps(parts, sort_keys=True, separators=(",", ":"), default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
-    """Serialise a checkpoint of the run with fingerprint `run`, made of the asset with the SHA-256 `asset`."""
+    """Serialise a checkpoint of the run with fingerprint `run` and of the asset with SHA-256 `asset`."""
     metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
     return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
 
 
 def load_checkpoint(data: bytes, run: str) -> Checkpoint:
-    """Read a checkpoint back.
+    """Load a checkpoint of the run with fingerprint `run`.
 
     Raises
     ------
     CheckpointError
-        The bytes are torn, or belong to another run.
+        The bytes are incomplete or damaged, or belong to another run.
     """
     checkpoint, metadata = _read(data)
     if metadata.get("run") != run:
@@ -65,15 +65,15 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
 
 
 def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
-    """Read the tensors of a checkpoint of any run that deformed the asset with the SHA-256 `asset`.
+    """Load the tensors of a checkpoint of any run that deformed the asset with SHA-256 `asset`.
 
     Raises
     ------
     CheckpointError
-        The bytes are torn, or belong to another asset.
+        The bytes are incomplete or damaged, or belong to another asset.
     """
     checkpoint, metadata = _read(data)
-    # Checkpoints that were made before the asset was noted have none; whether they fit is seen by their shape alone.
+    # Older checkpoints do not name their asset; only the shapes of their tensors can be checked.
     if metadata.get("asset") not in (None, "", asset):
         raise CheckpointError("The checkpoint was made with another asset.")
     return checkpoint.tensors
@@ -85,7 +85,7 @@ def _read(data: bytes) -> tuple[Checkpoint, dict[str, str]]:
         tensors = safetensors.torch.load(data)
         step = int(metadata["step"])
     except (SafetensorError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
-        raise CheckpointError("The checkpoint is torn or not a checkpoint.") from error
+        raise CheckpointError("The checkpoint is damaged, or the file is not a checkpoint.") from error
     if metadata.get("format") != _FORMAT:
         raise CheckpointError("The checkpoint was made by another version of meshdeform.")
     return Checkpoint(step, tensors), metadata

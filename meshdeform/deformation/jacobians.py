@@ -1,8 +1,8 @@
-"""Per-face Jacobians of the piecewise-linear map rest -> deformed.
+"""Compute per-face Jacobians of the piecewise-linear map rest -> deformed.
 
-A map of a surface says how edges go, not what happens along the normal. The map's own Jacobian sends the rest normal to
-zero; the optimisation's variables are full 3x3 matrices of which the Poisson solve reads the tangential part; and what
-carries normals back into the asset is completed to full rank.
+A map of a surface determines how edges are mapped, but not what happens along the normal. Three kinds of Jacobian
+follow. That of the map itself sends the rest normal to zero. The optimisation's variables are full 3x3 matrices, of
+which the Poisson solve uses the tangential part. Those that transform the asset's normals are completed to full rank.
 
 Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
 """
@@ -21,12 +21,12 @@ __all__ = ["completed_jacobians", "identity_jacobians", "jacobians_from_verts"]
 
 
 def identity_jacobians(n_faces: int) -> Tensor:
-    """The Jacobians of the map that moves nothing, (F, 3, 3) float64."""
+    """Return the identity Jacobian of each face, (F, 3, 3) float64."""
     return torch.eye(3, dtype=torch.float64).repeat(n_faces, 1, 1)
 
 
 def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
-    """Per-face Jacobians of the piecewise-linear map rest -> verts.
+    """Compute the per-face Jacobians of the piecewise-linear map rest -> verts.
 
     Parameters
     ----------
@@ -37,14 +37,14 @@ def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) ->
 
     Returns
     -------
-    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. The map says nothing
-    along the rest normal, where ``J @ n = 0``; `completed_jacobians` fills that direction. Of a collapsed face, only
-    the longest edge is mapped.
+    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. Along the rest normal,
+    which the map does not determine, ``J @ n = 0``; `completed_jacobians` fills that direction. Of a collapsed face,
+    only the longest edge is mapped.
 
     Raises
     ------
     ShapeError
-        `verts` has not as many rows as the operator has columns.
+        `verts` does not have one row for each column of the operator.
     """
     if verts.shape != (gradient_operator.shape[1], 3):
         raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
@@ -52,11 +52,11 @@ def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) ->
 
 
 def completed_jacobians(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> Tensor:
-    """Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
+    """Compute Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
 
     ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
-    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. The identity where a face is
-    collapsed at rest; without a normal part where it has no area any more.
+    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. A face that is collapsed at rest
+    gets the identity; one that has lost its area gets no normal part.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Factor a grounded Laplacian as L D L^T, sparsely, and solve with the factor.
 
-QDLDL factors. It solves one right-hand side a call, so the triangular solves are compiled here for the three
-coordinates at once: one pass over L serves all of them. Serial and in a fixed order, hence the same bits on every run.
+QDLDL computes the factor, but solves for one right-hand side per call. The triangular solves are therefore compiled
+here for all three coordinates in one pass over L. They are serial and in a fixed order, so every run gives the same
+bits.
 
 Source: Davis 2006, Direct Methods for Sparse Linear Systems, chapters 3 and 4.
 """
@@ -22,21 +23,21 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 _SMALLEST_PIVOT = 1e-13
-"""Smallest pivot, as a share of its diagonal entry: below it cancellation has consumed all digits."""
+"""Smallest pivot relative to its diagonal entry; below this, cancellation has consumed all digits."""
 
 
 @dataclass(frozen=True)
 class Factor:
-    """P A P^T = (I + L) D (I + L)^T of the free rows of a matrix.
+    """Factorisation P A P^T = (I + L) D (I + L)^T of the free rows of a matrix.
 
     Attributes
     ----------
     n_rows : int
-        Of the whole matrix, the grounded ones included.
+        Number of rows of the whole matrix, including the grounded ones.
     free : (n,) int64
-        Row of the whole matrix that each row of the factor stands for.
+        Row of the whole matrix for each row of the factor.
     indptr, indices, data
-        L by columns, without its unit diagonal.
+        L in compressed columns, without its unit diagonal.
     inverse_pivots : (n,) float64
     """
 
@@ -65,7 +66,7 @@ def factorise(matrix: sparse.csr_matrix, free: _Index) -> Factor | None:
 
     Returns
     -------
-    Factor, or None where the matrix is not positive definite as far as float64 can tell.
+    Factor, or None if the matrix is not positive definite to float64 precision.
     """
     if not len(free):
         none = np.zeros(0, np.int64)

@@ -1,21 +1,21 @@
-"""The whole optimisation: Jacobians in, deformed vertices out, one generator that yields after every step.
+"""Run the optimisation of the Jacobians step by step.
 
-Each step solves for the vertices, draws four orthogonal views, asks the guidance for its gradient, adds the
-regularisers and lets Adam move the Jacobians::
+Each step solves for the vertices, renders four orthogonal views, evaluates the guidance and the regularisers, and
+updates the Jacobians with Adam::
 
-    verts = poisson(J) + t_c          min_v sum_f |f| ||grad_f(v) - J_f||^2 per component c, then its translation
-                                      with sum_c |c| t_c = 0: the parts move, the whole stays
+    verts = poisson(J) + t_c          min_v sum_f |f| ||grad_f(v) - J_f||^2 per component c, then its translation,
+                                      with sum_c |c| t_c = 0: components move, the overall centre of mass does not
     image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
-            + w_a attachments(verts)                                (assets of several parts; not in the paper)
-            + w_d dirichlet(verts)                                  (the barrier; not in the paper)
+            + w_a attachments(verts)                                (assets of several components; not in the paper)
+            + w_d dirichlet(verts)                                  (a barrier; not in the paper)
 
-The Poisson solution is unique up to one translation per connected component. The paper pins it; where an asset has
+The Poisson solution is unique up to one translation per connected component. The paper fixes it; where an asset has
 several components we optimise it as well (`translation_rate`; 0 is the paper), because a wheel must be able to follow
-its car. The centre of mass of the whole stays: were it free, a sphere that shall become a mushroom would rise to where
-the cap is seen and never grow a stem.
+its car. The centre of mass of the whole mesh stays fixed: otherwise, a sphere that should become a mushroom would rise
+to where the cap is seen and never grow a stem.
 
-Sources: Xu et al. 2024, FusionDeformer, eq. 3 to 9; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;
+Sources: Xu et al. 2024, FusionDeformer, eq. 6 to 13; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;
 Gao et al. 2023, TextDeformer, section 3.
 """
 
@@ -49,14 +49,14 @@ __all__ = ["Deformation", "Step"]
 
 @dataclass(frozen=True)
 class Step:
-    """What one optimiser iteration did.
+    """Result of one optimisation step.
 
     Attributes
     ----------
     step : int
-        How many are done, from 1.
+        Number of completed steps, from 1.
     losses : dict
-        The weighted terms, their sum `total`, and what the guidance says besides.
+        The weighted terms, their sum `total`, and the values that the guidance logs.
     """
 
     step: int
@@ -64,27 +64,27 @@ class Step:
 
 
 class Deformation:
-    """One mesh on its way from rest to the result.
+    """Optimisation of one mesh.
 
     Parameters
     ----------
     mesh : TriangleMesh, float64
-        The welded rest mesh in the frame where the cameras see the unit sphere.
+        The welded rest mesh in the cameras' frame, where they see the unit sphere.
     guidance : Guidance
-        What pulls.
+        Loss on the rendered views.
     params : ResolvedParams
     device : str
-        Where views are drawn and the guidance runs. The Jacobians and the solve stay on the CPU in float64.
+        Device for rendering and guidance. The Jacobians and the solve stay on the CPU in float64.
     checkpoint : Checkpoint, optional
-        A state of the same mesh and parameters to go on from.
+        A state of the same mesh and parameters from which to continue.
     initial : mapping of name to Tensor, optional
-        The tensors of a checkpoint of the same mesh, whose shape the run begins with; its parameters may be others, and
-        neither its optimiser's moments nor its random numbers go on. Regularisers stay relative to the rest mesh.
+        The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
+        shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh.
     variables : callable
-        Makes what the optimiser moves, for the rest mesh of a Poisson system: the paper's Jacobians unless given.
+        Creates the variables to optimise from a Poisson system: by default the paper's Jacobians.
     views : callable
-        Makes what a step shows to the guidance, for the cameras' bounds and the guidance's style: the paper's four
-        orthogonal views in one picture unless given.
+        Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
+        orthogonal views in one picture.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class Deformation:
         self._limit = StepLimit(rest, self._variables) if params.dirichlet_weight else None
         guarded = params.safeguard is not Safeguard.NONE
         self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
-        self._whole = True
+        self._consistent = True
         if initial is not None:
             copy_into(self._variables, initial)
             if self._guard is not None:
@@ -140,13 +140,13 @@ class Deformation:
 
     @property
     def done(self) -> bool:
-        """Whether no step is left."""
+        """Whether all steps are completed."""
         return self.step >= self.params.steps
 
     def __iter__(self) -> Iterator[Step]:
-        """Run the steps that are left; stop iterating at any time and `checkpoint` holds the rest.
+        """Run the remaining steps; iteration can stop after any step and continue from `checkpoint`.
 
-        A step that raises, of a device without memory say, leaves the state as it was before it.
+        A step that raises, for example because the device is out of memory, leaves the state as it was before it.
 
         Raises
         ------
@@ -159,48 +159,48 @@ class Deformation:
             yield Step(self.step, losses)
 
     def verts(self) -> Tensor:
-        """Deformed positions (V, 3) float64 in the rest mesh's frame, with the rest mesh's centre of mass."""
+        """Return the deformed positions (V, 3) float64 in the rest mesh's frame, with its centre of mass."""
         with torch.no_grad():
             return self._variables.place()
 
     def checkpoint(self) -> Checkpoint:
-        """Everything that the rest of the run depends on, copied.
+        """Copy the state from which the run can continue.
 
         Raises
         ------
         CheckpointError
-            The optimiser itself failed in the midst of a step: there is no whole state any more.
+            A step failed while it updated the variables, so the state is not consistent.
         """
-        if not self._whole:
-            raise CheckpointError("The last step broke off while it was written; an earlier checkpoint must do.")
+        if not self._consistent:
+            raise CheckpointError("The last step failed while it updated the state; use an earlier checkpoint.")
         tensors = self._variables.tensors
         moments = {
             f"{name}.{key}": value
             for name, parameter in tensors.items()
             for key, value in self._optimizer.state.get(parameter, {}).items()
         }
-        whole = self._guard.state if self._guard is not None else {}
-        state = {**tensors, **moments, **whole, "generator": self._generator.get_state()}
+        guarded = self._guard.state if self._guard is not None else {}
+        state = {**tensors, **moments, **guarded, "generator": self._generator.get_state()}
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
     def _advance(self) -> dict[str, float]:
-        # All that a step changes before the optimiser moves the variables is the generator.
-        drawn = self._generator.get_state()
+        # Before the optimiser updates the variables, a step changes only the generator.
+        generator_state = self._generator.get_state()
         try:
             total, logs, verts = self._loss()
         except BaseException:
-            self._generator.set_state(drawn)
+            self._generator.set_state(generator_state)
             raise
-        self._whole = False
+        self._consistent = False
         old = self._limit.copy() if self._limit is not None else {}
         self._optimizer.step()
         if self._limit is not None:
-            logs["limited_faces"] = float(self._limit.keep(self._optimizer, old, verts))
+            logs["limited_faces"] = float(self._limit.enforce(self._optimizer, old, verts))
         if self._guard is not None:
-            # The last step is always looked at: what a run ends with is whole.
+            # The last step is always checked, so the result is free of faults.
             due = (self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps
             logs["held_faces"] = float(self._guard.correct(self._optimizer)) if due else 0.0
-        self._whole = True
+        self._consistent = True
         return {"total": total, **logs}
 
     def _loss(self) -> tuple[float, dict[str, float], Tensor]:
@@ -212,16 +212,16 @@ class Deformation:
         image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, logs = self._guidance.loss(image, context)
-        keep = self._regularizers
+        regularizers = self._regularizers
         penalties: dict[str, tuple[float, Callable[[], Tensor]]] = {
-            "jacobian": (p.jacobian_reg_weight, lambda: keep.jacobian(self._variables.jacobians())),
-            "laplacian": (p.laplacian_weight, lambda: keep.laplacian(verts)),
-            "normal": (p.normal_weight, lambda: keep.normal(verts)),
+            "jacobian": (p.jacobian_reg_weight, lambda: regularizers.jacobian(self._variables.jacobians())),
+            "laplacian": (p.laplacian_weight, lambda: regularizers.laplacian(verts)),
+            "normal": (p.normal_weight, lambda: regularizers.normal(verts)),
             "attachment": (p.attachment_weight, lambda: self._attachments.penalty(verts)),
-            "dirichlet": (p.dirichlet_weight, lambda: keep.dirichlet(verts)),
+            "dirichlet": (p.dirichlet_weight, lambda: regularizers.dirichlet(verts)),
         }
         terms = {"guidance": p.guidance_weight * guidance.double().cpu()}
-        # A weight of 0 is off: 0 times an infinite penalty would be no number.
+        # A weight of 0 skips the penalty: 0 times an infinite penalty would be NaN.
         terms |= {name: weight * penalty() for name, (weight, penalty) in penalties.items() if weight}
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
@@ -233,12 +233,12 @@ class Deformation:
         return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, verts.detach()
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Go on from a state of the same mesh and parameters, in place of the one that there is.
+        """Replace the state by a checkpoint of the same mesh and parameters.
 
         Raises
         ------
         CheckpointError
-            It belongs to another mesh.
+            The checkpoint belongs to another mesh.
         """
         state = checkpoint.tensors
         copy_into(self._variables, state)
@@ -251,5 +251,5 @@ class Deformation:
         if self._guard is not None:
             self._guard.restore(state)
         self._generator.set_state(state["generator"])
-        self._whole = True
+        self._consistent = True
         self.step = checkpoint.step

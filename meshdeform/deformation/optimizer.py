@@ -1,11 +1,11 @@
-"""Adam.
+"""Update tensors with Adam.
 
 ::
 
     m <- b1 m + (1 - b1) g        v <- b2 v + (1 - b2) g^2        x <- x - lr m_hat / (sqrt(v_hat) + 1e-8)
 
-Not torch's own: to make one of those loads torch's compiler with everything that it needs, which takes longer than
-the whole of a short run and as much memory as the prior. The numbers are the same to the last bit; a test compares.
+torch's own optimiser is not used, because creating one loads torch's compiler and its dependencies, which takes longer
+than a whole short run and as much memory as the prior. The results are bit-identical; a test compares them.
 
 Source: Kingma & Ba 2015, Adam, algorithm 1.
 """
@@ -25,12 +25,12 @@ _EPSILON = 1e-8
 
 
 class Adam:
-    """Adam over groups of tensors, each group with a rate of its own.
+    """Adam over groups of tensors, each group with its own learning rate.
 
     Parameters
     ----------
     groups : iterable of dict
-        Each with `params`, a list of tensors that want gradients, and `lr`, which may change between steps.
+        Each with `params`, a list of tensors that require gradients, and `lr`, which may change between steps.
     betas : (float, float)
         b1 and b2.
 
@@ -39,8 +39,8 @@ class Adam:
     param_groups : list of dict
         The groups.
     state : dict of Tensor to dict
-        What a tensor has after its first step: `step` () float32, how many it has made; `exp_avg` m and
-        `exp_avg_sq` v, of its shape and dtype.
+        State of each tensor after its first step: `step` () float32, the number of its steps; `exp_avg` m and
+        `exp_avg_sq` v, with the tensor's shape and dtype.
     """
 
     def __init__(self, groups: Iterable[dict[str, Any]], betas: tuple[float, float] = (0.9, 0.999)) -> None:
@@ -49,14 +49,14 @@ class Adam:
         self._betas = betas
 
     def zero_grad(self) -> None:
-        """Drop the gradients."""
+        """Clear the gradients."""
         for group in self.param_groups:
             for parameter in group["params"]:
                 parameter.grad = None
 
     @torch.no_grad()
     def step(self) -> None:
-        """Move every tensor that has a gradient."""
+        """Update every tensor that has a gradient."""
         first, second = self._betas
         for group in self.param_groups:
             for parameter in group["params"]:

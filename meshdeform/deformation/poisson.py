@@ -1,18 +1,19 @@
-"""The Poisson solve: from per-face Jacobians to vertices, factored once, differentiable, one gauge a component.
+"""Solve the Poisson equation for vertices with given per-face Jacobians, differentiably.
 
     min_v  sum_f |f| ||grad_f(v) - J_f||^2     <=>     L v = G^T M J,   L = G^T M G
 
-L's kernel are the constants on each connected component: one vertex of each is grounded for the factorisation and the
-component is then moved so that its centre of mass is the rest mesh's. The matrix is symmetric, so the backward pass
-reuses the same factor. Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
+The matrix is factored once per mesh. The kernel of L consists of the functions that are constant on each connected
+component, so one vertex per component is grounded for the factorisation; the component is then moved to its centre of
+mass at rest. The matrix is symmetric, so the backward pass reuses the same factor. Sources: Xu et al. 2024,
+FusionDeformer, eq. 6; Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 
-Collapsed faces (`operators.COLLAPSED_SHAPE`) have no weight, for their cotangents would drown the rest in float64. So
-that they still hold together what they connect, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
-w = 1e-6 longest edge / |e|: without unit, like cotangents. Springs agree with every true deformation, and a vertex
-that lies within a collapsed face's long edge follows that edge linearly. Where the factorisation fails even so, the
-shape below which a face counts as collapsed is raised thirtyfold, twice.
+Collapsed faces (`operators.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
+float64. To keep what they connect together, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
+w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
+consistent Jacobians, and a vertex on the long edge of a collapsed face follows that edge linearly. If the factorisation
+still fails, the threshold for collapsed faces is raised to 30 and then to 1,000 times its value.
 
-The factor is QDLDL's (Apache-2.0), the triangular solves are our own for all three coordinates at once;
+QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for all three coordinates at once.
 `bench/poisson.py` compares them with SuperLU.
 """
 
@@ -36,25 +37,25 @@ __all__ = ["PoissonSystem"]
 _SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
 _SPRING = 1e-6
 _SHORTEST = 1e-3
-"""An edge of a collapsed face counts as no shorter than this share of its longest one."""
+"""Lower bound of an edge length of a collapsed face, relative to its longest edge."""
 
 _Floats = NDArray[np.float64]
 
 
 class PoissonSystem:
-    """The factored system of one rest mesh.
+    """Factored Poisson system of one rest mesh.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Any input: open, non-manifold, of several components, with unused vertices (they keep their place) and faces
-        without area (they have no weight).
+        May be open, non-manifold or of several components, with unused vertices (they do not move) and faces without
+        area (they have no weight).
 
     Attributes
     ----------
     rest : RestMesh
-        The mesh. Its `collapsed_shape` is the one that the matrix was factored with: which faces have no weight is
-        asked here, and never computed again.
+        The mesh, with the `collapsed_shape` that the matrix was factored with. Read from here which faces have no
+        weight; do not recompute it.
 
     Raises
     ------
@@ -68,20 +69,20 @@ class PoissonSystem:
         self.rest, self._factor, self._divergence = _prepare(rest, _ungrounded(self._labels))
         self._divergence_t = self._divergence.T.tocsr()
         areas = self.rest.vertex_areas
-        # A component without area weighs its vertices alike.
+        # In a component without area, all vertices have the same weight.
         share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
         self._shares = (share / self._sums(share)[self._labels])[:, None]
         self._rest_centres = self._sums(self._shares * rest.verts.numpy())
 
     def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
-        """Vertices whose gradients fit the Jacobians best, each component's centre of mass where it was at rest.
+        """Solve for the vertices whose gradients best fit the Jacobians; every component keeps its centre of mass.
 
         Parameters
         ----------
         jacobians : (F, 3, 3) float64
             ``edge_new = J @ edge_old``.
         known : (V, 3) float64, optional
-            The solution, where it has been computed before for these very Jacobians: only the gradient is new.
+            The solution, if it has already been computed for these Jacobians; then only the gradient is computed.
 
         Returns
         -------
@@ -90,9 +91,9 @@ class PoissonSystem:
         Raises
         ------
         ShapeError
-            One Jacobian a face is needed.
+            `jacobians` is not (F, 3, 3) float64.
         NumericalError
-            A Jacobian is not finite.
+            The solution is not finite.
         """
         if jacobians.shape != (self.rest.faces.shape[0], 3, 3) or jacobians.dtype != torch.float64:
             raise ShapeError(
@@ -116,7 +117,7 @@ class PoissonSystem:
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
 
     def _sums(self, values: _Floats) -> _Floats:
-        """Sum over each component, (C,) of (V,) or (C, 3) of (V, 3), always in the order of the vertices."""
+        """Sum over each component, (V,) to (C,) or (V, 3) to (C, 3), always in the order of the vertices."""
         if values.ndim == 1:
             return np.bincount(self._labels, values, self._count).astype(np.float64)
         return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
@@ -138,7 +139,7 @@ class _Solve(torch.autograd.Function):
 
 
 def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """All vertices but the first of each component."""
+    """Return all vertices except the first of each component."""
     _, first = np.unique(labels, return_index=True)
     free = np.ones(len(labels), bool)
     free[first] = False
@@ -146,7 +147,7 @@ def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix]:
-    """Return the mesh as it could be factored, the factor, and the right-hand side's operator (V, 3F)."""
+    """Factor; return the mesh with the threshold used, the factor, and the right-hand side's operator (V, 3F)."""
     for shape in _SHAPES:
         taken = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
         weighted = taken.gradient.T @ sparse.diags(np.repeat(taken.areas, 3))
@@ -162,7 +163,7 @@ def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor,
 
 
 def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_matrix, sparse.csr_matrix, _Floats]:
-    """Edges of the collapsed faces: differences (S, V), what a Jacobian makes of them (S, 3F), and weights (S,)."""
+    """Return the springs of the collapsed faces: differences (S, V), mapped edges (S, 3F) and weights (S,)."""
     verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
     tail, head = faces[thin].ravel(), faces[thin][:, [1, 2, 0]].ravel()
     edges = verts[head] - verts[tail]

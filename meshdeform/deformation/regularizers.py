@@ -1,4 +1,4 @@
-"""Penalties that keep the asset what it was, the same at every mesh resolution and scale.
+"""Compute the regularisers, which do not depend on mesh resolution or scale.
 
 The published forms are means over faces, vertices and edges, and two of them change with the tessellation: halving
 the edges divides the umbrella Laplacian by four and (1 - n_i . n_j)^2 by sixteen. Here each is a discretised integral
@@ -13,7 +13,7 @@ over the rest surface of area A:
   share of the area; h(y) = y^2 up to y_0, beyond it 4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
-  from jumping across
+  from crossing this barrier
 
 The normal term measures against rest: a crease costs nothing unless it becomes sharper than it was, or turns over. It
 is the published energy less what rest has of it, so it stops sharp corners from growing into spikes as hard as the
@@ -51,18 +51,18 @@ REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
 _CREASE = 1 - math.cos(math.radians(15))
-"""y_0: neighbours on the reference mesh that bend by more than 15 degrees bend at a crease."""
+"""y_0: on the reference mesh, a change of more than 15 degrees between neighbours counts as a crease."""
 _LEAST_DETERMINANT = 1e-16
-"""Of C = F^T F, squared area ratios: below an area ratio of 1e-8 the energy goes on as if it were that."""
+"""Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
 
 
 class Regularizers:
-    """The penalties of one rest mesh; every method gives a float64 scalar, differentiable in its argument.
+    """Penalties of one rest mesh; every method returns a float64 scalar, differentiable in its argument.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Faces without area do not count, nor edges beside such faces, at borders or of more than two faces.
+        Faces without area are left out, as are edges of such faces, border edges and edges of more than two faces.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -72,7 +72,7 @@ class Regularizers:
         self._face_weights = torch.from_numpy(rest.areas / total)
         mass = rest.vertex_areas
         used = mass > 0
-        # Needle triangles have vertices of nearly no mass, and there M^-1 is no sensible curvature.
+        # Vertices of needle triangles have almost no mass, and there M^-1 L u is no meaningful curvature.
         floor = _MASS_FLOOR * float(mass[used].mean()) if used.any() else 1.0
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
         self._half_operator = (root @ rest.laplacian).tocsr()
@@ -82,37 +82,37 @@ class Regularizers:
 
     def _init_edges(self, mesh: RestMesh, areas: Tensor, total: float) -> None:
         edges = mesh.edges
-        # Which two faces continue each other is known only where exactly two meet, and not where one doubles the other.
-        keep = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
-        keep[keep.clone()] = (areas[edges.faces[keep]] > 0).all(1)
-        self._pairs, self._ends = edges.faces[keep], edges.edges[keep]
+        # Two faces are neighbours only where exactly two meet and they are not duplicates of each other.
+        kept = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
+        kept[kept.clone()] = (areas[edges.faces[kept]] > 0).all(1)
+        self._pairs, self._ends = edges.faces[kept], edges.edges[kept]
         pairs = self._pairs
-        # Neighbours wound against each other have opposite normals where the surface is flat.
-        self._sign = torch.where(edges.consistent[keep], 1.0, -1.0).double()
+        # Neighbours of inconsistent winding have opposite normals where the surface is flat.
+        self._sign = torch.where(edges.consistent[kept], 1.0, -1.0).double()
         self._rest_bend = self._bend(mesh.verts)
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
         squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
-        # Equilateral triangles of area a have centroids 2/3 of a height apart across an edge: d^2 = 4 a / (3 sqrt 3).
+        # Centroids of equilateral neighbours of area a are 2/3 of a height apart: d^2 = 4 a / (3 sqrt 3).
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
         self._rest_energy = self._energy((1 - self._rest_bend[:, 0]).clamp_min(0))
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
-        """Area-weighted mean ||J - I||^2 (squared Frobenius norm) of (F, 3, 3) Jacobians."""
+        """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""
         rigid = torch.eye(3, dtype=jacobians.dtype)
         return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
 
     def laplacian(self, verts: Tensor) -> Tensor:
-        """Integral of the squared Laplacian of the displacement of (V, 3) positions, over 4 pi; zero at rest."""
+        """Return the integral of the squared Laplacian of the displacement of positions (V, 3), divided by 4 pi."""
         bent = sparse_product(self._half_operator, verts - self._rest)
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Return what neighbouring faces bend beyond rest: an area-weighted mean, dimensionless.
+        """Return the bending of neighbouring faces beyond rest: an area-weighted mean, dimensionless.
 
-        Neighbours are faces that alone share an edge; where they are wound against each other, one normal is turned.
+        Neighbours are two faces at an edge of no other face; if their winding is inconsistent, one normal is flipped.
         """
         bend = self._bend(verts)
         # Bent the other way than at rest, an edge has no crease to be measured from.
@@ -137,10 +137,10 @@ class Regularizers:
         return torch.stack([(first * second).sum(1), sine], 1)
 
     def dirichlet(self, verts: Tensor) -> Tensor:
-        """Area-weighted mean symmetric Dirichlet energy of (V, 3) positions, less that of a motion; no unit.
+        """Return the area-weighted mean symmetric Dirichlet energy of positions (V, 3), zero for a rigid motion.
 
-        With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4. Faces without
-        area at rest do not count.
+        Dimensionless. With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4.
+        Faces without area at rest are left out.
         """
         corners = verts.index_select(0, self._faces[self._solid].reshape(-1)).view(-1, 3, 3)
         edges = torch.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], 2)
@@ -160,7 +160,7 @@ def _smooth_part(y: Tensor) -> Tensor:
 
 
 def _in_plane(corners: Tensor) -> Tensor:
-    """Two edges of each triangle (F, 3, 3) as the columns of a 2 x 2 matrix, in coordinates of its own plane."""
+    """Return two edges of each triangle (F, 3, 3) as columns of a 2 x 2 matrix, in coordinates of its own plane."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = first.norm(dim=1)
     along = (first * second).sum(1) / length

@@ -1,12 +1,12 @@
-"""Keep every step from carrying a face through zero area: what makes the symmetric Dirichlet energy a barrier.
+"""Prevent steps from moving a face through zero area, so that the symmetric Dirichlet energy acts as a barrier.
 
-The energy (`regularizers.py`) is infinite where a face collapses and finite again beyond, where it lies turned over in
-its own plane. So the optimiser must not jump across. After every step, with a_f the area vectors::
+The energy (`regularizers.py`) is infinite where a face collapses, but finite again where the face is flipped in its own
+plane, so the optimiser must not cross the barrier. After every step, with a_f the area vectors::
 
     a_f(new) . a_f(old) >= 0.1 |a_f(old)|^2
 
-where that does not hold, the step is taken back (`step_repair.py`). A face that turns by a right angle within one step
-is held as well: no step is that long.
+must hold; where it does not, the step is reverted (`step_repair.py`). A face that rotates by a right angle or more
+within one step is reverted too, but no step is that long.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _LEAST = 0.1
 
 
 class StepLimit:
-    """Checks every step of a run.
+    """Checks every step of a run, and reverts it where a face crosses zero area.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        At rest; faces that are collapsed there do not count, in the energy as here.
+        The rest mesh; faces that are collapsed at rest are not checked, just as the energy leaves them out.
     variables : Variables
     """
 
@@ -47,20 +47,20 @@ class StepLimit:
         self.copy = self._repair.copy
 
     @torch.no_grad()
-    def keep(self, optimizer: Adam, old: Mapping[str, Tensor], verts: Tensor) -> int:
-        """Take back what went through zero area since an earlier shape.
+    def enforce(self, optimizer: Adam, old: Mapping[str, Tensor], verts: Tensor) -> int:
+        """Revert the step where faces went through zero area since an earlier shape.
 
         Parameters
         ----------
         optimizer : Adam
         old : mapping of name to Tensor
-            The variables of that shape, from `copy`.
+            Variables of the earlier shape, from `copy`.
         verts : (V, 3) float64
-            Its vertices.
+            Vertices of the earlier shape.
 
         Returns
         -------
-        How many faces were held.
+        Number of faces that were held back.
         """
         before = face_cross(verts.detach(), self._faces)
         return int(self._repair.repair(lambda: self._crossed(before), old, optimizer).sum())

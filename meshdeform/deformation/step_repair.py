@@ -1,16 +1,17 @@
-"""Take a step back where it breaks the surface, and keep the rest of it.
+"""Revert a step where it breaks the surface, and keep the rest of it.
 
-What counts as broken is asked of a function; `step_limit` and `surface_guard` have one each. The repair tries, until
-nothing is broken, in this order:
+`step_limit` and `surface_guard` each pass a function that finds the broken faces. The repair tries the following in
+order, until no face is broken:
 
-1. The Jacobians of the broken faces go back to what they were before the step, and their surroundings in part, less the
-   farther away: ``J <- J_old + a_f (J - J_old)``, a_f = 0 on the broken faces, rising to 1 over the rings around them.
-2. The positions go back, with rings that double: two limbs that run into each other are stopped by no Jacobian of
-   theirs, for what moves them lies elsewhere.
-3. The whole step of each component that is still broken is shortened, at last to nothing.
+1. Reset the Jacobians of the broken faces to their values before the step, and those around them in part:
+   ``J <- J_old + a_f (J - J_old)`` with a_f = 0 on the broken faces, rising to 1 over the rings around them.
+2. Reset the positions instead, over rings that double in number. Two limbs that run into each other are not stopped by
+   their own Jacobians, because other faces move them.
+3. Shorten the whole step of each component that is still broken, finally to zero.
 
-What becomes broken on the way joins in. The optimiser's momentum of what was put back is forgotten, or it would push on
-at once. Plain backtracking shortens the whole step at the first fold, and one fold would hold back all other parts.
+Faces that become broken on the way are treated alike. The momentum of everything that was reset is cleared; otherwise
+the optimiser would repeat the step at once. Plain backtracking would shorten the whole step, so that a single fold
+would hold back the entire mesh.
 
 Source of the backtracking: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, section 3.3.
 """
@@ -41,7 +42,7 @@ _Index = NDArray[np.int64]
 
 
 class StepRepair:
-    """Sets the variables of one run between two of their states.
+    """Sets the variables of one run between two of their states, to undo a part of a step.
 
     Parameters
     ----------
@@ -56,49 +57,48 @@ class StepRepair:
         self._component = self._component_of_vertex[self._faces[:, 0]]
 
     def copy(self) -> dict[str, Tensor]:
-        """Return the variables as they stand."""
+        """Return a copy of the current variables."""
         return {name: tensor.detach().clone() for name, tensor in self._variables.tensors.items()}
 
     @torch.no_grad()
-    def repair(self, look: Callable[[], _Flags], old: Mapping[str, Tensor], optimizer: Adam) -> _Flags:
-        """Take back as much of the step as it takes for nothing to be broken.
+    def repair(self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], optimizer: Adam) -> _Flags:
+        """Revert as much of the step as needed until no face is broken.
 
         Parameters
         ----------
-        look : callable
-            Returns which faces (F,) are broken in the shape that the variables mean now. Nothing is broken in `old`, or
-            what is stays so.
+        find_broken : callable
+            Returns which faces (F,) of the current shape are broken. None is broken in `old`, or stays broken.
         old : mapping of name to Tensor
             The variables before the step, from `copy`.
         optimizer : Adam
-            Loses the momentum of what is put back.
+            Loses the momentum of what is reset.
 
         Returns
         -------
-        Which faces (F,) were held back: none where the step breaks nothing, those of whole components where their step
-        was shortened.
+        Flags (F,) of the faces that were held back: none if the step breaks nothing, all of a component if its step was
+        shortened.
         """
-        broken = look()
+        broken = find_broken()
         held = np.zeros(len(self._faces), bool)
         if not broken.any():
             return held
-        wished = self.copy()
+        new = self.copy()
         for rings in _BLEND_RINGS:
             held |= broken
-            self._blend(old, wished, self._ramp(held, rings))
-            broken = look()
+            self._blend(old, new, self._ramp(held, rings))
+            broken = find_broken()
             if not broken.any():
-                self._forget(optimizer, held, np.zeros_like(held))
+                self._reset_momentum(optimizer, held, np.zeros_like(held))
                 return held
-        if not self._hold_positions(look, old, wished, held, broken):
-            self._set(wished)
-            held |= self._shorten(look, old, wished)
-        # Positions were put back, and a component's translation is a part of them.
-        self._forget(optimizer, held, held)
+        if not self._hold_positions(find_broken, old, new, held, broken):
+            self._set(new)
+            held |= self._shorten(find_broken, old, new)
+        # Positions were reset, which includes the translations of their components.
+        self._reset_momentum(optimizer, held, held)
         return held
 
     def _ramp(self, held: _Flags, rings: int) -> _Floats:
-        """Return shares (F,): 0 on the held faces, then 1 / (rings + 1) more with every ring of faces around them."""
+        """Return shares (F,): 0 on the held faces, rising by 1 / (rings + 1) with every ring of faces around them."""
         share = np.ones(len(held))
         reached = held.astype(np.float64)
         share[held] = 0.0
@@ -108,9 +108,9 @@ class StepRepair:
         return share
 
     def _blend(self, old: Mapping[str, Tensor], new: Mapping[str, Tensor], share: _Floats) -> None:
-        """Set the variables between `old` (0) and `new` (1) by a share (F,) for each face.
+        """Interpolate the variables between `old` (0) and `new` (1) by a share (F,) per face.
 
-        Components move as wholes.
+        Translations of components take their new values.
         """
         rows = self._variables.rows(
             of_face=share,
@@ -122,13 +122,13 @@ class StepRepair:
 
     def _hold_positions(
         self,
-        look: Callable[[], _Flags],
+        find_broken: Callable[[], _Flags],
         old: Mapping[str, Tensor],
         new: Mapping[str, Tensor],
         held: _Flags,
         broken: _Flags,
     ) -> bool:
-        """Put positions back where faces are held, and around them; return whether that was enough. `held` grows."""
+        """Reset positions on and around held faces, extending `held`; return whether no face is broken any more."""
         self._set(old)
         before = self._variables.place().detach()
         self._set(new)
@@ -136,24 +136,26 @@ class StepRepair:
         for rings in _HOLD_RINGS:
             held |= broken
             of_face = self._ramp(held, rings)
-            # A vertex goes as far as the most held of its faces.
+            # A vertex moves by the smallest share among its faces.
             of_vertex = np.ones(len(before))
             np.minimum.at(of_vertex, self._faces.ravel(), np.repeat(of_face, 3))
             self._set(new)
             self._variables.adopt(before + torch.from_numpy(of_vertex)[:, None] * step)
-            broken = look()
+            broken = find_broken()
             if not broken.any():
                 return True
         return False
 
-    def _shorten(self, look: Callable[[], _Flags], old: Mapping[str, Tensor], new: Mapping[str, Tensor]) -> _Flags:
-        """Shorten the step of every component that is broken until none is; return the faces (F,) of those shortened.
+    def _shorten(
+        self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], new: Mapping[str, Tensor]
+    ) -> _Flags:
+        """Shorten the steps of broken components until no face is broken; return flags (F,) of their faces.
 
-        A component that stands still can be run into, so what is broken is looked for anew each time.
+        Another component can run into one that no longer moves, so the broken faces are found anew each time.
         """
         tried = np.zeros(self._rest.num_components, np.int64)
         for _ in range(_SHORTENINGS):
-            broken = np.unique(self._component[look()])
+            broken = np.unique(self._component[find_broken()])
             if not len(broken):
                 break
             tried[broken] = np.minimum(tried[broken] + 1, len(_SHARES))
@@ -164,7 +166,7 @@ class StepRepair:
         return np.asarray(tried[self._component] > 0)
 
     def _shorten_to(self, old: Mapping[str, Tensor], new: Mapping[str, Tensor], tried: _Index) -> None:
-        """Set every component that was tried to its share of the step; the others keep what they have."""
+        """Set every component in `tried` to its share of the step; the others do not change."""
         share = np.array([1.0, *_SHARES])[tried]
         rows = self._variables.rows(
             of_face=self._component, of_vertex=self._component_of_vertex, of_component=np.arange(len(tried))
@@ -173,8 +175,8 @@ class StepRepair:
             shorter = old[name] + _column(share[rows[name]], tensor) * (new[name] - old[name])
             tensor.copy_(torch.where(_column(tried[rows[name]] > 0, tensor), shorter, tensor))
 
-    def _forget(self, optimizer: Adam, held: _Flags, carried: _Flags) -> None:
-        """Drop the momentum of the held faces (F,), and of the translations of components with carried ones (F,)."""
+    def _reset_momentum(self, optimizer: Adam, held: _Flags, carried: _Flags) -> None:
+        """Clear the momentum of held faces (F,), and of the translations of components with `carried` faces (F,)."""
         rows = self._variables.rows(
             of_face=held,
             of_vertex=self._rest.incidence.T @ held.astype(np.float64) > 0,
@@ -191,5 +193,5 @@ class StepRepair:
 
 
 def _column(values: NDArray[np.generic], tensor: Tensor) -> Tensor:
-    """Return one value for each row of `tensor`, shaped to be multiplied with it."""
+    """Reshape one value per row of `tensor` to broadcast against it."""
     return torch.from_numpy(np.ascontiguousarray(values)).view(-1, *[1] * (tensor.ndim - 1))

@@ -1,12 +1,12 @@
-"""Keep the surface whole: take back steps that flip a face or let the surface cut itself.
+"""Keep the surface intact: revert steps that fold a face or make the surface intersect itself.
 
-Every few steps the shape is looked at. Faces that were fine at rest and are folded over their neighbours now, or cut
-through others, are put back to the last shape that was whole, and their neighbourhood in part (`step_repair.py`): the
-shape that a run holds is whole from its first step to its last.
+The shape is checked every few steps. Faces that were fine at rest and are now folded over their neighbours, or cut
+through others, are reset to the last intact shape, and their neighbourhood in part (`step_repair.py`). So every checked
+shape of a run is intact, including the last one.
 
-What an asset brings along does not hold it back. Faces that are folded at rest, or as good as, may stay so. Components
-that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may the faces
-around a place where a component cuts itself. Faces without area at rest have no side to fold to.
+Faults that the asset already has at rest are allowed. Faces that are folded at rest, or almost, may stay folded.
+Components that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may
+the faces around a place where a component cuts itself. Faces without area at rest cannot fold.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from meshdeform.requests.document import Safeguard
 __all__ = ["EVERY_STEPS", "SurfaceGuard"]
 
 EVERY_STEPS = 5
-"""Steps between two looks. A look costs a quarter of a step to a whole one, and a fold needs a few steps to grow."""
+"""Steps between two checks. A check costs a quarter of a step to a whole one, and folds take a few steps to grow."""
 
 _LOOSE_RINGS = 2
 _CONTACT = 1e-4
-"""Components that cut each other once every vertex is moved by up to this share of the diagonal touch each other."""
+"""Components count as touching if they cut each other once vertices move by up to this share of the diagonal."""
 _CONTACT_DRAWS = 5
 
 _Flags = NDArray[np.bool_]
@@ -41,16 +41,16 @@ _Index = NDArray[np.int64]
 
 
 class SurfaceGuard:
-    """Holds the last whole shape of a run.
+    """Checks the shape of a run, and reverts it to the last intact one where it is broken.
 
     Parameters
     ----------
     kind : Safeguard
-        `flips` looks for folds only.
+        `flips` checks for folds only.
     mesh : TriangleMesh
-        At rest; what is folded or cuts there may do so for ever.
+        The rest mesh; its folds and intersections are allowed throughout.
     variables : Variables
-        At rest.
+        Those of the rest shape.
     """
 
     def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables) -> None:
@@ -65,33 +65,33 @@ class SurfaceGuard:
         self._folded = np.zeros(count, bool)
         self._loose = np.zeros(count, bool)
         self._meeting: _Index = np.empty(0, np.int64)
-        self._excuse(self._rest.verts.numpy())
-        self._whole = self._copy()
+        self._allow_faults(self._rest.verts.numpy())
+        self._intact = self._copy()
 
     @property
     def state(self) -> dict[str, Tensor]:
-        """The last whole shape and what may stay broken, for checkpoints."""
-        whole = {f"guard.{name}": tensor for name, tensor in self._whole.items()}
-        excused = {"folded": self._folded, "loose": self._loose, "meeting": self._meeting}
-        return {**whole, **{f"guard.{name}": torch.from_numpy(array) for name, array in excused.items()}}
+        """The last intact shape and the allowed faults, for checkpoints."""
+        intact = {f"guard.{name}": tensor for name, tensor in self._intact.items()}
+        allowed = {"folded": self._folded, "loose": self._loose, "meeting": self._meeting}
+        return {**intact, **{f"guard.{name}": torch.from_numpy(array) for name, array in allowed.items()}}
 
     def begin(self) -> None:
-        """Take the variables as they stand for whole, with all that is broken in them."""
-        self._excuse(self._variables.place().detach().numpy())
-        self._whole = self._copy()
+        """Take the current shape as intact, and allow all its faults."""
+        self._allow_faults(self._variables.place().detach().numpy())
+        self._intact = self._copy()
 
     def restore(self, state: dict[str, Tensor]) -> None:
-        """Go on from what `state` gave; a checkpoint of a run without a guard has none of it."""
+        """Continue from `state`, or from the current shape if the checkpoint is of a run without a guard."""
         if "guard.meeting" not in state:
             self.begin()
             return
         self._folded, self._loose, self._meeting = (
             state[f"guard.{name}"].numpy().copy() for name in ("folded", "loose", "meeting")
         )
-        self._whole = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
+        self._intact = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
 
-    def _excuse(self, verts: _Floats) -> None:
-        """Excuse what is broken in this shape, besides what was excused before."""
+    def _allow_faults(self, verts: _Floats) -> None:
+        """Allow the faults of this shape in addition to those already allowed."""
         self._folded |= self._folds(verts, margin=FOLD_MARGIN)
         if self._kind is not Safeguard.INTERSECTIONS:
             return
@@ -103,7 +103,7 @@ class SurfaceGuard:
         self._loose |= reached > 0
         keys = [self._meeting, self._keys(cuts)]
         if self._component.max(initial=0) > 0:
-            # In contact, and not through each other by a rounding error: a fair share of small disturbances cuts.
+            # Components in contact need not cut each other exactly, but do under some small random displacements.
             generator = np.random.default_rng(0)
             reach = _CONTACT * float(np.linalg.norm(np.ptp(verts[np.unique(self._faces)], axis=0)))
             for _ in range(_CONTACT_DRAWS):
@@ -112,25 +112,25 @@ class SurfaceGuard:
         self._meeting = np.unique(np.concatenate(keys))
 
     def _keys(self, pairs: _Index) -> _Index:
-        """One number for each pair of different components that these pairs of faces (P, 2) belong to."""
-        parts = np.sort(self._component[pairs], axis=1)
-        apart = parts[parts[:, 0] != parts[:, 1]]
+        """Return a unique key for each pair of different components among these pairs of faces (P, 2)."""
+        components = np.sort(self._component[pairs], axis=1)
+        apart = components[components[:, 0] != components[:, 1]]
         return np.unique(apart[:, 0] * (self._rest.num_components) + apart[:, 1])
 
     @torch.no_grad()
     def correct(self, optimizer: Adam) -> int:
-        """Put back what is broken.
+        """Revert the shape where it is broken.
 
         Returns
         -------
-        How many faces were put back: 0 where the shape was whole, those of whole components where nothing else helped.
+        Number of faces that were reset: 0 if the shape was intact, all faces of a component if nothing else helped.
         """
-        held = self._repair.repair(self._look, self._whole, optimizer)
-        self._whole = self._copy()
+        held = self._repair.repair(self._find_broken, self._intact, optimizer)
+        self._intact = self._copy()
         return int(held.sum())
 
-    def _look(self) -> _Flags:
-        """Which faces (F,) are broken and not excused."""
+    def _find_broken(self) -> _Flags:
+        """Return flags (F,) of the faces that are broken and not allowed to be."""
         verts = self._variables.place().detach().numpy()
         broken = self._folds(verts) & ~self._folded
         if self._kind is Safeguard.INTERSECTIONS:
@@ -138,8 +138,8 @@ class SurfaceGuard:
             first, second = self._component[cuts].T
             low, high = np.minimum(first, second), np.maximum(first, second)
             key = low * (self._rest.num_components) + high
-            excused = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
-            broken[cuts[~excused].ravel()] = True
+            allowed = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
+            broken[cuts[~allowed].ravel()] = True
         return broken
 
     def _folds(self, verts: _Floats, *, margin: float = 0.0) -> _Flags:

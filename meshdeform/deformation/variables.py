@@ -1,7 +1,7 @@
-"""What the optimiser moves: one Jacobian for each face, integrated to vertices by the Poisson solve.
+"""Hold the variables of the optimisation: one Jacobian per face, integrated to vertices by the Poisson solve.
 
-A gradient on one face thereby moves the surface around it smoothly and at all scales. The optimisation knows its
-variables by the interface `Variables` only, so that an ablation can put others in their place.
+This way a gradient on one face moves the surface around it smoothly and at all scales. The optimisation uses its
+variables only through the interface `Variables`, so an ablation can substitute others.
 
 Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 """
@@ -24,34 +24,34 @@ __all__ = ["JacobianField", "Variables", "copy_into"]
 
 
 class Variables(Protocol):
-    """The state that an optimiser moves, and the shape that it means."""
+    """Variables that an optimiser updates, and the shape that they represent."""
 
     tensors: dict[str, Tensor]
-    """Leaves with gradients, float64, by the names that checkpoints use; the first is the one that says the shape."""
+    """Leaf tensors with gradients, float64, by their names in checkpoints; the first one defines the shape."""
 
     def rates(self, translation_rate: float) -> dict[str, float]:
-        """Each tensor's learning rate as a multiple of the job's."""
+        """Return each tensor's learning rate as a multiple of the job's."""
 
     def jacobians(self) -> Tensor:
-        """(F, 3, 3) float64 that the rigidity of the surface is measured by."""
+        """Return the Jacobians (F, 3, 3) float64 that the Jacobian regulariser penalises."""
 
     def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:
-        """Return, for each of `tensors`, the one of these that has its rows."""
+        """Return, for each of `tensors`, the argument whose rows correspond to the tensor's rows."""
 
     def place(self) -> Tensor:
-        """Positions (V, 3) float64, differentiable in `tensors`."""
+        """Compute the positions (V, 3) float64, differentiable in `tensors`."""
 
     def adopt(self, verts: Tensor) -> None:
-        """Set the variables so that `place` gives these positions (V, 3) float64, up to a motion of the whole."""
+        """Set the variables so that `place` returns these positions (V, 3) float64, up to a translation of all."""
 
 
 class JacobianField:
-    """Jacobians, and one translation for each connected component: ``verts = poisson(J) + t_c``.
+    """Jacobians and one translation per connected component: ``verts = poisson(J) + t_c``.
 
     Parameters
     ----------
     poisson : PoissonSystem
-        Of the rest mesh; the centre of mass of the whole stays where it was.
+        The system of the rest mesh, whose overall centre of mass stays fixed.
     """
 
     def __init__(self, poisson: PoissonSystem) -> None:
@@ -69,22 +69,22 @@ class JacobianField:
         self._solved: tuple[int, Tensor] | None = None
 
     def rates(self, translation_rate: float) -> dict[str, float]:
-        """Jacobians at the job's rate, translations at their multiple of it."""
+        """Return the multiples of the job's learning rate: 1 for Jacobians, `translation_rate` for translations."""
         return {"jacobians": 1.0, "translations": translation_rate}
 
     def jacobians(self) -> Tensor:
-        """The variables themselves."""
+        """Return the Jacobians themselves, (F, 3, 3) float64."""
         return self.tensors["jacobians"]
 
-    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (no tensor has a row a vertex)
-        """Jacobians have a row for each face, translations one for each component."""
+    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (no tensor has a row per vertex)
+        """Return the argument for each tensor: Jacobians have a row per face, translations one per component."""
         return {"jacobians": of_face, "translations": of_component}
 
     def place(self) -> Tensor:
         """Solve for the vertices, and move each component by its translation.
 
-        Jacobians that have not changed since the last solve are not solved for again: a step's limits, the guard and
-        the next step's loss share one solution.
+        The solution is reused while the Jacobians do not change: the step limit, the surface guard and the next step's
+        loss share it.
         """
         jacobians, translations = self.tensors["jacobians"], self.tensors["translations"]
         known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
@@ -95,7 +95,7 @@ class JacobianField:
         return solution + free[self._rest.components]
 
     def adopt(self, verts: Tensor) -> None:
-        """The Jacobians of the map from rest; along the normal, where a map of a surface has none, they stay."""
+        """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""
         with torch.no_grad():
             jacobians = self.tensors["jacobians"]
             of_map = jacobians_from_verts(self._rest.gradient, verts)
@@ -106,12 +106,12 @@ class JacobianField:
 
 
 def copy_into(variables: Variables, state: Mapping[str, Tensor]) -> None:
-    """Take over the tensors of a checkpoint.
+    """Copy the tensors of a checkpoint into the variables.
 
     Raises
     ------
     CheckpointError
-        They are of another mesh, or of a run that optimises other variables.
+        The tensors belong to another mesh, or to a run that optimises other variables.
     """
     with torch.no_grad():
         for name, parameter in variables.tensors.items():

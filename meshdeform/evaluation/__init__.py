@@ -1,1 +1,1 @@
-"""`meshdeform eval`: how well prompts become shapes, and how good the meshes stay. See docs/quality.md."""
+"""Benchmark how well results show their prompts, and the quality of their meshes. See docs/quality.md."""

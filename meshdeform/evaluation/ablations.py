@@ -1,8 +1,8 @@
-"""The paper's ablations: the method with one of its parts taken out or put back to what it replaced.
+"""Run the paper's ablations: the method with one component removed or replaced by its predecessor.
 
-`vertices` moves the vertices themselves where the method moves Jacobians and solves for the vertices. `single_views`
-shows the four views as pictures of their own, each with its own noise, where the method combines them in one. The
-others leave out one regulariser. Everything else of the run stays as its parameters say.
+`vertices` optimises the vertices directly instead of Jacobians. `single_views` gives the guidance the four views as
+separate pictures, each with its own noise, instead of combining them into one. The others leave out one regulariser.
+All other parameters of the run stay the same.
 
 Source: Xu et al. 2024, FusionDeformer, section 5.3.
 """
@@ -32,7 +32,7 @@ __all__ = ["Ablation", "SingleViews", "VertexDisplacements", "ablated_params", "
 
 
 class Ablation(StrEnum):
-    """What is taken out."""
+    """Component that is removed or replaced."""
 
     VERTICES = "vertices"
     SINGLE_VIEWS = "single_views"
@@ -49,7 +49,7 @@ _WEIGHTS: Mapping[Ablation, str] = {
 
 
 def ablated_params(params: ResolvedParams, ablation: Ablation | None) -> ResolvedParams:
-    """Return the parameters with the weight of the regulariser at 0 that an ablation leaves out, if it does."""
+    """Return the parameters, with weight 0 for the regulariser that the ablation leaves out."""
     weight = _WEIGHTS.get(ablation) if ablation is not None else None
     return params.model_copy(update={weight: 0.0}) if weight is not None else params
 
@@ -57,7 +57,7 @@ def ablated_params(params: ResolvedParams, ablation: Ablation | None) -> Resolve
 def deformation_of(
     ablation: Ablation | None, mesh: TriangleMesh, guidance: Guidance, params: ResolvedParams, *, device: str = "cpu"
 ) -> Deformation:
-    """Make the deformation of an ablation, or the method's own for None.
+    """Create the deformation of an ablation, or of the unmodified method for None.
 
     Parameters
     ----------
@@ -74,36 +74,36 @@ def deformation_of(
 
 
 class VertexDisplacements:
-    """One displacement for each vertex: ``verts = rest + d``, less the motion of the centre of mass.
+    """One displacement per vertex: ``verts = rest + d``, minus the motion of the centre of mass.
 
-    Plain displacements follow each gradient where it falls; the paper's first claim is that Jacobians, which the
-    Poisson solve integrates, are what makes large deformations clean. Implements `deformation.variables.Variables`.
+    Displacements follow the gradient at each vertex on its own. The paper's first claim is that Jacobians, integrated
+    by the Poisson solve, keep large deformations clean. Implements `deformation.variables.Variables`.
 
     Parameters
     ----------
     poisson : PoissonSystem
-        Of the rest mesh, for the weights of the centre of mass; nothing is solved.
+        System of the rest mesh, used for the weights of the centre of mass only.
     """
 
     def __init__(self, poisson: PoissonSystem) -> None:
         self._rest = poisson.rest
         areas = torch.from_numpy(self._rest.vertex_areas)
         self._shares = areas / areas.sum()
-        # Leaves the penalty ||J - I||^2 to the surface alone.
+        # So that the normal part does not contribute to ||J - I||^2.
         rest_jacobians = jacobians_from_verts(self._rest.gradient, self._rest.verts)
         self._normal_part = torch.eye(3, dtype=torch.float64) - rest_jacobians
         self.tensors = {"displacements": torch.zeros_like(self._rest.verts, requires_grad=True)}
 
-    def rates(self, translation_rate: float) -> dict[str, float]:  # noqa: ARG002 (parts move as their vertices do)
-        """Return the job's rate for the displacements."""
+    def rates(self, translation_rate: float) -> dict[str, float]:  # noqa: ARG002 (components move with their vertices)
+        """Return the learning rate's multiple, 1 for the displacements."""
         return {"displacements": 1.0}
 
     def jacobians(self) -> Tensor:
-        """Return those of the map from rest, with a normal part that leaves ||J - I||^2 to the surface alone."""
+        """Return the Jacobians of the map from rest, with a normal part that does not contribute to ||J - I||^2."""
         return jacobians_from_verts(self._rest.gradient, self.place()) + self._normal_part
 
     def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (one tensor only)
-        """Return the rows of vertices for the displacements."""
+        """Return the argument for the displacements, which have a row per vertex."""
         return {"displacements": of_vertex}
 
     def place(self) -> Tensor:
@@ -112,13 +112,13 @@ class VertexDisplacements:
         return self._rest.verts + displacements - self._shares @ displacements
 
     def adopt(self, verts: Tensor) -> None:
-        """Set the displacements so that `place` gives these positions (V, 3) float64, up to a motion of the whole."""
+        """Set the displacements so that `place` gives these positions (V, 3) float64, up to a translation of all."""
         with torch.no_grad():
             self.tensors["displacements"].copy_(verts - self._rest.verts)
 
 
 class SingleViews:
-    """Four views a quarter turn apart, each a picture of its own as large as the grid of four would be.
+    """Four views a quarter turn apart, in separate pictures of the size of the combined one.
 
     Implements `rendering.views.Views`.
 
@@ -126,7 +126,7 @@ class SingleViews:
     ----------
     bounds : CameraRange
     style : RenderStyle
-        Of a view in the grid.
+        Style of a view in the combined picture.
     """
 
     def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
@@ -138,5 +138,5 @@ class SingleViews:
         return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
 
     def arrange(self, images: Tensor) -> Tensor:
-        """Give views (4, S, S, 3) as pictures (4, 3, S, S)."""
+        """Return views (4, S, S, 3) as pictures (4, 3, S, S)."""
         return images.permute(0, 3, 1, 2)

@@ -1,7 +1,7 @@
-"""CLIP R-precision: retrieval by a CLIP model that had no part in the guidance, where a folder with one is named.
+"""Compute CLIP R-precision: retrieval by a CLIP model that is independent of the guidance.
 
-Views of lit clay on a light ground are encoded, their unit vectors averaged, and the prompts ranked by cosine. A CLIP
-model that shares its text encoder with the diffusion model would find what it was itself asked to make, and is refused.
+Views of lit clay on a light background are encoded, their unit vectors averaged, and the prompts ranked by cosine. A
+CLIP model that shares its text encoder with the diffusion model would judge its own work, and is refused.
 
 Sources: Radford et al. 2021 (CLIP); Park et al. 2021 and Jain et al. 2022, Dream Fields, section 4 (R-precision by a
 model that was not optimised); Poole et al. 2023, DreamFusion, table 1 (its use for score distillation).
@@ -33,19 +33,19 @@ _EMBEDDING = "token_embedding.weight"
 
 
 class ClipJudge:
-    """A CLIP model of a folder on this machine.
+    """A CLIP model in a folder on this machine.
 
     Parameters
     ----------
     folder : Path
-        As transformers' `CLIPModel.save_pretrained` and `CLIPProcessor.save_pretrained` write it, with
+        As written by transformers' `CLIPModel.save_pretrained` and `CLIPProcessor.save_pretrained`, with
         `model.safetensors`.
     device : str
 
     Raises
     ------
     ModelError
-        It is not there, not whole, or has no safetensors weights.
+        The model is missing or incomplete, or has no safetensors weights.
     DependencyError
         The extra `sd` is not installed.
     """
@@ -70,10 +70,10 @@ class ClipJudge:
             )
             self._tokenizer = CLIPTokenizer.from_pretrained(folder, local_files_only=True)
             images = CLIPImageProcessor.from_pretrained(folder, local_files_only=True)
-        except Exception as error:  # whatever a broken file makes transformers or safetensors raise
+        except Exception as error:  # a broken file can raise anything in transformers or safetensors
             raise ModelError(
                 f"The CLIP model in {folder} cannot be read: {error}",
-                advice="Download it again; a file of it is damaged or belongs to another kind of model.",
+                advice="Download it again; one of its files is damaged or belongs to another kind of model.",
             ) from error
         if lacking := [*loading["missing_keys"], *map(str, loading["mismatched_keys"])]:
             raise ModelError(
@@ -90,7 +90,7 @@ class ClipJudge:
 
     @torch.no_grad()
     def similarities(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
-        """Cosine between each view and each prompt: (8, P) float32."""
+        """Return the cosine between each view and each prompt, (8, P) float32."""
         tokens = self._tokenizer(list(prompts), padding=True, truncation=True, return_tensors="pt").to(self._device)
         views = draw(mesh, self._cameras, self._size).permute(0, 3, 1, 2)
         pixels = ((views - self._mean) / self._std).to(self._device)
@@ -100,9 +100,9 @@ class ClipJudge:
         return cosines
 
     def judgement(self, mesh: TriangleMesh, prompts: Sequence[str], prompt: str) -> dict[str, Any]:
-        """Rank, hit and probability of the prompt among all by the mean cosine; and the share of views that are hits.
+        """Return rank, hit and probability of the prompt by the mean cosine, and the share of views that are hits.
 
-        The probability is CLIP's own: a softmax at its learned temperature.
+        The probability is a softmax at the temperature that CLIP learned.
         """
         cosines = self.similarities(mesh, prompts)
         sharpness = float(self._model.logit_scale.exp())
@@ -116,12 +116,12 @@ class ClipJudge:
 
 
 def refuse_the_guides_own(folder: Path, model: str, revision: str = "") -> None:
-    """Refuse a CLIP model whose text encoder is the one that the guiding diffusion model reads its prompts with.
+    """Refuse a CLIP model with the same text encoder as the guiding diffusion model.
 
     Raises
     ------
     ParameterError
-        The token embeddings are the same, to the precision that they are stored in.
+        The token embeddings are equal to the precision in which they are stored.
     ModelError
         The diffusion model is not on this machine.
     """
@@ -132,13 +132,13 @@ def refuse_the_guides_own(folder: Path, model: str, revision: str = "") -> None:
     same = own is not None and guides is not None and own.shape == guides.shape
     if same and torch.allclose(own, guides, rtol=1e-2, atol=1e-4):  # type: ignore[arg-type]
         raise ParameterError(
-            f"The CLIP model in {folder} has the text encoder that guides: it would judge its own work.",
+            f"The CLIP model in {folder} has the same text encoder as the guidance: it would judge its own work.",
             advice="Give --clip another model: for Stable Diffusion 1 any but CLIP ViT-L/14.",
         )
 
 
 def _embedding(folder: Path) -> Tensor | None:
-    """The token embeddings of a CLIP model or text encoder, float32; None where its files have none."""
+    """Read the float32 token embeddings of a CLIP model or text encoder; return None if there are none."""
     from safetensors import safe_open
 
     for path in sorted(folder.glob("*.safetensors")):
@@ -151,6 +151,6 @@ def _embedding(folder: Path) -> Tensor | None:
 
 
 def _vectors(features: Any) -> Tensor:
-    """The projected vectors, which newer versions of transformers wrap with other outputs."""
+    """Return the projected vectors, which newer versions of transformers wrap with other outputs."""
     vectors: Tensor = getattr(features, "pooler_output", features)
     return vectors

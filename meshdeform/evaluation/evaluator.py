@@ -1,11 +1,11 @@
-"""One item of the benchmark: deform, measure, judge, draw, and keep all of it in a folder of its own.
+"""Evaluate one item of the benchmark: deform, measure, judge, draw, and save the results in its folder.
 
 ::
 
     items/sphere--a-giraffe--seed0/
         steps-000600.ply    the shape, in the source's own frame
         steps-000600.png    its picture
-        record.json         everything that was found; written last, so an item with a record is whole
+        record.json         all results; written last, so an item with a record is complete
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_p
 
 _RECORD = "record.json"
 _PACE = ("step_s_median", "seconds")
-"""Seconds of a step and of all of them, for information."""
+"""Seconds per step and in total, for information."""
 
 
 def item_folder(folder: Path, item: Item) -> Path:
-    """Where an item's files lie."""
+    """Return the folder of an item's files."""
     return folder / "items" / item.name
 
 
 def source_path(folder: Path, name: str) -> Path:
-    """Return where a source's mesh lies; `name` is that of a source, or the path of a mesh."""
+    """Return the path of a source's mesh; `name` is the name of a source or the path of a mesh."""
     return folder / "sources" / f"{Path(name).stem}.ply"
 
 
 def read_record(folder: Path, item: Item) -> dict[str, Any] | None:
-    """What was found about an item; None where it was not done."""
+    """Read the record of an item; return None if the item is not done."""
     try:
         found: dict[str, Any] = json.loads((item_folder(folder, item) / _RECORD).read_text())
     except FileNotFoundError:
@@ -62,7 +62,7 @@ def read_record(folder: Path, item: Item) -> dict[str, Any] | None:
 
 
 def failed_record(folder: Path, item: Item, error: str, detail: str) -> dict[str, Any]:
-    """Write down that an item failed, and why; the next run tries it again."""
+    """Record why an item failed; the next run tries it again."""
     place = item_folder(folder, item)
     place.mkdir(parents=True, exist_ok=True)
     record = {**_head(item), "failed": {"error": error, "detail": detail}, "states": []}
@@ -71,23 +71,23 @@ def failed_record(folder: Path, item: Item, error: str, detail: str) -> dict[str
 
 
 class Evaluator:
-    """Does the items of a plan in this process, with one torch thread; models are loaded once.
+    """Evaluates the items of a plan in this process, with one torch thread; models are loaded once.
 
     Parameters
     ----------
     plan : Plan
     deforms : bool
-        Whether items will be deformed; only judging needs no prior.
+        Whether items will be deformed; judging alone needs no prior.
 
     Attributes
     ----------
     prior, judge, clip
-        None where there is none.
+        The loaded models; None for those that are not used.
 
     Raises
     ------
     ModelError, ParameterError, DependencyError
-        A model cannot be had.
+        A model is not available.
     """
 
     def __init__(self, plan: Plan, *, deforms: bool = True) -> None:
@@ -100,27 +100,27 @@ class Evaluator:
         self.clip = ClipJudge(Path(plan.clip), device=plan.device) if plan.clip else None
 
     def evaluate(self, item: Item) -> dict[str, Any]:
-        """Deform and assess one item, and keep its files; an item that fails gets a record that says so."""
+        """Deform and assess one item, and save its files or the record of its failure."""
         try:
             rest, shapes, pace = self._deform(item)
-            return self._keep(item, rest, shapes, pace)
-        except Exception as error:  # one broken item must not cost the others
+            return self._save(item, rest, shapes, pace)
+        except Exception as error:  # one failed item must not stop the others
             return failed_record(self._plan.folder, item, type(error).__name__, traceback.format_exc())
 
     def rejudge(self, item: Item) -> dict[str, Any] | None:
-        """Assess an item's kept shapes anew; None where it has none."""
+        """Assess an item's saved shapes again; return None if it has none."""
         old = read_record(self._plan.folder, item)
         if old is None or old["failed"]:
             return old
         place = item_folder(self._plan.folder, item)
         shapes = {s["steps"]: read_ply((place / _file(s["steps"], "ply")).read_bytes()) for s in old["states"]}
-        return self._keep(item, self._source(item), shapes, {name: old[name] for name in _PACE if name in old})
+        return self._save(item, self._source(item), shapes, {name: old[name] for name in _PACE if name in old})
 
     def _source(self, item: Item) -> TriangleMesh:
         return read_ply(source_path(self._plan.folder, item.source).read_bytes())
 
     def _deform(self, item: Item) -> tuple[TriangleMesh, dict[int, TriangleMesh], dict[str, Any]]:
-        """The source, its shape after each of the plan's steps, and how the run went (`_PACE`)."""
+        """Return the source, its shape after each of the plan's steps, and the timings (`_PACE`)."""
         assert self.prior is not None
         params = self._plan.params.model_copy(update={"seed": item.seed})
         rest = self._source(item)
@@ -136,7 +136,7 @@ class Evaluator:
             before = time.perf_counter()
         return rest, shapes, dict(zip(_PACE, (statistics.median(seconds), math.fsum(seconds)), strict=True))
 
-    def _keep(
+    def _save(
         self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], pace: dict[str, Any]
     ) -> dict[str, Any]:
         place = item_folder(self._plan.folder, item)
@@ -145,7 +145,7 @@ class Evaluator:
         record = {**_head(item), "failed": None, "states": states, **pace}
         files = {place / _file(steps, "ply"): write_ply(shape) for steps, shape in shapes.items()}
         files |= {place / _file(steps, "png"): picture_png(shape) for steps, shape in shapes.items()}
-        # Written in this order: where the record is, the rest is as well.
+        # The record is written last: if it exists, so do the other files.
         write_files({**files, place / _RECORD: _json(record)})
         return record
 

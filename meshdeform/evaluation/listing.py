@@ -1,6 +1,6 @@
-"""What a run of the benchmark would do, before it does it: its deformations, parameters and number of steps.
+"""List what a run of the benchmark would do: its deformations, parameters and number of steps.
 
-Loads no model, so that a suite for another machine can be read on this one.
+Loads no model, so a suite for another machine can be listed on this one.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ __all__ = ["listing", "outline"]
 
 
 def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
-    """The plan as a document.
+    """Return the plan as a document.
 
     Returns
     -------
     `suite`, `folder`, `model`, `device`, `judge`, `clip`, `ablation`, `checkpoints` (the steps after which a shape is
     judged), `params`, `items` (each with `source`, `prompt` and `seed`), `deformations`, `steps_in_all`, and
-    `warnings`, which say what the run itself would refuse.
+    `warnings` about what the run itself would refuse.
     """
     items = plan.suite.items(limit)
     warnings = []
@@ -47,7 +47,7 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
 
 
 def listing(plan: Plan, *, limit: int | None = None) -> str:
-    """The same for people: a line for each deformation, then the parameters and the sums."""
+    """Return the plan as text: a line for each deformation, then the parameters and the totals."""
     found = outline(plan, limit=limit)
     lines = [f"{number:4d}  {item['source']:<10} {item['prompt']}  (seed {item['seed']})"
              for number, item in enumerate(found["items"], 1)]  # fmt: skip

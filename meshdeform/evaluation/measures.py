@@ -1,15 +1,15 @@
-"""Is the mesh still good, and how far is it from its source: the figures of one result.
+"""Measure the quality of a result's mesh and its distance from the source.
 
-What `meshdeform.geometry.quality` measures for every job's report, and besides:
+The figures of `meshdeform.geometry.quality`, which every job's report has, and additionally:
 
 ::
 
-    self_intersections_added   faces that cut another now and cut none at rest
+    self_intersections_added   faces that cut another now but none at rest
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
-with d the diagonal of the source's bounding box, so both distances are free of a unit. The first follows every vertex;
-the second sees only the surfaces and takes no notice of vertices that slide on them.
+with d the diagonal of the source's bounding box, so both distances are dimensionless. The first follows every vertex;
+the second compares only the surfaces and ignores vertices that slide on them.
 
 Source of the Chamfer distance: Fan et al. 2017, A Point Set Generation Network, eq. 2, here with distances instead of
 their squares and halved.
@@ -29,18 +29,18 @@ from meshdeform.geometry.quality import measure
 __all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
 
 POINTS = 10_000
-"""Points drawn on each surface for the Chamfer distance."""
+"""Points on each surface for the Chamfer distance."""
 
 _Floats = NDArray[np.float64]
 
 
 def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | int]:
-    """All figures of a deformation, by name.
+    """Compute all figures of a deformation, by name.
 
     Parameters
     ----------
     rest, deformed : TriangleMesh
-        The same faces, in the same unit.
+        Meshes with the same faces, in the same unit.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     Raises
     ------
     ShapeError
-        The meshes have not the same faces.
+        The meshes have different faces.
     NumericalError
         A position is not finite.
     """
@@ -70,15 +70,15 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
 
 
 def displacement(before: _Floats, faces: NDArray[np.int64], after: _Floats) -> float:
-    """Root of the area-weighted mean squared way of the vertices, in the meshes' unit."""
+    """Return the root mean squared displacement of the vertices, weighted by area, in the meshes' unit."""
     weights = np.bincount(faces.ravel(), np.repeat(_areas(before, faces), 3), len(before))
     return float(np.sqrt((weights * ((after - before) ** 2).sum(1)).sum() / weights.sum()))
 
 
 def chamfer_distance(before: _Floats, after: _Floats, faces: NDArray[np.int64], seed: int = 0) -> float:
-    """Mean distance between two surfaces, estimated with `POINTS` points on each, in the meshes' unit.
+    """Estimate the mean distance between two surfaces with `POINTS` points on each, in the meshes' unit.
 
-    Both are sampled alike, so that a surface has no distance from itself.
+    Both are sampled with the same random numbers, so the distance of a surface from itself is zero.
     """
     one, other = surface_points(before, faces, POINTS, seed), surface_points(after, faces, POINTS, seed)
     there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
@@ -86,7 +86,7 @@ def chamfer_distance(before: _Floats, after: _Floats, faces: NDArray[np.int64], 
 
 
 def surface_points(verts: _Floats, faces: NDArray[np.int64], count: int, seed: int) -> _Floats:
-    """Points (count, 3) uniform on a surface by area (Osada et al. 2002, Shape Distributions, eq. 1)."""
+    """Draw points (count, 3) uniformly by area on a surface (Osada et al. 2002, Shape Distributions, eq. 1)."""
     rng = np.random.default_rng(seed)
     share = np.cumsum(_areas(verts, faces))
     face = np.searchsorted(share, rng.random(count) * share[-1], side="right").clip(max=len(faces) - 1)

@@ -1,4 +1,4 @@
-"""The benchmark's meshes on disk: binary PLY with float64 positions, which any viewer opens and nothing rounds.
+"""Read and write the benchmark's meshes: binary PLY with float64 positions, lossless and readable by any viewer.
 
 Source of the format: Turk 1994, The PLY Polygon File Format.
 """
@@ -27,7 +27,7 @@ _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def write_ply(mesh: TriangleMesh) -> bytes:
-    """The mesh as a file."""
+    """Serialise a mesh as PLY."""
     faces = np.empty(len(mesh.faces), _FACE)
     faces["count"], faces["corners"] = 3, mesh.faces.numpy()
     header = _HEADER.format(verts=len(mesh.verts), faces=len(faces)).encode()
@@ -35,20 +35,22 @@ def write_ply(mesh: TriangleMesh) -> bytes:
 
 
 def read_ply(data: bytes) -> TriangleMesh:
-    """The mesh of a file that `write_ply` made, bit for bit.
+    """Read a mesh that `write_ply` wrote, bit for bit.
 
     Raises
     ------
     AssetFormatError
-        It is another kind of file, or not whole.
+        The file is incomplete or of another kind.
     """
     head, _, body = data.partition(b"end_header\n")
     counts = [int(line.split()[2]) for line in head.splitlines() if line.startswith(b"element")]
     if len(counts) != 2 or head + b"end_header\n" != _HEADER.format(verts=counts[0], faces=counts[1]).encode():
-        raise AssetFormatError("This is not a PLY file of a benchmark.", advice="Let the benchmark make it again.")
+        raise AssetFormatError(
+            "This is not a PLY file of a benchmark.", advice="Run the benchmark again to recreate it."
+        )
     middle = counts[0] * 24
     if len(body) != middle + counts[1] * _FACE.itemsize:
-        raise AssetFormatError("The PLY file is not whole.", advice="Let the benchmark make it again.")
+        raise AssetFormatError("The PLY file is incomplete.", advice="Run the benchmark again to recreate it.")
     verts = np.frombuffer(body[:middle], "<f8").reshape(-1, 3).astype(np.float64)
     corners = np.frombuffer(body[middle:], _FACE)["corners"].astype(np.int64)
     return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(corners))

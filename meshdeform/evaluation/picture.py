@@ -1,4 +1,4 @@
-"""Pictures of single results, and of results as a CLIP model shall see them: lit clay on a light ground."""
+"""Render pictures of results, for people and for CLIP models: lit clay on a light background."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _GROUND = (0.95, 0.95, 0.95)
 
 @torch.no_grad()
 def draw(mesh: TriangleMesh, cameras: Cameras, size: int, background: tuple[float, float, float] = _GROUND) -> Tensor:
-    """Views (B, size, size, 3) float32 in [0, 1] of a mesh that is moved and scaled until it fills them."""
+    """Render views (B, size, size, 3) float32 in [0, 1] of a mesh, centred and scaled to fill them."""
     used = mesh.verts[mesh.faces.reshape(-1)]
     centre = (used.amin(0) + used.amax(0)) / 2
     placed = (mesh.verts - centre) / (used - centre).norm(dim=1).max().clamp_min(1e-12)
@@ -33,7 +33,7 @@ def draw(mesh: TriangleMesh, cameras: Cameras, size: int, background: tuple[floa
 
 
 def picture_png(mesh: TriangleMesh) -> bytes:
-    """One PNG of `SIZE` x `SIZE` pixels: from the front, the asset's left side and above."""
+    """Return a PNG of `SIZE` x `SIZE` pixels, viewed from the front, the asset's left side and above."""
     view = draw(mesh, fixed_cameras((_AZIMUTH_DEG,), _ELEVATION_DEG), SIZE)[0]
     pixels = (view * 255).round().to(torch.uint8).numpy()
     out = io.BytesIO()

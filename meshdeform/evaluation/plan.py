@@ -1,7 +1,7 @@
-"""What one run of the benchmark is: everything that decides its results, and the manifest that its folder keeps.
+"""Describe a run of the benchmark by everything that affects its results, stored as the manifest of its folder.
 
-A folder belongs to one plan. What is found there is compared member by member, so that a table never mixes results of
-different parameters, models or code.
+A folder belongs to one plan. An existing manifest is compared member by member, so that a table never mixes results
+of different parameters, models or code.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ MANIFEST = "manifest.json"
 
 _DECISIVE_FOLDERS = ("deformation", "geometry", "guidance", "priors", "rendering", "requests")
 _TRAINING = "priors/builtin/training/"
-"""What decides how a mesh is deformed; a prior's weights have a hash of their own."""
+"""Code that affects how a mesh is deformed; a prior's weights have their own hash."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A run of the benchmark; travels to the worker processes.
+    """A run of the benchmark; picklable for the worker processes.
 
     Attributes
     ----------
     suite : Suite
     params : ResolvedParams
-        Of every deformation, but for the seed.
+        Parameters of every deformation, except the seed.
     steps : tuple of int
-        After which steps a shape is kept and judged, ascending; the last is `params.steps`.
+        Steps after which a shape is saved and judged, ascending; the last is `params.steps`.
     folder : Path
-        Where everything goes.
+        Folder for all files.
     revision : str
-        Of the model, for hub ids.
+        Revision of the model, for hub ids.
     device : str
     judge : str
         As in `retrieval.load_judge`.
     clip : str
         Folder of a CLIP model, or empty.
     ablation : Ablation, optional
-        What is taken out of the method; its parameters are in `params` already.
+        Modification of the method; `params` already contains its parameters.
     """
 
     suite: Suite
@@ -66,7 +66,7 @@ class Plan:
 
 
 def code_sha256() -> str:
-    """A hash of the package's modules that decide how a mesh is deformed."""
+    """Hash the package's modules that affect how a mesh is deformed."""
     root = Path(meshdeform.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(path for folder in _DECISIVE_FOLDERS for path in (root / folder).rglob("*.py")):
@@ -77,7 +77,7 @@ def code_sha256() -> str:
 
 
 def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dict[str, Any]) -> dict[str, Any]:
-    """Everything that decides the results: of the deformation, and of who judges it."""
+    """Return everything that affects the results of the deformation and of the judges."""
     suite = plan.suite
     params = plan.params.model_dump(mode="json", exclude={"seed", "checkpoint_every_steps"})
     sources = {
@@ -106,7 +106,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
 
 
 def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, device: str) -> Plan:
-    """The plan behind a manifest, with other judges: what judging anew needs."""
+    """Return the plan of a manifest with other judges, for judging again."""
     suite = Suite(
         found["suite"],
         tuple(found["sources"]),
@@ -114,18 +114,18 @@ def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, devic
         tuple(found["seeds"]),
         found["params"]["preset"],
     )
-    # Not validated: the parameters may be of an earlier version, and nothing is deformed by them.
+    # Not validated: the parameters may be of an earlier version, and no deformation uses them.
     params = ResolvedParams.model_construct(**found["params"])
     return Plan(suite, params, tuple(found["steps"]), folder, device=device, judge=judge, clip=clip)
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder; None where there is none.
+    """Read the manifest of a folder; return None if there is none.
 
     Raises
     ------
     ParameterError
-        It is not one that this version reads.
+        The manifest is damaged or of another version.
     """
     path = folder / MANIFEST
     if not path.exists():
@@ -143,17 +143,17 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
 
 
 def write_manifest(folder: Path, members: dict[str, Any]) -> None:
-    """Write it, whole."""
+    """Write the manifest of a folder, atomically."""
     write_files({folder / MANIFEST: (json.dumps(members, indent=2) + "\n").encode()})
 
 
 def check_manifest(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Refuse to go on in the folder of another run.
+    """Refuse to continue in the folder of another run.
 
     Raises
     ------
     ParameterError
-        With every member that differs.
+        The manifests differ; the message lists the differences.
     """
     old, new = _flat(found), _flat(wanted)
     names = [name for name in {**new, **old} if old.get(name) != new.get(name)]
@@ -162,8 +162,8 @@ def check_manifest(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) 
     judging = all(name.startswith(("judge.", "clip.")) for name in names)
     shown = "; ".join(f"{name} ({_short(old.get(name))} there, {_short(new.get(name))} now)" for name in names[:6])
     raise ParameterError(
-        f"{folder} holds another run, which differs in {shown}{f'; and {len(names) - 6} more' if names[6:] else ''}.",
-        advice="Judge its meshes anew with --rejudge, or choose another folder with --out."
+        f"{folder} is of another run, which differs in {shown}{f'; and {len(names) - 6} more' if names[6:] else ''}.",
+        advice="Judge its meshes again with --rejudge, or choose another folder with --out."
         if judging
         else "Choose another folder with --out, or give the options of that run (its manifest.json has them).",
     )

@@ -1,7 +1,7 @@
-"""Items over several processes, such that a process that dies costs one item and not the run.
+"""Distribute items over several processes; a process that dies loses one item, not the run.
 
-Each process gets one item at a time through a pipe. Ctrl-C reaches only the parent, which stops the others; what they
-had not finished was not written.
+Each process gets one item at a time through a pipe. Ctrl-C reaches only the parent, which stops the others; unfinished
+items are not written.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _STOP_GRACE_S = 5.0
 def each(
     items: Sequence[T], start: Callable[[], Callable[[T], R]], jobs: int
 ) -> Iterator[tuple[T, R | WorkerLostError]]:
-    """Results in the order in which they are done.
+    """Yield results in the order in which they are done.
 
     Parameters
     ----------
     items : sequence
     start : callable
-        Called once in each process; gives what does an item. It and the items must be picklable with `jobs` > 1.
+        Called once in each process; returns the function to apply. It and the items must be picklable if `jobs` > 1.
     jobs : int
-        Processes; with 1, everything is done here.
+        Number of processes; with 1, all work is done in this process.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def each(
 
 
 class _Worker(Generic[T, R]):
-    """A process and what it is doing."""
+    """A process and its current item."""
 
     def __init__(self, start: Callable[[], Callable[[T], R]]) -> None:
         context = multiprocessing.get_context("spawn")
@@ -83,7 +83,7 @@ class _Worker(Generic[T, R]):
         self.pipe.send(item)
 
     def take(self) -> tuple[T, R | WorkerLostError]:
-        """What became of the item; raises WorkerLostError where the process could not even start."""
+        """Return the item and its result; raise WorkerLostError if the process could not start."""
         item, self.item = self.item, None
         assert item is not None
         try:
@@ -103,7 +103,7 @@ class _Worker(Generic[T, R]):
 
 def _serve(pipe: Connection[Any, Any], start: Callable[[], Callable[[Any], Any]]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # As an exception, so that what is half written is cleaned up.
+    # Raise an exception, so that partly written files are cleaned up.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         work = start()
@@ -115,4 +115,4 @@ def _serve(pipe: Connection[Any, Any], start: Callable[[], Callable[[Any], Any]]
         while True:
             pipe.send(("done", work(pipe.recv())))
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # the parent is gone, or wants no more
+        return  # the parent has exited or closed the pipe

@@ -1,8 +1,8 @@
-"""Evenly triangulated surfaces of star-shaped solids: a geodesic sphere, cast outwards and relaxed on the surface.
+"""Triangulate star-shaped solids evenly: project a geodesic sphere onto the surface and relax it there.
 
-A solid is a function of points that is negative inside. Every vertex of the sphere is moved along its ray from the
-origin to where the function vanishes; then, in turns, vertices move tangentially to the centroid of their neighbours'
-areas and go back to the surface along the gradient, which evens out the triangles without moving the surface.
+A solid is a function of points that is negative inside. Every vertex of the sphere moves along its ray from the origin
+to the zero of the function. Then vertices alternately move tangentially to the area-weighted centroid of their
+neighbours and back to the surface along the gradient, which evens out the triangles without moving the surface.
 
 Sources: Wenninger 1979, Spherical Models (geodesic subdivision); Botsch and Kobbelt 2004, A Remeshing Approach to
 Multiresolution Modeling, section 4 (tangential relaxation with areas as weights).
@@ -21,13 +21,13 @@ from meshdeform.geometry.shapes import icosphere
 __all__ = ["Solid", "capsule", "geodesic_sphere", "relaxed_surface", "smooth_union"]
 
 Solid = Callable[[Tensor], Tensor]
-"""Points (N, 3) float64 to values (N,): negative inside, growing outwards along every ray from the origin."""
+"""Maps points (N, 3) float64 to values (N,): negative inside, increasing along every ray from the origin."""
 
 _FAR = 4.0
 
 
 def geodesic_sphere(frequency: int) -> TriangleMesh:
-    """The unit sphere of 20 `frequency`^2 triangles: each face of the icosahedron cut into `frequency`^2."""
+    """Return the unit sphere of 20 `frequency`^2 triangles: each face of the icosahedron split into `frequency`^2."""
     base, n = icosphere(0), frequency
     points: list[Tensor] = []
     faces: list[tuple[int, int, int]] = []
@@ -45,7 +45,7 @@ def geodesic_sphere(frequency: int) -> TriangleMesh:
 
 
 def capsule(start: tuple[float, float, float], end: tuple[float, float, float], thick: float, thin: float) -> Solid:
-    """A limb from `start` to `end` whose radius goes from `thick` to `thin`; a distance where these are equal."""
+    """Return a limb from `start` to `end` with radius from `thick` to `thin`; a signed distance if they are equal."""
     a = torch.tensor(start, dtype=torch.float64)
     axis = torch.tensor(end, dtype=torch.float64) - a
 
@@ -58,12 +58,12 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
 
 
 def smooth_union(*solids: Solid, blend: float) -> Solid:
-    """The union with rounded seams: ``-blend log sum exp(-f / blend)``."""
+    """Return the union with rounded seams: ``-blend log sum exp(-f / blend)``."""
     return lambda points: -blend * torch.logsumexp(torch.stack([-f(points) / blend for f in solids]), 0)
 
 
 def relaxed_surface(solid: Solid, frequency: int, *, rounds: int = 100) -> TriangleMesh:
-    """The surface of `solid` in 20 `frequency`^2 triangles of much the same size, counter-clockwise from outside."""
+    """Triangulate the surface of `solid` by 20 `frequency`^2 even triangles, counter-clockwise from outside."""
     sphere = geodesic_sphere(frequency)
     faces = sphere.faces
     verts = _cast(solid, sphere.verts)
@@ -83,7 +83,7 @@ def relaxed_surface(solid: Solid, frequency: int, *, rounds: int = 100) -> Trian
 
 
 def _cast(solid: Solid, rays: Tensor) -> Tensor:
-    """Where each ray from the origin leaves the solid, by bisection."""
+    """Find the point where each ray from the origin leaves the solid, by bisection."""
     low, high = torch.zeros(len(rays), 1, dtype=torch.float64), torch.full((len(rays), 1), _FAR, dtype=torch.float64)
     for _ in range(50):
         middle = (low + high) / 2
@@ -93,7 +93,7 @@ def _cast(solid: Solid, rays: Tensor) -> Tensor:
 
 
 def _newton(solid: Solid, verts: Tensor) -> Tensor:
-    """One step along the gradient towards the surface."""
+    """Take one Newton step along the gradient towards the surface."""
     points = verts.detach().requires_grad_()
     value = solid(points)
     (gradient,) = torch.autograd.grad(value.sum(), points)

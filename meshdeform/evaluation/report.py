@@ -1,4 +1,4 @@
-"""What a run leaves behind: `results.json`, `table.md` and `sheet.png`, all made from the records in its folder."""
+"""Write the report of a run: `results.json`, `table.md` and `sheet.png`, all from the records in its folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RESULTS = "results.json"
 
 
 def write_report(folder: Path) -> dict[str, Any]:
-    """Sum up the records of a folder, and write the three files.
+    """Summarise the records of a folder, and write the three files.
 
     Returns
     -------
@@ -31,11 +31,11 @@ def write_report(folder: Path) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        There is no run in the folder.
+        The folder contains no run.
     """
     manifest = read_manifest(folder)
     if manifest is None:
-        raise ParameterError(f"There is no run in {folder}.", advice="Name the folder of one.")
+        raise ParameterError(f"There is no run in {folder}.", advice="Give the folder of a run.")
     records = [json.loads(path.read_text()) for path in sorted(folder.glob("items/*/record.json"))]
     good = [record for record in records if not record["failed"]]
     document = {
@@ -58,24 +58,24 @@ def write_report(folder: Path) -> dict[str, Any]:
 
 
 def read_results(folder: Path) -> dict[str, Any]:
-    """The document of a folder.
+    """Read the results of a folder.
 
     Raises
     ------
     ParameterError
-        There is none.
+        The folder has no results.
     """
     try:
         found: dict[str, Any] = json.loads((folder / _RESULTS).read_text())
     except (OSError, ValueError) as error:
         raise ParameterError(
-            f"There are no results in {folder}: {error}.", advice="Name the folder of a run that was finished."
+            f"There are no results in {folder}: {error}.", advice="Give the folder of a finished run."
         ) from error
     return found
 
 
 def compare(folders: list[Path]) -> str:
-    """One table of several runs.
+    """Return one table of several runs.
 
     Raises
     ------

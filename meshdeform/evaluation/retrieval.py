@@ -1,7 +1,7 @@
-"""Does a result show its prompt: retrieval among all prompts of the suite by a judge that had no part in the guidance.
+"""Check whether a result shows its prompt: an independent judge retrieves it among all prompts of the suite.
 
-A result is a hit where no other prompt of the suite fits it better (rank 1); chance hits one in as many as there are
-prompts. The share of hits is retrieval precision at 1, R-precision with one relevant prompt a result.
+A result is a hit if no other prompt of the suite fits it better (rank 1); with P prompts, chance hits 1 / P. The share
+of hits is the retrieval precision at 1, or R-precision with one relevant prompt per result.
 
 Sources: Park et al. 2021, Benchmark for Compositional Text-to-Image Synthesis (R-precision by CLIP); Jain et al. 2022,
 Dream Fields, section 4 (for shapes made from text); Wilson 1927, Probable inference, the law of succession, and
@@ -29,28 +29,28 @@ _Z = 1.959963984540054
 
 
 class ShapeJudge(Protocol):
-    """What says which prompt a mesh shows."""
+    """Judge of which prompt a mesh shows."""
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """Who judges: `id`, `revision` and `sha256`."""
+        """`id`, `revision` and `sha256` of the judge."""
 
     def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
-        """How well each prompt fits the mesh: (P,), log p(mesh | prompt) up to a constant of the mesh."""
+        """Score how well each prompt fits the mesh: (P,), log p(mesh | prompt) up to a constant of the mesh."""
 
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
-        """Probability of each noun that the judge knows; they sum to 1."""
+        """Return the probability of each noun of the judge's vocabulary; they sum to 1."""
 
 
 def load_judge(name: str) -> ShapeJudge | None:
-    """The judge of a name: `builtin`, `none`, or `package.module:name` of a callable that gives one.
+    """Load a judge by name: `builtin`, `none`, or `package.module:name` of a callable that returns one.
 
     Raises
     ------
     ParameterError
-        There is none of this name.
+        There is no judge of this name.
     ModelError
-        Its weights cannot be had.
+        The weights are not available.
     """
     if name == NO_JUDGE:
         return None
@@ -67,7 +67,7 @@ def load_judge(name: str) -> ShapeJudge | None:
 
 
 def ranked(scores: Mapping[str, float], wanted: str) -> dict[str, Any]:
-    """Rank (1 is best; a tie counts against it), hit, and probability of one of several by their log likelihoods."""
+    """Return rank (1 is best; ties count against it), hit and probability of `wanted` by log likelihoods."""
     best = max(scores.values())
     weights = {name: math.exp(score - best) for name, score in scores.items()}
     rank = sum(score >= scores[wanted] for score in scores.values())
@@ -80,13 +80,13 @@ def ranked(scores: Mapping[str, float], wanted: str) -> dict[str, Any]:
 
 
 def judgement(judge: ShapeJudge, mesh: TriangleMesh, prompts: Sequence[str], prompt: str) -> dict[str, Any]:
-    """What a judge says of one result.
+    """Judge one result.
 
     Returns
     -------
     dict
         `rank`, `hit`, `probability` and `retrieved` of the prompt among all `prompts`; `noun_rank`, `noun_hit` and
-        `noun_probability` of its noun among all nouns that the judge knows; `log_likelihoods` by prompt.
+        `noun_probability` of its noun among all nouns of the judge; `log_likelihoods` by prompt.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def judgement(judge: ShapeJudge, mesh: TriangleMesh, prompts: Sequence[str], pro
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """The 95 % interval of a share of which `hits` of `count` were seen; (0, 1) where nothing was."""
+    """Return the 95 % interval of a share, given `hits` of `count`; (0, 1) if `count` is 0."""
     if not count:
         return 0.0, 1.0
     share, z2 = hits / count, _Z * _Z

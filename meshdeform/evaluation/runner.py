@@ -1,15 +1,15 @@
-"""A whole run: check that the folder is this run's, do what is not done yet, and write what was found.
+"""Run a benchmark: check that the folder belongs to it, evaluate the remaining items, and write the report.
 
 ::
 
-    manifest.json   everything that decides the results
+    manifest.json   everything that affects the results
     sources/        the source meshes
     items/          one folder for each deformation (`evaluator`)
-    results.json    every record, the sums over them, and the manifest
-    table.md        the sums for people
+    results.json    every record, the summaries, and the manifest
+    table.md        the summaries as tables
     sheet.png       the contact sheet
 
-The folder can be left at any time, by Ctrl-C or a power cut, and the same command goes on.
+A run can be interrupted at any time, by Ctrl-C or a power failure, and the same command continues it.
 """
 
 from __future__ import annotations
@@ -40,33 +40,33 @@ Say = Callable[[str], None]
 
 
 def default_jobs(plan: Plan) -> int:
-    """As many processes as cores for the builtin prior on the CPU; one for a model that fills a machine by itself."""
+    """Return the number of processes: all cores for the builtin prior on the CPU, otherwise one."""
     if plan.params.model != BUILTIN_MODEL or plan.device != "cpu":
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) -> dict[str, Any]:
-    """Do what is left of a run, and write its report.
+    """Evaluate the remaining items of a run, and write its report.
 
     Parameters
     ----------
     plan : Plan
     jobs : int
-        Processes.
+        Number of processes.
     limit : int, optional
-        Only the first so many items.
+        Maximum number of items, from the first.
     say : callable
-        Gets a line for each item that is done.
+        Receives a line for each finished item.
 
     Returns
     -------
-    The document that `results.json` holds.
+    The document in `results.json`.
 
     Raises
     ------
     MeshdeformError
-        The folder belongs to another run, or a model cannot be had or does not know the prompts.
+        The folder belongs to another run, or a model is not available or does not support the prompts.
     """
     evaluator = Evaluator(plan)
     assert evaluator.prior is not None
@@ -74,7 +74,7 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     for prompt in plan.suite.prompts:
         evaluator.prior.encode_texts(prompt, plan.params.negative_prompt)
-    wanted = manifest(plan, dict(evaluator.prior.identity), *_who_judges(plan, evaluator))
+    wanted = manifest(plan, dict(evaluator.prior.identity), *_judge_identities(plan, evaluator))
     found = read_manifest(plan.folder)
     if found is not None:
         check_manifest(plan.folder, found, wanted)
@@ -93,25 +93,25 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
 
 
 def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
-    """Assess all kept shapes of a folder anew, with the judges of `plan`, and write the report again.
+    """Assess all saved shapes of a folder again with the judges of `plan`, and rewrite the report.
 
-    The plan is that of the folder's manifest (`meshdeform.evaluation.plan.plan_of`).
+    The plan comes from the folder's manifest (`meshdeform.evaluation.plan.plan_of`).
 
     Raises
     ------
     MeshdeformError
-        There is no run in the folder, or a model cannot be had.
+        The folder contains no run, or a model is not available.
     """
     found = read_manifest(plan.folder)
     if found is None:
-        raise ParameterError(f"There is no run in {plan.folder}.", advice="Name the folder of one with --out.")
+        raise ParameterError(f"There is no run in {plan.folder}.", advice="Give the folder of a run with --out.")
     evaluator = Evaluator(plan, deforms=False)
     if plan.clip and plan.params.model != BUILTIN_MODEL:
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
-    judge, clip = _who_judges(plan, evaluator)
+    judge, clip = _judge_identities(plan, evaluator)
     for number, item in enumerate(items := plan.suite.items(), 1):
         if evaluator.rejudge(item) is not None:
-            say(f"{number}/{len(items)}  {item.name}  judged anew")
+            say(f"{number}/{len(items)}  {item.name}  judged again")
     write_manifest(plan.folder, {**found, "judge": judge, "clip": clip})
     return write_report(plan.folder)
 
@@ -120,8 +120,8 @@ def _start(plan: Plan) -> Work:
     return Evaluator(plan).evaluate
 
 
-def _who_judges(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The judges' identities, or why there is none. A judge that does not know the prompts is let go."""
+def _judge_identities(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the identities of the judge and of CLIP, or why there is none; check that the judge knows the prompts."""
     judge: dict[str, Any] = {"missing": "--judge none"}
     if plan.judge != NO_JUDGE and evaluator.judge is not None:
         try:

@@ -1,7 +1,7 @@
-"""The contact sheet: a row a prompt, a column a source, the first seed's result after the last step.
+"""Draw the contact sheet: a row per prompt, a column per source, the first seed's result after the last step.
 
-A green frame is a hit, a red one a miss (with what was retrieved instead), a grey one was not judged; a crossed tile
-failed, an empty one is not done. Prompts of which nothing is done have no row.
+A green frame marks a hit, a red one a miss (with the prompt retrieved instead), a grey one a result that was not
+judged; a crossed tile failed, an empty one is not done. Prompts without any finished item have no row.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _HIT, _MISS, _UNJUDGED = (46, 125, 50), (198, 40, 40), (150, 150, 150)
 
 
 def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str, Any]]) -> bytes:
-    """The sheet as a PNG; its first row shows the sources."""
+    """Return the sheet as a PNG; its first row shows the sources."""
     sources, prompts, seed = list(manifest["sources"]), manifest["prompts"], manifest["seeds"][0]
     found = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
     prompts = [prompt for prompt in prompts if any(done == prompt for _, done in found)]

@@ -1,16 +1,16 @@
-"""The benchmark's source meshes, made by formula: eight closed surfaces of about 2,000 even triangles.
+"""Generate the benchmark's source meshes: eight closed surfaces of about 2,000 even triangles.
 
-None of them is a member of the builtin prior's families, and none changes when those do.
+None is a member of the builtin prior's families, so changes to those do not affect them.
 
 =========  ====================================================================
 sphere     geodesic: no direction is special
 cube       flat sides, sharp edges
 cylinder   upright, with rounded rims
-torus      genus 1: what no deformation of it can lose
+torus      genus 1, which no deformation can change
 vase       a solid body with a thin neck
 armchair   a block with a back: concave, with flat sides
 quadruped  four legs, head and tail, in one piece
-toy        the same kind of animal of seven overlapping parts: several components
+toy        the same kind of animal of seven overlapping components
 =========  ====================================================================
 """
 
@@ -37,13 +37,13 @@ _Point = tuple[float, float, float]
 
 
 def _rounded_box(centre: _Point, half: _Point) -> Solid:
-    """A superellipsoid of exponent 8: a box with rounded edges."""
+    """Return a superellipsoid of exponent 8: a box with rounded edges."""
     middle, size = torch.tensor(centre, dtype=torch.float64), torch.tensor(half, dtype=torch.float64)
     return lambda p: ((((p - middle) / size).abs() ** 8).sum(1) ** 0.125 - 1) * min(half)
 
 
 def _turned(radius: Callable[[Tensor], Tensor], half_height: float) -> Solid:
-    """A solid of revolution around the Y axis of `radius(y)`, with rounded rims."""
+    """Return a solid of revolution around the Y axis of `radius(y)`, with rounded rims."""
 
     def value(p: Tensor) -> Tensor:
         across = (p[:, 0] ** 2 + p[:, 2] ** 2).sqrt() / radius(p[:, 1])
@@ -101,12 +101,12 @@ SOURCES: dict[str, Callable[[], TriangleMesh]] = {
 
 @cache
 def source_mesh(name: str) -> TriangleMesh:
-    """Return one of `SOURCES`, or the surface of a file, welded; made once a process.
+    """Return one of `SOURCES`, or the welded surface of a file; computed once per process.
 
     Parameters
     ----------
     name : str
-        A name in `SOURCES` (+Y up and looking along +Z, about 1 unit in size), or the path of a GLB, OBJ, PLY or STL.
+        A name in `SOURCES` (+Y up, facing +Z, about 1 unit in size), or the path of a GLB, OBJ, PLY or STL.
 
     Raises
     ------
@@ -120,6 +120,6 @@ def source_mesh(name: str) -> TriangleMesh:
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:
-    """What tells one mesh from another: of the vertices, rounded to a billionth, and the faces."""
+    """Hash the vertices of a mesh, rounded to a billionth, and its faces."""
     rounded = (mesh.verts * 1e9).round().long()
     return hashlib.sha256(rounded.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()

@@ -1,14 +1,14 @@
-"""What is deformed into what: the suites of the benchmark.
+"""Define the suites of the benchmark: which sources are deformed with which prompts.
 
 `small` and `full` use prompts of the builtin prior's vocabulary; twelve nouns, easy (a mushroom) and hard (a chair, a
 table and an airplane need thin parts far from any source), a third of them with an attribute.
 
-`nouns` makes every noun of the builtin prior from a sphere, and `unseen` every pair of noun and attribute that no
-training picture of that prior showed: whether it puts together what it never saw together.
+`nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into every pair of noun and attribute that
+no training picture of that prior showed, which tests combinations of known words.
 
-`paper` is for Stable Diffusion models. Its first five prompts are shown in the public pages and repositories of the two
-papers that the method comes from; the other prompts and all sources are ours, for the papers' meshes are not free to
-ship. Nothing here reproduces a figure of theirs.
+`paper` is for Stable Diffusion models. Its first five prompts are from the public pages and repositories of the two
+papers behind the method; the other prompts and all sources are ours, because the papers' meshes cannot be
+redistributed. Nothing here reproduces a figure from the papers.
 
 Sources of `PAPER_PROMPTS`: "a giraffe", "an octopus", "a heart shaped vase", "a mandolin": the project page and README
 of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of FusionDeformer (Xu et al. 2024).
@@ -44,7 +44,7 @@ _NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
 _UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in unseen_pairs())
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
-"""The prompts of `paper` that the papers' authors show themselves."""
+"""The prompts of `paper` that the papers' authors use themselves."""
 
 _OUR_PROMPTS = (
     "a dachshund",
@@ -67,7 +67,7 @@ class Item:
 
     @property
     def name(self) -> str:
-        """A file name that tells it from every other item."""
+        """File name that identifies the item."""
         return f"{Path(self.source).stem}--{self.prompt.replace(' ', '-')}--seed{self.seed}"
 
 
@@ -79,12 +79,12 @@ class Suite:
     ----------
     name : str
     sources : tuple of str
-        Of `meshdeform.evaluation.sources.SOURCES`, or paths of meshes.
+        Names in `meshdeform.evaluation.sources.SOURCES`, or paths of meshes.
     prompts : tuple of str
-        Each is also what the results of the others are told from: retrieval is among all of these.
+        All prompts; retrieval is among them.
     seeds : tuple of int
     preset : str
-        The parameters unless others are asked for.
+        Default parameters.
     """
 
     name: str
@@ -94,7 +94,7 @@ class Suite:
     preset: str
 
     def items(self, limit: int | None = None) -> list[Item]:
-        """All deformations, or the first `limit`: any run of as many as there are prompts has each prompt once."""
+        """Return all deformations, or the first `limit`; any P consecutive ones of P prompts have each prompt once."""
         count = len(self.sources)
         every = [
             Item(self.sources[(number + shift) % count], prompt, seed)
@@ -110,7 +110,7 @@ class Suite:
         Raises
         ------
         ParameterError
-            Two have the same name, without folder and ending.
+            Two sources have the same file name without extension.
         """
         names = [Path(source).stem for source in sources]
         if twice := sorted({name for name in names if names.count(name) > 1}):
@@ -118,7 +118,7 @@ class Suite:
         return replace(self, sources=sources)
 
     def with_seeds(self, seeds: tuple[int, ...]) -> Suite:
-        """The same with other seeds."""
+        """Return the same suite with other seeds."""
         return replace(self, seeds=seeds)
 
 
@@ -142,12 +142,12 @@ SUITES: dict[str, Suite] = {
 
 
 def find_suite(name: str) -> Suite:
-    """A suite by its name.
+    """Return a suite by its name.
 
     Raises
     ------
     ParameterError
-        There is none of this name.
+        There is no suite of this name.
     """
     if name not in SUITES:
         raise ParameterError(f"There is no suite {name!r}.", advice=f"Choose one of: {', '.join(SUITES)}.")

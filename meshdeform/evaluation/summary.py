@@ -1,4 +1,4 @@
-"""Sums over records: shares with their intervals, means and worst cases of the measures."""
+"""Summarise records: shares with their intervals, means and worst cases of the measures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ States = list[dict[str, Any]]
 
 
 def states_of(records: Iterable[dict[str, Any]], steps: int) -> States:
-    """The states after `steps` of all records that did not fail, each with its source, prompt and seed."""
+    """Return the states after `steps` of all successful records, each with its source, prompt and seed."""
     return [
         {**state, **{name: record[name] for name in ("source", "prompt", "seed")}}
         for record in records
@@ -24,15 +24,15 @@ def states_of(records: Iterable[dict[str, Any]], steps: int) -> States:
 
 
 def summarise(states: States) -> dict[str, Any]:
-    """One row of a table.
+    """Compute one row of a table.
 
     Returns
     -------
     dict
         `count`; `retrieval`, `noun_retrieval` and `clip_retrieval` (`hits`, `count`, `share`, `low`, `high`: the 95 %
-        interval) or None where nothing was judged; the mean probability of the prompt; shares of results with any
+        interval) or None if nothing was judged; the mean probability of the prompt; shares of results with any
         flipped, collapsed or newly intersecting face; means of the measures, and medians of the energies' 99th
-        percentiles, which a single collapsed face sends anywhere.
+        percentiles, whose means a single collapsed face would dominate.
     """
     if not states:
         return {"count": 0}

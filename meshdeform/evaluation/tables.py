@@ -1,4 +1,4 @@
-"""The sums as Markdown tables, which a terminal shows as well."""
+"""Format summaries as Markdown tables that are also readable in a terminal."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _COLUMNS = (
 
 
 def table(first: str, rows: list[tuple[str, dict[str, Any]]], title: str = "") -> str:
-    """A Markdown table of summaries (`summary.summarise`), a row each under the name of the `first` column."""
+    """Return a Markdown table of summaries (`summary.summarise`), one per row; `first` heads the names."""
     cells = [[name, *_cells(summary)] for name, summary in rows]
     return _markdown([first, *_COLUMNS], cells, title)
 
 
 def comparison(results: list[tuple[str, dict[str, Any]]]) -> str:
-    """One table of several runs (`results.json` documents by name): a row for each run and each number of steps."""
+    """Return one table of several runs (`results.json` documents by name): a row per run and number of steps."""
     cells = [
         [name, document["manifest"]["suite"], str(row["steps"]), str(document["failed"]), *_cells(row["overall"])]
         for name, document in results

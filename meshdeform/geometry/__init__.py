@@ -1,1 +1,1 @@
-"""Triangle meshes: connectivity, differential operators, welding, normals, quality. No rendering, no optimisation."""
+"""Represent triangle meshes: connectivity, differential operators, welding, normals, quality."""

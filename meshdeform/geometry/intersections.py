@@ -1,10 +1,10 @@
-"""Self-intersections of a triangle mesh: which faces cut through another, and which two cut each other.
+"""Find the self-intersections of a triangle mesh: faces that cut another, and pairs that cut each other.
 
 Bounding boxes are swept along the longest axis. Two triangles cut each other if an edge of one passes through the
-other, which is decided by the signs of five determinants alone: the edge's ends on different sides of the plane, and
-the edge's line on one side of all three edges of the triangle, or through one of them. A determinant nearer to zero
-than its rounding error has no sign, and an edge that ends in the other's plane touches it: touching and coplanar
-overlap are no cut.
+other. The signs of five determinants decide this: the edge's ends lie on different sides of the plane, and the edge's
+line passes on the same side of all three edges of the triangle, or through one of them. A determinant closer to zero
+than its rounding error has no sign, and an edge that ends in the other's plane only touches it: touching and coplanar
+overlap do not count as cuts.
 
 Faces that share an edge cannot cut each other unless they are folded flat, and are not tested; of faces that share one
 vertex, each one's opposite edge is tested.
@@ -31,7 +31,7 @@ _Flags = NDArray[np.bool_]
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _side(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> int:
-    """Side of the plane a b c that d lies on: -1, 1, or 0 where float64 cannot tell."""
+    """Return the side of the plane a b c on which d lies: -1, 1, or 0 if float64 cannot tell."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
     bx, by, bz = b[0] - d[0], b[1] - d[1], b[2] - d[2]
     cx, cy, cz = c[0] - d[0], c[1] - d[1], c[2] - d[2]
@@ -50,7 +50,7 @@ def _side(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> int:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
-    """Whether the segment p q passes through the triangle a b c from one side to the other."""
+    """Return whether the segment p q passes through the triangle a b c from one side to the other."""
     if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
         return False
     first, second, third = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
@@ -60,7 +60,7 @@ def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bo
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _one_sided(verts: _Floats, f: _Index, g: _Index) -> bool:
-    """Whether all of face g lies on one side of face f's plane: the quick no for nearly all pairs."""
+    """Return whether face g lies on one side of face f's plane: the quick rejection of almost all pairs."""
     a, b, c = verts[f[0]], verts[f[1]], verts[f[2]]
     total = _side(a, b, c, verts[g[0]]) + _side(a, b, c, verts[g[1]]) + _side(a, b, c, verts[g[2]])
     return bool(abs(total) == 3)
@@ -89,7 +89,7 @@ def _faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _sweep(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, hit: _Flags) -> None:
-    """Mark faces that cut another; boxes (F, 3) are sorted by their low end on the first axis."""
+    """Mark faces that cut another; boxes (F, 3) are sorted by their lower end on the first axis."""
     n = len(faces)
     for f in range(n):
         for g in range(f + 1, n):
@@ -107,7 +107,7 @@ def _sweep(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, hit: _Fla
 
 
 def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
-    """Which faces cut through another face of the mesh.
+    """Find the faces that cut through another face of the mesh.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
     points = np.ascontiguousarray(verts, np.float64)
     corners = points[faces]
     low, high = corners.min(1), corners.max(1)
-    # The axis with the longest extent parts the boxes best; laid out in the order of the sweep they stay in the cache.
+    # The longest axis separates the boxes best; in the order of the sweep they stay in the cache.
     axes = np.argsort(-np.ptp(points[np.unique(faces)], axis=0), kind="stable")
     order = np.argsort(low[:, axes[0]], kind="stable")
     sorted_hit = np.zeros(len(faces), np.bool_)
@@ -140,7 +140,7 @@ def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
 
 
 def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
-    """Which two faces cut through each other.
+    """Find the pairs of faces that cut through each other.
 
     Parameters
     ----------
@@ -150,29 +150,29 @@ def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
     Returns
     -------
     (P, 2) int64
-        Every pair once, the smaller index first, in ascending order. The faces in it are those of `intersecting_faces`.
+        Each pair once, smaller index first, in ascending order; the faces are those of `intersecting_faces`.
 
     Notes
     -----
-    The sweep and the test are those of `intersecting_faces` (Guigue and Devillers 2003; Shewchuk 1997), which is asked
-    first: a face that cuts none is soon done with, and of a whole surface hardly any is left to be paired.
+    The sweep and the test are those of `intersecting_faces` (Guigue and Devillers 2003; Shewchuk 1997), which runs
+    first: it is fast on faces that cut none, and usually leaves few faces to pair.
     """
-    some = np.flatnonzero(intersecting_faces(verts, faces))
+    candidates = np.flatnonzero(intersecting_faces(verts, faces))
     points = np.ascontiguousarray(verts, np.float64)
-    corners = points[faces[some]]
+    corners = points[faces[candidates]]
     order = np.argsort(corners[:, :, 0].min(1), kind="stable")
     low, high = corners.min(1)[order], corners.max(1)[order]
-    few = np.ascontiguousarray(faces[some[order]])
-    # Counted before they are listed: their number is not bounded by that of the faces.
-    pairs = np.empty((_list_pairs(points, few, low, high, np.empty((0, 2), np.int64)), 2), np.int64)
-    _list_pairs(points, few, low, high, pairs)
-    found = np.sort(some[order][pairs], axis=1)
+    cutting = np.ascontiguousarray(faces[candidates[order]])
+    # Count before listing: the number of pairs is not bounded by the number of faces.
+    pairs = np.empty((_list_pairs(points, cutting, low, high, np.empty((0, 2), np.int64)), 2), np.int64)
+    _list_pairs(points, cutting, low, high, pairs)
+    found = np.sort(candidates[order][pairs], axis=1)
     return np.asarray(found[np.lexsort((found[:, 1], found[:, 0]))])
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _list_pairs(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, out: _Index) -> int:
-    """Count the pairs that cut, of boxes sorted by the low end of their first axis, and list as many as fit in."""
+    """Count the cutting pairs, with boxes sorted by the lower end on the first axis; list as many as fit in `out`."""
     found = 0
     for f in range(len(faces)):
         for g in range(f + 1, len(faces)):

@@ -1,7 +1,7 @@
-"""Triangle meshes: positions, faces, edges, areas, normals and connected components.
+"""Represent triangle meshes, and compute their edges, areas, normals and connected components.
 
-Any triangle soup is normal input: open borders, non-manifold edges, zero-area faces, several components. Nothing here
-gives a NaN, or a NaN or huge gradient, for them.
+Any triangle soup is valid input: open borders, non-manifold edges, zero-area faces, several components. Nothing here
+returns NaN, or a NaN or huge gradient, for them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = [
     "safe_normalize",
 ]
 
-# Squared lengths below this are zero: far from any mesh, and the reciprocal of the root is still finite.
+# Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
 _TINY_SQUARE = 1e-280
 
 
@@ -43,7 +43,7 @@ class TriangleMesh:
     Raises
     ------
     ShapeError
-        A shape or dtype is wrong, or a face names a vertex that is not there.
+        A shape or dtype is wrong, or a face refers to a vertex that does not exist.
     """
 
     verts: Tensor
@@ -55,26 +55,26 @@ class TriangleMesh:
         if self.faces.ndim != 2 or self.faces.shape[1] != 3 or self.faces.dtype != torch.int64:
             raise ShapeError(f"expected faces (F, 3) int64, got {tuple(self.faces.shape)} {self.faces.dtype}")
         if self.faces.numel() and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < self.verts.shape[0]):
-            raise ShapeError("a face names a vertex that is not there")
+            raise ShapeError("a face refers to a vertex that does not exist")
 
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """Unique edges with their first two faces.
+    """Unique edges with the first two faces of each.
 
     Attributes
     ----------
     edges : (E, 2) int64
-        End points, the smaller index first.
+        End points, smaller index first.
     faces : (E, 2) int64
-        First and second face at the edge; -1 where there is no second one (open borders). Further faces of a
+        First and second face at the edge; -1 if there is no second one (open borders). Further faces of a
         non-manifold edge are not listed.
     opposite : (E, 2) int64
-        Those faces' third vertices, -1 likewise.
+        Third vertex of each of these faces, or -1.
     counts : (E,) int64
-        How many faces meet there: 1 at borders, more than 2 where the mesh is not manifold.
+        Number of faces at the edge: 1 at borders, more than 2 where the mesh is not manifold.
     consistent : (E,) bool
-        Whether the two faces run along the edge in opposite directions, as neighbours of one orientation do.
+        Whether the two faces traverse the edge in opposite directions, as consistently oriented neighbours do.
     """
 
     edges: Tensor
@@ -85,7 +85,7 @@ class MeshEdges:
 
 
 def face_cross(verts: Tensor, faces: Tensor) -> Tensor:
-    """Cross product of two edges per face, (F, 3): along the normal, as long as twice the area."""
+    """Return the cross product of two edges per face, (F, 3): along the normal, with twice the area as length."""
     # One index_select, not three fancy indexings: its backward pass is several times faster.
     a, b, c = verts.index_select(0, faces.reshape(-1)).view(-1, 3, 3).unbind(1)
     cross: Tensor = torch.linalg.cross(b - a, c - a)
@@ -93,7 +93,7 @@ def face_cross(verts: Tensor, faces: Tensor) -> Tensor:
 
 
 def safe_normalize(vectors: Tensor) -> Tensor:
-    """Unit vectors (..., 3); zero vectors stay zero and get a zero gradient."""
+    """Normalise vectors (..., 3); zero vectors stay zero and get a zero gradient."""
     square = (vectors * vectors).sum(-1, keepdim=True)
     usable = square > _TINY_SQUARE
     scale: Tensor = torch.where(usable, torch.rsqrt(torch.where(usable, square, 1.0)), 0.0)
@@ -101,7 +101,7 @@ def safe_normalize(vectors: Tensor) -> Tensor:
 
 
 def face_areas(verts: Tensor, faces: Tensor) -> Tensor:
-    """Areas (F,) in squared object units; the gradient of a zero area is zero."""
+    """Return the areas (F,) in squared object units; the gradient of a zero area is zero."""
     cross = face_cross(verts, faces)
     square = (cross * cross).sum(-1)
     usable = square > _TINY_SQUARE
@@ -110,7 +110,7 @@ def face_areas(verts: Tensor, faces: Tensor) -> Tensor:
 
 
 def face_normals(verts: Tensor, faces: Tensor) -> Tensor:
-    """Unit normals (F, 3); zero, with a zero gradient, where a face has no area."""
+    """Return unit normals (F, 3); zero, with a zero gradient, where a face has no area."""
     return safe_normalize(face_cross(verts, faces))
 
 
@@ -141,7 +141,7 @@ def edges_of(faces: Tensor) -> MeshEdges:
 
 
 def connected_components(faces: Tensor, n_verts: int) -> Tensor:
-    """Component label (V,) int64 of every vertex; a vertex that no face uses is a component of its own."""
+    """Return the component label (V,) int64 of every vertex; an unused vertex is its own component."""
     f = faces.numpy()
     rows, cols = np.concatenate([f[:, 0], f[:, 1]]), np.concatenate([f[:, 1], f[:, 2]])
     graph = sparse.coo_matrix((np.ones(len(rows), np.int8), (rows, cols)), shape=(n_verts, n_verts))

@@ -1,6 +1,6 @@
-"""Normals and tangents of the result: each corner's own vector, carried by its face's Jacobian.
+"""Transform the asset's normals and tangents by the Jacobians of the faces around each vertex.
 
-Recomputing normals would lose hard edges, custom normals and everything that an artist baked into them. Instead the
+Recomputing normals would lose hard edges, custom normals and everything that an artist baked into them. Instead, the
 source's normal n at a vertex becomes the direction of ``sum_f |f| cof(J_f) n`` over the faces f around it, with
 cof(J) = det(J) J^-T, the map of oriented area elements. Tangents follow J itself and are made perpendicular to the new
 normal.
@@ -23,7 +23,7 @@ _ROUNDING = 1e-6
 
 
 def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
-    """Carry the source's normals to the deformed surface.
+    """Transform the source's normals to the deformed surface.
 
     Parameters
     ----------
@@ -38,18 +38,18 @@ def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians:
 
     Returns
     -------
-    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal; where
-    nothing was deformed the source's numbers come back, float32 rounding of their length included.
+    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal. Where
+    nothing was deformed, the source's numbers are returned, including the float32 rounding of their length.
     """
     a, b, c = jacobians.unbind(1)
     cofactors = torch.stack([torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)], 1)
-    return _carried(normals, triangles, cofactors, areas)
+    return _transform(normals, triangles, cofactors, areas)
 
 
 def transform_tangents(
     tangents: _Floats, normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor
 ) -> _Floats:
-    """Carry the source's tangents to the deformed surface, perpendicular to its normals.
+    """Transform the source's tangents to the deformed surface, perpendicular to its normals.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def transform_tangents(
     -------
     (N, 4) float64; the handedness is the source's.
     """
-    moved = _carried(tangents[:, :3], triangles, jacobians, areas)
+    moved = _transform(tangents[:, :3], triangles, jacobians, areas)
     flat = moved - (moved * normals).sum(1, keepdims=True) * normals
     length = np.linalg.norm(flat, axis=1, keepdims=True)
     usable = length[:, 0] > 1e-12
@@ -73,7 +73,7 @@ def transform_tangents(
     return np.concatenate([direction, tangents[:, 3:]], 1)
 
 
-def _carried(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:
+def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:
     weighted = np.repeat((maps * areas[:, None, None]).numpy().reshape(-1, 9), 3, axis=0)
     corners = triangles.reshape(-1)
     total = np.stack([np.bincount(corners, weighted[:, k], len(vectors)) for k in range(9)], 1)

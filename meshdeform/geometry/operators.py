@@ -1,4 +1,4 @@
-"""Discrete differential operators of the rest mesh, as scipy sparse matrices in float64.
+"""Build discrete differential operators of the rest mesh, as scipy sparse matrices in float64.
 
 The gradient of corner k's hat function on a face with unit normal n, area |f| and opposite edge e_k is
 (n x e_k) / (2 |f|). With G these gradients and M the areas, the cotangent Laplacian is L = G^T M G.
@@ -32,14 +32,14 @@ _Floats = NDArray[np.float64]
 
 
 def _edges(mesh: TriangleMesh) -> tuple[_Floats, _Floats]:
-    """Edges (F, 3, 3) opposite to each corner, counter-clockwise, and cross products (F, 3)."""
+    """Return the edges (F, 3, 3) opposite to each corner, counter-clockwise, and the cross products (F, 3)."""
     corners = mesh.verts.numpy()[mesh.faces.numpy()]
     edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
     return edges, np.cross(edges[:, 1], edges[:, 2])
 
 
 def effective_face_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> _Floats:
-    """Areas (F,) in squared object units, exactly zero for collapsed faces: points, lines, hair-thin needles."""
+    """Return areas (F,) in squared object units, exactly zero for collapsed faces: points, lines, thin needles."""
     edges, cross = _edges(mesh)
     areas = 0.5 * np.linalg.norm(cross, axis=1)
     longest_sq = (edges**2).sum(2).max(1, initial=0.0)
@@ -47,10 +47,10 @@ def effective_face_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPS
 
 
 def gradient_operator(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.csr_matrix:
-    """Gradient of piecewise-linear functions, (3F, V), 1 / object unit.
+    """Build the gradient of piecewise-linear functions, (3F, V), 1 / object unit.
 
-    Row 3 f + i maps vertex values to the i-th component of face f's gradient. A collapsed face has the derivative along
-    its longest edge, the only direction that it knows; a face that is one point has zero rows.
+    Row 3 f + i maps vertex values to the i-th component of face f's gradient. Of a collapsed face, the gradient is the
+    derivative along its longest edge, its only well-defined direction; a face that is one point has zero rows.
     """
     edges, cross = _edges(mesh)
     faces = mesh.faces.numpy()
@@ -72,26 +72,26 @@ def gradient_operator(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_
 
 
 def mass_matrix(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.dia_matrix:
-    """Face areas on the diagonal, three rows a face: (3F, 3F)."""
+    """Build the diagonal matrix of face areas, three rows per face: (3F, 3F)."""
     return sparse.diags(np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape), 3))
 
 
 def vertex_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> _Floats:
-    """A third of the areas of the faces around each vertex, (V,)."""
+    """Return a third of the total area of the faces around each vertex, (V,)."""
     areas = np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape) / 3, 3)
     return np.bincount(mesh.faces.numpy().ravel(), weights=areas, minlength=mesh.verts.shape[0]).astype(np.float64)
 
 
 def cotangent_laplacian(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.csr_matrix:
-    """The positive semi-definite cotangent Laplacian L = G^T M G, (V, V), dimensionless."""
+    """Build the positive semi-definite cotangent Laplacian L = G^T M G, (V, V), dimensionless."""
     gradient = gradient_operator(mesh, collapsed_shape=collapsed_shape)
     return (gradient.T @ mass_matrix(mesh, collapsed_shape=collapsed_shape) @ gradient).tocsr()
 
 
 def sparse_product(matrix: sparse.csr_matrix, dense: Tensor) -> Tensor:
-    """A constant (N, M) matrix times a tensor (M, K) float64, differentiable once in the tensor.
+    """Multiply a constant (N, M) matrix by a tensor (M, K) float64, differentiable once in the tensor.
 
-    scipy multiplies: its product costs a third of torch's own at the sizes of a rest mesh, and it warns of nothing.
+    scipy computes the product: it takes a third of the time of torch's at the size of a rest mesh, without warnings.
     """
     result: Tensor = _SparseProduct.apply(matrix, dense)  # type: ignore[no-untyped-call]
     return result

@@ -1,8 +1,8 @@
-"""Is the mesh still good? Figures of a deformed mesh against its rest state, for the report and the benchmarks.
+"""Measure the quality of a deformed mesh relative to its rest state, for the report and the benchmarks.
 
 Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2,
-here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after the best uniform scale, so
-that 1 is a similarity.
+here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after removing the mean area
+scale, so that a similarity has the value 1.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ _Faces = NDArray[np.int64]
 _COLLAPSED_SHARE = 1e-6
 
 FOLD_MARGIN = 0.2
-"""A face with a smaller cosine to its neighbours at rest (at a sharp crease, beside a much larger face) is so near a
-fold that one cannot be told from the crease's bending."""
+"""Faces with a smaller cosine to their neighbours at rest (at a sharp crease, beside a much larger face) are so near
+folds that bending of the crease cannot be distinguished from folding."""
 
 
 @dataclass(frozen=True)
 class MeshQuality:
-    """What a deformation did to a mesh.
+    """Quality of a deformed mesh.
 
     Attributes
     ----------
     flipped_faces : int
-        Faces that point against their edge neighbours now and clearly did not at rest (a fold).
+        Faces that now point against their edge neighbours (a fold) and clearly did not at rest.
     collapsed_faces : int
-        Faces that lost their area: below a millionth of what the uniform scale would give, or a line.
+        Faces that lost their area: below a millionth of what the uniform scale would give, or reduced to a line.
     min_angle_p1_deg_before, min_angle_p1_deg_after : float
         The first percentile of the faces' smallest angles, in degrees.
     symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
-        Area-weighted mean and 99th percentile; 1 is a similarity.
+        Area-weighted mean and 99th percentile; a similarity has 1.
     self_intersecting_faces_before, self_intersecting_faces_after : int
     volume_ratio : float
-        Signed volume after over before; NaN-free: 0 where the rest mesh encloses none.
+        Signed volume after over before; 0 if the rest mesh encloses none.
     area_ratio : float
         Total area after over before.
     area_ratio_spread : float
@@ -63,7 +63,7 @@ class MeshQuality:
     area_ratio_spread: float
 
     def to_dict(self) -> dict[str, float | int]:
-        """The figures by name."""
+        """Return the figures by name."""
         return asdict(self)
 
 
@@ -73,12 +73,12 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     Parameters
     ----------
     rest_verts, verts : (V, 3) float64
-        In the same unit.
+        Positions in the same unit.
     faces : (F, 3) int64
 
     Notes
     -----
-    Faces without area at rest do not count in any figure but the self-intersections.
+    Faces without area at rest count only in the self-intersections.
     """
     diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
     area_old, area_new = _areas(rest_verts, faces), _areas(verts, faces)
@@ -117,7 +117,7 @@ def _areas(verts: _Floats, faces: _Faces) -> _Floats:
 
 
 def _longest_sq(verts: _Floats, faces: _Faces) -> _Floats:
-    """Squared length (F,) of each face's longest edge."""
+    """Return the squared length (F,) of each face's longest edge."""
     corners = verts[faces]
     return np.asarray(((corners - corners[:, [1, 2, 0]]) ** 2).sum(2).max(1, initial=0.0))
 
@@ -140,15 +140,15 @@ def _min_angle_p1(verts: _Floats, faces: _Faces) -> float:
 
 
 def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: float) -> _Floats:
-    """Energy per face of the map after taking out the mean area scale."""
+    """Return the energy of each face's map, after removing the mean area scale."""
 
     def metric(points: _Floats) -> tuple[_Floats, _Floats, _Floats]:
         u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
         return (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
 
     e, m, g = metric(rest)
-    e2, m2, g2 = (part / scale for part in metric(verts))
-    # Of the map's squared singular values: their sum is trace(I^-1 II), their product det(II) / det(I).
+    e2, m2, g2 = (entry / scale for entry in metric(verts))
+    # The squared singular values of the map have the sum trace(I^-1 II) and the product det(II) / det(I).
     det_old, det_new = e * g - m * m, e2 * g2 - m2 * m2
     total = (g * e2 - 2 * m * m2 + e * g2) / det_old
     product = det_new / det_old
@@ -156,11 +156,11 @@ def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: fl
 
 
 class FaceNeighbours:
-    """Which faces continue which, and how: what folds are told by. It holds for any shape of the same faces.
+    """Neighbours of each face and their relative winding, to detect folds in any shape of the same faces.
 
-    Neighbours are faces that alone share an edge; where three meet, none continues another. Faces of the same three
-    vertices are one face, whichever way they are wound, and neighbours may be wound against each other: a fold is a
-    matter of the surface, so a Moebius strip, a double-sided sheet and inconsistent winding have none at rest.
+    Neighbours are two faces at an edge of no other face. Faces of the same three vertices count as one face, whatever
+    their winding, and neighbours may have inconsistent winding: folds do not depend on orientation, so a Moebius strip,
+    a double-sided sheet and inconsistent winding have none at rest.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class FaceNeighbours:
         ordered, self._same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
         self._faces = ordered
         count, n = len(ordered), int(faces.max(initial=0)) + 1
-        # Of corners a < b < c, the edges a b and b c run upwards and c a downwards.
+        # With corners a < b < c, the edges a b and b c run upwards and c a downwards.
         key = np.concatenate([ordered[:, i] * n + ordered[:, j] for i, j in ((0, 1), (1, 2), (0, 2))])
         owner, upward = np.tile(np.arange(count), 3), np.repeat([True, True, False], count)
         order = np.argsort(key, kind="stable")
@@ -182,9 +182,9 @@ class FaceNeighbours:
         self._signs = sparse.csr_matrix((np.tile(sign, 2), (rows, columns)), shape=(count, count))
 
     def folded(self, verts: _Floats, *, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Which faces (F,) are folded over: their area vectors point against the sum of their neighbours'.
+        """Find the folded faces (F,), whose area vectors point against the sum of their neighbours'.
 
-        With a `margin`, those too whose cosine to that sum is below it.
+        With a `margin`, include faces whose cosine to that sum is below it.
         """
         cross = _cross(verts, self._faces)
         around = self._signs @ cross

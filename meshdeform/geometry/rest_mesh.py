@@ -1,4 +1,4 @@
-"""A mesh at rest with what is computed from it: areas, operators, edges, components, each once."""
+"""Hold the rest mesh, and compute its areas, operators, edges and components at most once."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ __all__ = ["RestMesh"]
 
 @dataclass(frozen=True)
 class RestMesh(TriangleMesh):
-    """A triangle mesh that does not move, and its operators, computed when they are first read.
+    """A triangle mesh that does not move, with operators that are computed on first access.
 
     Attributes
     ----------
     collapsed_shape : float
-        Faces of a smaller area, over their longest edge squared, count as collapsed. The Poisson system raises it where
-        the matrix cannot be factored otherwise; everybody who reads its `rest` agrees with it.
+        Faces whose area over their longest edge squared is at most this count as collapsed. The Poisson system raises
+        it if the matrix cannot be factored otherwise; use the system's `rest` to agree with it.
     """
 
     collapsed_shape: float = COLLAPSED_SHAPE
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> RestMesh:
-        """Return the mesh itself if it is a `RestMesh`, else one with the same vertices and faces."""
+        """Return the mesh itself if it is a `RestMesh`, otherwise one with the same vertices and faces."""
         return mesh if isinstance(mesh, cls) else cls(mesh.verts, mesh.faces)
 
     @cached_property
@@ -48,7 +48,7 @@ class RestMesh(TriangleMesh):
 
     @cached_property
     def solid(self) -> NDArray[np.bool_]:
-        """Which faces (F,) are not collapsed."""
+        """Flags (F,) of the faces that are not collapsed."""
         return self.areas > 0
 
     @cached_property
@@ -58,7 +58,7 @@ class RestMesh(TriangleMesh):
 
     @cached_property
     def vertex_areas(self) -> NDArray[np.float64]:
-        """A third of the areas of the faces around each vertex, (V,)."""
+        """A third of the total area of the faces around each vertex, (V,)."""
         return vertex_areas(self, collapsed_shape=self.collapsed_shape)
 
     @cached_property
@@ -78,7 +78,7 @@ class RestMesh(TriangleMesh):
 
     @cached_property
     def components(self) -> Tensor:
-        """Connected component (V,) int64 of each vertex; a vertex that no face uses is a component of its own."""
+        """Connected component (V,) int64 of each vertex; an unused vertex is its own component."""
         return connected_components(self.faces, self.verts.shape[0])
 
     @cached_property
@@ -88,14 +88,14 @@ class RestMesh(TriangleMesh):
 
     @cached_property
     def incidence(self) -> sparse.csr_matrix:
-        """Ones (F, V) where a face has a vertex."""
+        """Incidence matrix (F, V), one where a face has a vertex."""
         count = self.faces.shape[0]
         rows, columns = np.arange(3 * count) // 3, self.faces.numpy().ravel()
         return sparse.csr_matrix((np.ones(3 * count), (rows, columns)), shape=(count, self.verts.shape[0]))
 
     @cached_property
     def face_adjacency(self) -> sparse.csr_matrix:
-        """Not zero (F, F) where two faces share a vertex."""
+        """Adjacency matrix (F, F), nonzero where two faces share a vertex."""
         return (self.incidence @ self.incidence.T).tocsr()
 
     def centre_of_mass(self) -> Tensor:

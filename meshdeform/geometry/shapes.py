@@ -1,4 +1,4 @@
-"""Meshes made by formula: for examples, tests and benchmarks."""
+"""Generate simple meshes for examples, tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["box", "cylinder", "grid", "icosphere", "join", "lathe", "torus", "uv
 
 
 def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
-    """A sphere of 20 * 4^subdivisions nearly equal triangles around the origin."""
+    """Return a sphere of 20 * 4^subdivisions nearly equal triangles around the origin."""
     g = (1 + math.sqrt(5)) / 2
     verts = torch.tensor(
         [
@@ -42,7 +42,7 @@ def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
 
 
 def _split(verts: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Every triangle into four, with shared midpoints."""
+    """Split every triangle into four, with shared midpoints."""
     pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).sort(1).values
     unique, inverse = torch.unique(pairs, dim=0, return_inverse=True)
     middle = verts[unique].mean(1)
@@ -53,7 +53,7 @@ def _split(verts: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> Tensor:
-    """Triangles of an n x m grid of vertices, closed or open in each direction."""
+    """Return the triangles of an n x m grid of vertices, closed or open in each direction."""
     i, j = torch.meshgrid(torch.arange(n if wrap_n else n - 1), torch.arange(m if wrap_m else m - 1), indexing="ij")
     k, q = (i + 1) % n, (j + 1) % m
     a, b, c, d = (i * m + j), (k * m + j), (k * m + q), (i * m + q)
@@ -61,7 +61,7 @@ def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> Tensor:
 
 
 def grid(n: int = 10, size: float = 1.0) -> TriangleMesh:
-    """An open square of 2 n^2 triangles in the plane z = 0, facing +Z."""
+    """Return an open square of 2 n^2 triangles in the plane z = 0, facing +Z."""
     x = torch.linspace(-size / 2, size / 2, n + 1, dtype=torch.float64)
     u, v = torch.meshgrid(x, x, indexing="ij")
     return TriangleMesh(
@@ -70,7 +70,7 @@ def grid(n: int = 10, size: float = 1.0) -> TriangleMesh:
 
 
 def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> TriangleMesh:
-    """A torus around the Y axis with 2 n m triangles."""
+    """Return a torus around the Y axis with 2 n m triangles."""
     u = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
     v = torch.arange(m, dtype=torch.float64) / m * 2 * math.pi
     uu, vv = torch.meshgrid(u, v, indexing="ij")
@@ -80,23 +80,23 @@ def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> 
 
 
 def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
-    """A surface of revolution around the Y axis, `n` corners a turn.
+    """Return a surface of revolution around the Y axis, with `n` corners per turn.
 
     Parameters
     ----------
     profile : sequence of (radius, height)
-        From the bottom to the top, two points or more. A radius of 0 is one pole vertex and allowed only at the ends;
-        an end off the axis stays an open border.
+        Two points or more, from bottom to top. A radius of 0 makes one pole vertex and is allowed only at the ends;
+        an end off the axis is an open border.
     n : int
         At least 3.
 
     Raises
     ------
     ShapeError
-        The profile or `n` is not like that.
+        The profile or `n` is invalid.
     """
     if len(profile) < 2 or n < 3:
-        raise ShapeError("a lathe needs two or more (radius, height) points and three or more corners a turn")
+        raise ShapeError("a lathe needs two or more (radius, height) points and three or more corners per turn")
     if any(r < 0 for r, _ in profile) or any(r == 0 for r, _ in profile[1:-1]):
         raise ShapeError("radii must be positive; only the first and the last may be 0")
     turn = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
@@ -106,7 +106,7 @@ def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
     for radius, height in profile:
         around = turn if radius else turn[:1]
         verts.append(torch.stack([radius * around.sin(), torch.full_like(around, height), radius * around.cos()], 1))
-        # A pole is one vertex that stands for its whole ring.
+        # A pole is one vertex in place of a whole ring.
         rings.append(count + (torch.arange(n) if radius else torch.zeros(n, dtype=torch.int64)))
         count += len(around)
     parts = []
@@ -119,7 +119,7 @@ def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
 
 
 def uv_sphere(rings: int = 16, n: int = 32, radius: float = 1.0) -> TriangleMesh:
-    """A sphere of `rings` bands of latitude and `n` of longitude, with needle-like triangles around its poles."""
+    """Return a sphere of `rings` bands of latitude and `n` of longitude, with needle-like triangles at its poles."""
     polar = [math.pi * i / rings for i in range(1, rings)]
     middle = [(radius * math.sin(p), -radius * math.cos(p)) for p in polar]
     return lathe([(0.0, -radius), *middle, (0.0, radius)], n)
@@ -128,13 +128,13 @@ def uv_sphere(rings: int = 16, n: int = 32, radius: float = 1.0) -> TriangleMesh
 def cylinder(
     radius: float = 0.5, height: float = 1.0, n: int = 32, rings: int = 8, *, capped: bool = True
 ) -> TriangleMesh:
-    """A cylinder around the Y axis of `rings` bands; without caps an open tube with two borders."""
+    """Return a cylinder around the Y axis with `rings` bands; without caps, an open tube with two borders."""
     wall = [(radius, height * (i / rings - 0.5)) for i in range(rings + 1)]
     return lathe([(0.0, -height / 2), *wall, (0.0, height / 2)] if capped else wall, n)
 
 
 def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
-    """A closed box around the origin, each side n x n squares: 12 n^2 triangles."""
+    """Return a closed box around the origin with n x n squares per side: 12 n^2 triangles."""
     side = grid(n)
     turns = []
     for axis in range(3):
@@ -150,7 +150,7 @@ def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Trian
 
 
 def join(*meshes: TriangleMesh) -> TriangleMesh:
-    """Several meshes as one of several components."""
+    """Join several meshes into one with several components."""
     offsets = [0]
     for mesh in meshes:
         offsets.append(offsets[-1] + mesh.verts.shape[0])

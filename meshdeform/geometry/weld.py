@@ -1,7 +1,7 @@
-"""Welding: one vertex for all the vertices that an asset splits at UV and normal seams, and the way back.
+"""Weld the vertices that an asset splits at UV and normal seams, and scatter the result back to them.
 
-The solve needs a connected surface; the file needs every one of its own vertices. `weld` merges vertices that
-lie at the same place (within a millionth of the diagonal) and remembers where each came from.
+The solve needs a connected surface; the file needs all of its own vertices. `weld` merges vertices at the same place
+(within a millionth of the diagonal) and records the welded vertex of each.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class WeldedMesh:
     Attributes
     ----------
     mesh : TriangleMesh
-        Welded vertices that faces use, and the faces.
+        The faces, and the welded vertices that they use.
     vertex_map : (N,) int64
-        Welded vertex of each source vertex; -1 for source vertices that no face uses.
+        Welded vertex of each source vertex; -1 for unused source vertices.
     face_source : (F,) int64
         Source triangle of each face.
     skipped : dict
-        How many of each kind the solve leaves out or treats specially: `unreferenced_vertices`,
-        `degenerate_faces` (two corners weld together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
+        Counts of what the solve leaves out or treats specially: `unreferenced_vertices`,
+        `degenerate_faces` (two corners are welded together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
     """
 
     mesh: TriangleMesh
@@ -46,10 +46,10 @@ class WeldedMesh:
     skipped: dict[str, int]
 
     def scatter(self, verts: Tensor, source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Put deformed vertices back at every source vertex; the others keep their place.
+        """Move every source vertex by the displacement of its welded vertex; unused vertices do not move.
 
-        Each source vertex takes its welded vertex's displacement, so that vertices which were a rounding error apart
-        stay so, and a deformation that moves nothing gives the source's numbers back exactly.
+        Vertices that were a rounding error apart therefore stay so, and a deformation that moves nothing returns the
+        source's numbers exactly.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class WeldedMesh:
 def weld(
     positions: NDArray[np.float64], triangles: NDArray[np.int64], *, tolerance: float = WELD_TOLERANCE
 ) -> WeldedMesh:
-    """Merge vertices that coincide, drop faces that collapse, keep the rest in order.
+    """Merge vertices that coincide and drop faces that degenerate; the others keep their order.
 
     Parameters
     ----------
@@ -79,12 +79,12 @@ def weld(
         Finite, in object units.
     triangles : (T, 3) int64
     tolerance : float
-        Share of the bounding box diagonal within which vertices are one.
+        Vertices within this share of the bounding box diagonal are merged.
 
     Raises
     ------
     AssetEmptyError
-        No triangle is left that has an area.
+        No triangle with an area is left.
     """
     used = np.unique(triangles)
     if not len(used):
@@ -117,15 +117,16 @@ def weld(
 
 
 def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
-    """Index of each point's representative.
+    """Return the index of each point's representative.
 
-    Exact duplicates first; then each point joins the earliest representative within reach. Only representatives
-    attract, so a chain of near points (a detail finer than the tolerance) is thinned out and never becomes one point.
+    Exact duplicates are merged first; then each point joins the earliest representative within `distance`. Points join
+    representatives only, so a chain of close points (a detail finer than the tolerance) is thinned out, not merged into
+    one point.
     """
-    label = _first_of_each(points + 0.0)  # + 0.0: -0 and 0 are one place
+    label = _first_of_each(points + 0.0)  # + 0.0 turns -0 into 0
     if distance <= 0:
         return label
-    # One point a cell: it bounds the pairs below, whatever the file piles up at one place.
+    # Keep one point per cell, which bounds the number of pairs below even if many points are in one place.
     label = _first_of_each(np.floor((points - points.min(0)) / distance))[label]
     unique = np.unique(label)
     pairs = cKDTree(points[unique]).query_pairs(distance, output_type="ndarray")
@@ -137,6 +138,6 @@ def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
 
 
 def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Index of the first row that equals each row."""
+    """Return the index of the first row that equals each row."""
     _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return first[inverse.reshape(-1)].astype(np.int64)

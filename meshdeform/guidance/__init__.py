@@ -1,1 +1,1 @@
-"""What pulls the mesh: `base.Guidance` is the interface, `sds` and `target` are the kinds."""
+"""Compute the guidance loss on rendered views: `base.Guidance` is the interface, `sds` and `target` implement it."""

@@ -1,4 +1,4 @@
-"""The interface between the optimisation and what pulls the mesh."""
+"""Define the interface of a guidance: a loss on the rendered views."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ __all__ = ["Guidance", "StepContext"]
 
 @dataclass(frozen=True)
 class StepContext:
-    """What a guidance knows about the step besides the image.
+    """Information about a step that a guidance gets besides the image.
 
     Attributes
     ----------
     step : int
-        Steps done before this one, from 0.
+        Number of steps before this one.
     total_steps : int
-        Length of the whole run; a resumed run has the same.
+        Number of steps of the whole run; the same in a resumed run.
     cameras : Cameras
-        The four cameras that drew the image, or one for each picture.
+        The four cameras of the image, or one for each picture.
     generator : torch.Generator on the CPU
-        The job's only source of randomness. Draw on the CPU and move the result, so that a seed means the same on
-        every device.
+        The job's only source of randomness. Draw on the CPU and move the result, so that a seed gives the same numbers
+        on every device.
     """
 
     step: int
@@ -39,36 +39,36 @@ class StepContext:
 
     @property
     def fraction(self) -> float:
-        """How far the run is: 0 at the first step, 1 at the last."""
+        """Progress of the run: 0 at the first step, 1 at the last."""
         return self.step / max(self.total_steps - 1, 1)
 
 
 class Guidance(Protocol):
-    """Pulls the rendered views."""
+    """A loss on the rendered views."""
 
     @property
     def style(self) -> RenderStyle:
-        """How views must look."""
+        """Required style of the views."""
 
     @property
     def identity(self) -> dict[str, str]:
         """`id`, `revision` and `sha256`, for the report."""
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        """Say how far the views are from what they should be.
+        """Compute the loss on the views.
 
         Parameters
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
-            The four views in one picture (`shading.combine_views`), or a picture of its own for each camera.
+            The four views in one picture (`shading.combine_views`), or one picture for each camera.
         context : StepContext
 
         Returns
         -------
-        A scalar whose gradient with respect to `image` pulls the mesh, and named numbers for the log.
+        A scalar that is differentiable in `image`, and named numbers for the log.
 
         Raises
         ------
         NumericalError
-            It is not finite.
+            The loss is not finite.
         """

@@ -1,4 +1,4 @@
-"""Score distillation: a diffusion model's denoising direction as a gradient on the rendered views.
+"""Compute score distillation: a diffusion model's denoising direction as a gradient on the rendered views.
 
 ::
 
@@ -6,20 +6,21 @@
     eps_hat   = eps(z_t; nothing) + s (eps(z_t; prompt) - eps(z_t; nothing))
     d loss/dz0 = k (1 - abar_t) (eps_hat - eps)               k = 16384 / (number of elements of z0)
 
-The gradient goes straight onto z0; the network itself is never differentiated. The upper bound of t moves linearly over
-the run, from `timestep_max` to `timestep_max_end`. A negative prompt takes the place of nothing.
+The gradient is applied directly to z0; the network itself is never differentiated. The upper bound of t changes
+linearly over the run, from `timestep_max` to `timestep_max_end`. A negative prompt replaces `nothing`.
 
-A model with more latents gives a longer gradient for the same picture: the sum over the elements of z0 grows with
-their number, and with it the pull on the mesh against the regularisers. k takes that out. It is 1 for the 4 x 64 x 64
-latents of Stable Diffusion at 512 pixels, where the published weights hold, and 1/3 for a model on 3 x 128 x 128
-pixels, so `guidance_weight` means the same for every prior. Views that are pictures of their own share the weight.
+A model with more latents gives a longer gradient for the same picture, because the sum over the elements of z0 grows
+with their number, and with it the weight of the guidance against the regularisers. The factor k compensates for this.
+It is 1 for the 4 x 64 x 64 latents of Stable Diffusion at 512 pixels, for which the weights were published, and 1/3 for
+a model on 3 x 128 x 128 pixels, so `guidance_weight` has the same meaning for every prior. Views in separate pictures
+share the weight.
 
-Not in the paper: `guidance_rescale` phi brings the spread of the clean picture that a large s asks for back to that of
-the prompted prediction::
+Not in the paper: `guidance_rescale` phi reduces the standard deviation of the predicted clean picture, which a large s
+inflates, to that of the prompted prediction::
 
     x0_hat <- x0_hat (phi std(x0_text) / std(x0_hat) + 1 - phi)
 
-Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer (weighting 1 - abar_t);
+Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer, eq. 7 (weighting 1 - abar_t);
 Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Common diffusion noise schedules, eq. 15 and
 16 (rescaling).
 """
@@ -42,19 +43,19 @@ if TYPE_CHECKING:
 __all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
 
 _DRAWS = 3
-"""One number that overflows in half precision must not end a run of thousands of steps: the step draws again."""
+"""Draws of timestep and noise per step, so that one overflow in half precision does not end a long run."""
 REFERENCE_ELEMENTS = 4 * 64 * 64
 """Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
 
 
 class ScoreDistillation:
-    """Pulls the views towards what a diffusion prior makes of the prompt.
+    """Guides the views towards the prompt with a diffusion prior.
 
     Parameters
     ----------
     prior : Prior
     prompt, negative_prompt : str
-        Encoded here, once; a job makes one of these objects.
+        Encoded once, here; a job creates one such object.
     guidance_scale : float
         s.
     guidance_rescale : float in 0 .. 1
@@ -67,7 +68,7 @@ class ScoreDistillation:
     Raises
     ------
     PromptError, ParameterError
-        The prior cannot use this text, or the timestep bounds are not 0 <= min <= max <= 1 all along.
+        The prior cannot use this text, or the timestep bounds do not satisfy 0 <= min <= max <= 1 throughout.
     """
 
     def __init__(
@@ -84,7 +85,9 @@ class ScoreDistillation:
     ) -> None:
         for name, high in (("timestep_max", timestep_max), ("timestep_max_end", timestep_max_end)):
             if not 0 <= timestep_min <= high <= 1:
-                raise ParameterError(f"Timesteps must have 0 <= timestep_min ({timestep_min}) <= {name} ({high}) <= 1.")
+                raise ParameterError(
+                    f"Timesteps must satisfy 0 <= timestep_min ({timestep_min}) <= {name} ({high}) <= 1."
+                )
         self._prior = prior
         prompted, unprompted = prior.encode_texts(prompt, negative_prompt)
         self._embedding = torch.stack([unprompted, prompted])
@@ -93,48 +96,48 @@ class ScoreDistillation:
 
     @property
     def style(self) -> RenderStyle:
-        """How the prior wants the views drawn."""
+        """Style of the views that the prior requires."""
         return self._prior.style
 
     @property
     def identity(self) -> dict[str, str]:
-        """The prior's."""
+        """Identity of the prior."""
         return self._prior.identity
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        """Draw a timestep and noise, ask the prior, and put its direction onto z0.
+        """Draw a timestep and noise, predict the noise, and return the loss with the gradient on z0.
 
         Parameters
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
-            The grid of four views, or one picture a camera; each picture has a timestep and noise of its own.
+            The grid of four views, or one picture per camera; each picture has its own timestep and noise.
         context : StepContext
 
         Returns
         -------
         ``k (1 - abar_t) / 2 ||eps_hat - eps||^2``, the weighted denoising error, whose gradient with respect to z0 is
-        the one above; and for the log `sds_mse`, the mean of ``(eps_hat - eps)^2``, `sds_gradient_norm`, the length of
-        the gradient on z0, and `timestep`. The error depends on t as much as on progress: compare averages.
+        defined as above; and for the log `sds_mse`, the mean of ``(eps_hat - eps)^2``, `sds_gradient_norm`, the norm of
+        the gradient on z0, and `timestep`. The error depends as much on t as on progress: compare averages.
 
         Raises
         ------
         NumericalError
-            The prediction or z0 is not finite, however often timestep and noise are drawn anew.
+            The prediction or z0 is not finite for any of several draws of timestep and noise.
         """
         z0 = self._prior.encode_image(image)
         for _ in range(_DRAWS):
-            value, gradient, logs = self._ask(z0.detach(), context)
+            value, gradient, logs = self._evaluate(z0.detach(), context)
             if math.isfinite(value.item()) and math.isfinite(logs["sds_gradient_norm"]):
                 scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
                 return scalar, logs
         raise NumericalError(
-            f"The diffusion prior's prediction at timestep {logs['timestep']:.0f} is not finite, and {_DRAWS} draws of "
-            "timestep and noise made it no better.",
+            f"The diffusion prior's prediction at timestep {logs['timestep']:.0f} is not finite in {_DRAWS} draws of "
+            "timestep and noise.",
             advice="Set MESHDEFORM_DTYPE=float32, or lower guidance_scale.",
         )
 
     @torch.no_grad()
-    def _ask(self, z0: Tensor, context: StepContext) -> tuple[Tensor, Tensor, dict[str, float]]:
+    def _evaluate(self, z0: Tensor, context: StepContext) -> tuple[Tensor, Tensor, dict[str, float]]:
         """Draw a timestep and noise; return the loss, its gradient on z0, and the numbers for the log."""
         timestep = self._draw_timestep(len(z0), context)
         level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
@@ -146,7 +149,7 @@ class ScoreDistillation:
         return value, gradient, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
-        """Lowest and highest timestep that may be drawn at this step, both inclusive."""
+        """Return the lowest and highest timestep that may be drawn at this step, both inclusive."""
         count = self._prior.num_timesteps
         begin, end = self._high
         high = begin + (end - begin) * context.fraction
@@ -169,7 +172,7 @@ class ScoreDistillation:
 
 
 def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi: float) -> Tensor:
-    """Return noise whose clean picture has the spread of the prompted one, mixed with the given one.
+    """Rescale predicted noise so that its clean picture has the spread of the prompted one, mixed by `phi`.
 
     Parameters
     ----------
@@ -178,7 +181,7 @@ def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi:
     level : (B, 1, 1, 1) float32
         abar_t.
     phi : float in 0 .. 1
-        0 changes nothing; at 1 the spread is the prompted one's.
+        0 changes nothing; 1 gives the spread of the prompted picture.
 
     Returns
     -------
@@ -192,7 +195,7 @@ def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi:
 
 
 class _StraightThrough(torch.autograd.Function):
-    """A scalar with a given value and a given gradient with respect to z0."""
+    """Scalar with a given value and a given gradient with respect to z0."""
 
     @staticmethod
     def forward(ctx: Any, z0: Tensor, value: Tensor, gradient: Tensor) -> Tensor:  # noqa: ARG004

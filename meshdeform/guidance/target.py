@@ -1,16 +1,16 @@
-"""A second mesh as guidance: both meshes are drawn by the same cameras and the pictures are compared.
+"""Use a second mesh as guidance: render both meshes with the same cameras and compare the pictures.
 
 ::
 
     loss = mean over pixels and colours of ((image - target) / 0.1)^2
 
-Views show camera-space normals on black. A surface that a camera sees has a blue of at least one half, so the one
-picture compares orientation and silhouette. Colours count in tenths of their range, which puts `guidance_weight` 1
+Views show camera-space normals on black. The blue channel of a visible surface is at least one half, so one picture
+compares both orientation and silhouette. Colours are measured in tenths of their range, which puts `guidance_weight` 1
 well above the regularisers' defaults.
 
-Blurred levels besides the sharp one were tried and left out: a mesh that fills the same sphere as its target overlaps
-it from the start, and from a sphere to a cow they were slower (after 300 steps the mean distance of the two surfaces
-was 0.0099 of the radius with them and 0.0086 without).
+Additional blurred levels were tried and left out: a mesh that fills the same sphere as its target overlaps it from the
+start, and from a sphere to a cow they were slower (after 300 steps, the mean distance between the two surfaces was
+0.0099 of the radius with them and 0.0086 without).
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 __all__ = ["TARGET_STYLE", "TargetGuidance", "place_target"]
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
-_TENTH = 0.1
+_COLOUR_SCALE = 0.1
 
 
 def place_target(target: TriangleMesh, rest: TriangleMesh) -> TriangleMesh:
-    """Scale a target as its source was scaled, and put its centre of mass where the source's is.
+    """Normalise a target like its source, and move its centre of mass to that of the source.
 
-    The Poisson solve keeps the centre of mass of the deformed mesh for ever. A target that is placed by its bounding
-    box has another one unless it is symmetric, and the mesh can only reach it by stretching.
+    The Poisson solve keeps the centre of mass of the deformed mesh fixed. A target placed by its bounding box usually
+    has a different one, which the mesh could only match by stretching.
 
     Parameters
     ----------
     target : TriangleMesh
-        In any unit, anywhere.
+        In any unit, at any position.
     rest : TriangleMesh
-        The source at rest, in the frame of the cameras.
+        The source at rest, in the cameras' frame.
     """
     placed = Frame.around(target.verts).place(target)
     shift = RestMesh.of(rest).centre_of_mass() - RestMesh.of(placed).centre_of_mass()
@@ -52,17 +52,17 @@ def place_target(target: TriangleMesh, rest: TriangleMesh) -> TriangleMesh:
 
 
 class TargetGuidance:
-    """Pulls the views towards those of a target mesh.
+    """Guides the views towards those of a target mesh.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        The target, in the frame of the mesh that is deformed, with its centre of mass: see `place_target`.
+        The target, in the frame and with the centre of mass of the deformed mesh: see `place_target`.
     style : RenderStyle
     device : str or torch.device
-        Where the views are drawn.
+        Where the views are rendered.
     identity : dict of str to str, optional
-        What the report calls the target; a hash of its vertices and faces unless given.
+        Identity of the target in the report; by default a hash of its vertices and faces.
     """
 
     def __init__(
@@ -79,17 +79,16 @@ class TargetGuidance:
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        """Compare with the target as the same cameras see it.
+        """Compare the views with those of the target from the same cameras.
 
         Returns
         -------
-        The loss above, 0 where the pictures are the same; and `target_mse`, the mean squared difference of colours in
-        [0, 1].
+        The loss above, 0 for equal pictures; and `target_mse`, the mean squared difference of colours in [0, 1].
 
         Raises
         ------
         ShapeError
-            `image` has not the size that `style` says.
+            `image` does not have the size that `style` specifies.
         NumericalError
             The loss is not finite.
         """
@@ -100,7 +99,7 @@ class TargetGuidance:
         error = (image - target).square().mean()
         if not torch.isfinite(error):
             raise NumericalError(f"The views cannot be compared with the target at step {context.step + 1}.")
-        return error / _TENTH**2, {"target_mse": error.item()}
+        return error / _COLOUR_SCALE**2, {"target_mse": error.item()}
 
 
 def _sha256(mesh: TriangleMesh) -> str:

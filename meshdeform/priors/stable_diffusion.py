@@ -1,15 +1,14 @@
-"""Any Stable Diffusion 1 or 2 checkpoint as a prior, through diffusers.
+"""Use any Stable Diffusion 1 or 2 checkpoint as a prior, through diffusers.
 
 ::
 
     z0      = scaling_factor * E[posterior(2 image - 1)]
     eps_hat = uncond + s (text - uncond)             eps = sqrt(abar) v + sqrt(1 - abar) z_t   for v-prediction
 
-The posterior's mean is taken, not a sample: its standard deviation is about a ten-thousandth of the latents' for
-the published autoencoders, far below the noise that score distillation adds, and the mean gives the same result twice.
+The posterior's mean is used, not a sample: its standard deviation is about a ten-thousandth of the latents' for the
+published autoencoders, far below the noise that score distillation adds, and the mean is deterministic.
 
-Views are clay before a background and under a light that change with every view, as the paper's are
-(`rendering/scenes.py`).
+Views show clay with a background and a light that change with every view, as in the paper (`rendering/scenes.py`).
 
 Sources: Rombach et al. 2022, section 3 (latents); Ho & Salimans 2022, eq. 6, in diffusers' convention of s;
 Salimans & Ho 2022, appendix D (v-prediction).
@@ -50,12 +49,12 @@ class StableDiffusionPrior:
     revision : str
         Branch, tag or commit of a hub model.
     dtype : "auto", "float32", "float16" or "bfloat16"
-        What the networks compute in. `auto` is float32 on the CPU, bfloat16 on a GPU that has it, else float16.
+        Precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
 
     Raises
     ------
     ModelError
-        The checkpoint is not there, not complete, or of another kind.
+        The checkpoint is missing, incomplete or of another kind.
     DependencyError
         The extra `sd` is not installed.
     """
@@ -92,10 +91,10 @@ class StableDiffusionPrior:
             scheduler = DDPMScheduler.from_pretrained(files.folder / "scheduler", local_files_only=True)
         except ModelError:
             raise
-        except Exception as error:  # whatever a broken file makes diffusers, transformers or safetensors raise
+        except Exception as error:  # a broken file can raise anything in diffusers, transformers or safetensors
             raise ModelError(
                 f"The model {files.model!r} cannot be read: {error}",
-                advice="Download it again; a file of it is damaged or belongs to another kind of model.",
+                advice="Download it again; one of its files is damaged or belongs to another kind of model.",
             ) from error
         self._prediction: str = scheduler.config.prediction_type
         self.num_timesteps = int(scheduler.config.num_train_timesteps)
@@ -119,7 +118,7 @@ class StableDiffusionPrior:
             dtype=self.dtype,
             output_loading_info=True,
         )
-        # diffusers and transformers only log this, and go on with random numbers in place of what is missing.
+        # diffusers and transformers only log this, and continue with random numbers for missing tensors.
         if lacking := [*report["missing_keys"], *(str(entry) for entry in report["mismatched_keys"])]:
             raise ModelError(
                 f"The weights in {part}/ of {files.model!r} lack {len(lacking)} tensors, such as {min(lacking)}.",
@@ -129,12 +128,12 @@ class StableDiffusionPrior:
 
     @torch.no_grad()
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
-        """Text embeddings (1 + others, tokens, E): of the prompt, and of each other text.
+        """Return text embeddings (1 + others, tokens, E) of the prompt and of each other text.
 
         Raises
         ------
         PromptError
-            A text is longer than what the text encoder reads.
+            A text is too long for the text encoder.
         """
         limit, texts = self._tokenizer.model_max_length, [prompt, *others]
         for text in texts:
@@ -142,16 +141,16 @@ class StableDiffusionPrior:
             if length > limit:
                 raise PromptError(
                     f"The text {shorten(text, 60)!r} has {length - 2} tokens; this model reads {limit - 2}.",
-                    advice="Say it in fewer words.",
+                    advice="Use fewer words.",
                 )
         tokens = self._tokenizer(texts, padding="max_length", max_length=limit, return_tensors="pt").input_ids
         embedding: Tensor = self._text_encoder(tokens.to(self.device))[0]
         return embedding
 
     def encode_image(self, image: Tensor) -> Tensor:
-        """Latents (B, C, H, W) float32 of pictures; differentiable, and nothing random.
+        """Encode pictures as latents (B, C, H, W) float32, differentiably and deterministically.
 
-        A picture of another size than the model's own is resized (bilinear, antialiased).
+        Pictures are resized to the model's size (bilinear, antialiased) if necessary.
 
         Raises
         ------
@@ -179,7 +178,7 @@ class StableDiffusionPrior:
         embedding: Tensor,
         cameras: Cameras,  # noqa: ARG002
     ) -> tuple[Tensor, ...]:
-        """The noise in z_t, by each text.
+        """Predict the noise in z_t for each text.
 
         Parameters
         ----------
@@ -188,13 +187,13 @@ class StableDiffusionPrior:
         embedding : (N, tokens, E)
             Rows of `encode_texts`.
         cameras : Cameras
-            Not used: these models know nothing of cameras.
+            Unused: these models are not conditioned on cameras.
         """
         noisy, count = z_t.to(self.device), len(embedding)
         steps = timestep.to(self.device)
-        told = embedding.repeat_interleave(len(z_t), 0)
-        every = noisy.to(self.dtype).repeat(count, 1, 1, 1)
-        output = self._unet(every, steps.repeat(count), encoder_hidden_states=told).sample.float()
+        embeddings = embedding.repeat_interleave(len(z_t), 0)
+        inputs = noisy.to(self.dtype).repeat(count, 1, 1, 1)
+        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings).sample.float()
         predictions: tuple[Tensor, ...] = output.chunk(count)
         if self._prediction == "epsilon":
             return predictions
@@ -204,23 +203,23 @@ class StableDiffusionPrior:
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return the precision of a setting: float32 on the CPU, else bfloat16 where the device has it, unless named."""
+    """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16."""
     if name != "auto":
         found: torch.dtype = getattr(torch, name)
         return found
     if device.type == "cpu":
         return torch.float32
-    # bfloat16 has float32's range: nothing overflows in it.
+    # bfloat16 has the range of float32, so nothing overflows.
     return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
 
 
 def _side(sample_size: Any, model: str) -> int:
-    """Return the side of the latents that a U-Net's configuration names: a number, or a pair of equal ones."""
+    """Return the side of the latents from a U-Net's configuration: a number, or a pair of equal numbers."""
     sides = set(sample_size) if isinstance(sample_size, list | tuple) else {sample_size}
     if len(sides) != 1 or not all(isinstance(side, int) and side > 0 for side in sides):
         raise ModelError(
-            f"The model {model!r} has the sample_size {sample_size!r} in unet/config.json, which is no square.",
-            advice="Use a checkpoint of square pictures whose configuration names their size, such as 64.",
+            f"The model {model!r} has the sample_size {sample_size!r} in unet/config.json, which is not square.",
+            advice="Use a checkpoint for square pictures whose configuration gives their size, such as 64.",
         )
     side: int = sides.pop()
     return side
@@ -228,7 +227,7 @@ def _side(sample_size: Any, model: str) -> int:
 
 @contextmanager
 def _no_progress_bar() -> Iterator[None]:
-    """Keep transformers from drawing its own progress on our standard error."""
+    """Keep transformers from printing its own progress bar on standard error."""
     from transformers.utils import logging
 
     shown = logging.is_progress_bar_enabled()

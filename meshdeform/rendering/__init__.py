@@ -1,1 +1,1 @@
-"""Draw a mesh differentiably: cameras, rasterizer, shading, and the combination of four views in one image."""
+"""Render a mesh differentiably: cameras, rasterizer, shading, and the combination of four views into one image."""

@@ -1,11 +1,11 @@
-"""Cameras: four views around the object, a quarter turn apart, at random azimuth and elevations.
+"""Place cameras: four views around the object, a quarter turn apart, at random azimuth and elevations.
 
-Conventions: +Y is up and +Z is the asset's front (glTF). Azimuth 0 looks at the front (the camera stands on +Z),
-azimuth 90 at the asset's left side (the camera stands on +X). Clip space is OpenGL's: x right, y up,
--w <= z <= w. The camera stands where a given sphere at the origin just fits the view.
+Conventions: +Y is up and +Z is the asset's front (glTF). At azimuth 0 the camera is on +Z and sees the front; at
+azimuth 90 it is on +X and sees the asset's left side. Clip space is OpenGL's: x right, y up, -w <= z <= w. The distance
+of the camera is such that a given sphere at the origin just fits the view.
 
-The published code stands at three half extents of the shape, measured anew at every step: a shape that grows stays as
-large in the picture, and never leaves it. `Framing` does so with bounds of its own.
+The published code places the camera at three half extents of the shape, measured anew at every step, so a growing shape
+keeps its size in the picture and never leaves it. `Framing` does the same within bounds.
 
 Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal views).
 """
@@ -30,7 +30,7 @@ __all__ = [
 
 NUM_VIEWS = 4
 UNIT_SPHERE = 1.05
-"""Radius of the sphere that just fits the view unless something else is asked for: the unit sphere and a margin."""
+"""Default radius of the sphere that just fits the view: the unit sphere and a margin."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class CameraRange:
 
 @dataclass(frozen=True)
 class Framing:
-    """How large a shape is in the picture, and when the camera follows it.
+    """Size of a shape in the picture, and when the camera adapts to it.
 
     Attributes
     ----------
     share : float
-        Of the view that the shape spans at rest: its half extent over the radius of the sphere that just fits the view.
+        Share of the view that the shape spans at rest: its half extent over the radius of the sphere that just fits.
     largest : float
-        Share up to which the shape may grow in the picture before the camera goes back with it. Where it is `share`,
-        the camera follows at once, whether the shape grows or shrinks.
+        Share up to which the shape may grow in the picture before the camera moves back. If it equals `share`, the
+        camera follows at once, whether the shape grows or shrinks.
     """
 
     share: float
@@ -65,10 +65,10 @@ class Framing:
         Parameters
         ----------
         rest, now : float
-            Half extent of the shape, its largest coordinate about the origin, at rest and as it stands.
+            Half extent of the shape (its largest absolute coordinate) at rest and now.
         """
-        room = self.largest / self.share
-        return min(max(rest, now / room), now * room) / self.share
+        growth = self.largest / self.share
+        return min(max(rest, now / growth), now * growth) / self.share
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,11 @@ class Cameras:
 
     @property
     def azimuth_deg(self) -> float:
-        """Azimuth of view 0; of orthogonal views, view k stands at ``azimuth_deg + 90 k``."""
+        """Azimuth of view 0; orthogonal view k is at ``azimuth_deg + 90 k``."""
         return self.azimuths_deg[0]
 
     def to(self, device: torch.device | str) -> Cameras:
-        """Give the same cameras with their tensors on `device`."""
+        """Return the same cameras with their tensors on `device`."""
         return Cameras(
             self.view_proj.to(device),
             self.view.to(device),
@@ -121,14 +121,14 @@ def fixed_cameras(
     views: int = NUM_VIEWS,
     fitting_radius: float = UNIT_SPHERE,
 ) -> Cameras:
-    """Place cameras at azimuths ``azimuth_deg + 90 k``, or at the given ones, that look at the origin.
+    """Place cameras that look at the origin, at azimuths ``azimuth_deg + 90 k`` or at the given ones.
 
     Parameters
     ----------
     azimuth_deg, elevation_deg, fov_deg : degrees
-        One azimuth for view 0, or one a view; one elevation for all views, or one a view.
+        One azimuth for view 0, or one per view; one elevation for all views, or one per view.
     views : int
-        How many, where `azimuth_deg` does not say it.
+        Number of views, if `azimuth_deg` is a single number.
     fitting_radius : float
         Radius of the sphere around the origin that just fits the view.
     """
@@ -139,7 +139,7 @@ def fixed_cameras(
     elevations = (elevation_deg,) * views if isinstance(elevation_deg, int | float) else tuple(elevation_deg)
     distance = fitting_radius / math.sin(math.radians(fov_deg) / 2)
     focal = 1 / math.tan(math.radians(fov_deg) / 2)
-    # In proportion to what is seen, so that a bias in depth means about the same length at every field of view.
+    # In proportion to the sphere, so that a depth bias is about the same length at every field of view.
     near, far = max(distance - 2 * fitting_radius, 0.05 * fitting_radius), distance + 2 * fitting_radius
     projection = torch.tensor(
         [
@@ -181,9 +181,9 @@ def sample_orthogonal_cameras(
 def sample_random_cameras(
     bounds: CameraRange, generator: torch.Generator, views: int = NUM_VIEWS, fitting_radius: float = UNIT_SPHERE
 ) -> Cameras:
-    """Draw cameras that know nothing of each other: azimuths ~ U(-180, 180), elevations uniform, one field of view.
+    """Draw independent cameras: azimuths ~ U(-180, 180), elevations uniform, one field of view.
 
-    What the paper compares its orthogonal views with (Xu et al. 2024, section 5.3).
+    The paper compares its orthogonal views with these (Xu et al. 2024, section 5.3).
     """
     u = torch.rand(1 + 2 * views, generator=generator, dtype=torch.float64).tolist()
     fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[0]

@@ -1,4 +1,4 @@
-"""The frame of the cameras: the source around the origin, small enough that it has room to grow."""
+"""Map the source into the cameras' frame: centred at the origin, small enough to be able to grow."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from meshdeform.geometry.mesh import TriangleMesh
 __all__ = ["RADIUS", "Frame"]
 
 RADIUS = 0.6
-"""Radius of the source in the frame where the cameras see the unit sphere: room to grow into."""
+"""Radius of the source in the cameras' frame, where they see the unit sphere: it leaves space for growth."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """The similarity between the world and the frame of the cameras.
+    """Similarity between the world and the cameras' frame.
 
     Attributes
     ----------
     centre : (3,) float64
-        Of the bounding box, in the world.
+        Centre of the bounding box, in the world.
     scale : float
         Camera units per world unit.
     """
@@ -31,18 +31,18 @@ class Frame:
 
     @classmethod
     def around(cls, verts: Tensor) -> Frame:
-        """The frame in which `verts` (V, 3) are centred and the farthest lies at `RADIUS`."""
+        """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
         centre = (verts.amin(0) + verts.amax(0)) / 2
         return cls(centre, RADIUS / float((verts - centre).norm(dim=1).max()))
 
     def enter(self, verts: Tensor) -> Tensor:
-        """From the world into the frame."""
+        """Transform positions (V, 3) from the world into the frame."""
         return (verts - self.centre) * self.scale
 
     def leave(self, verts: Tensor) -> Tensor:
-        """From the frame into the world."""
+        """Transform positions (V, 3) from the frame into the world."""
         return verts / self.scale + self.centre
 
     def place(self, mesh: TriangleMesh) -> TriangleMesh:
-        """The mesh, in the frame."""
+        """Transform a mesh from the world into the frame."""
         return TriangleMesh(self.enter(mesh.verts), mesh.faces)

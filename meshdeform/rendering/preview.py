@@ -1,4 +1,4 @@
-"""`preview.png`: the asset before (upper row) and after (lower row), from four sides."""
+"""Render `preview.png`: the asset before (upper row) and after (lower row), from four sides."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STYLE = RenderStyle(view_size=_SIZE, supersample=2, shading="lambert", backgrou
 
 
 def preview_png(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> bytes:
-    """Draw both states at one scale, so that growth is seen as growth.
+    """Render both states at the same scale, so that growth is visible.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def preview_png(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> bytes:
 
     Returns
     -------
-    A PNG of 1024 x 512 pixels: front, left, back and right of the source above, of the result below.
+    A PNG of 1024 x 512 pixels: front, left, back and right of the source above and of the result below.
     """
     both = torch.cat([rest_verts, verts]).double()
     corners = faces.reshape(-1)

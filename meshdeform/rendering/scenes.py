@@ -1,16 +1,16 @@
-"""Surroundings of the object in each view: a background and a light, fixed or drawn anew at every step.
+"""Draw the background and the light of each view, anew at every step.
 
-The paper renders with an arbitrary background colour (section 4.1); its code draws for every view one of three kinds of
-background and a light from anywhere on the camera's side. A shape that must look right before all of them cannot owe
-its look to one: what is drawn is averaged out, what is the shape stays.
+The paper renders with an arbitrary background colour (section 4.1); its code draws, for every view, one of three kinds
+of background and a light from anywhere on the camera's side. The gradient then averages over surroundings, so the shape
+has to match the prompt whatever the background and light.
 
 A background is, with equal odds,
 
-* noise: every pixel has a colour of its own, blurred;
+* noise: an independent colour at every pixel, blurred;
 * a checkerboard of two colours, 2 to 8 squares a side, blurred;
 * one colour.
 
-The light's direction is distributed as the cosine of its angle to the camera's: 45 degrees off on the average.
+The density of the light's direction is proportional to the cosine of its angle to the camera's: 45 degrees on average.
 
 Sources: Xu et al. 2024, FusionDeformer, section 4.1 and its public code; Jain et al. 2022, Zero-shot text-guided object
 generation with Dream Fields, section 4.2 (the three kinds of background).
@@ -34,7 +34,7 @@ _BLUR = (0.01, 0.06)
 
 @dataclass(frozen=True)
 class Scene:
-    """What surrounds the object in B views.
+    """Background and light of B views.
 
     Attributes
     ----------
@@ -48,14 +48,14 @@ class Scene:
 
 
 def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Scene:
-    """Draw the surroundings of one step.
+    """Draw the backgrounds and lights of one step.
 
     Parameters
     ----------
     views : int
-        B.
+        Number of views, B.
     side : int
-        S, in pixels.
+        Side of a view, S, in pixels.
     generator : torch.Generator on the CPU
         The job's only source of randomness.
     device : str or torch.device
@@ -83,7 +83,7 @@ def _background(side: int, generator: torch.Generator) -> Tensor:
 
 
 def _blurred(image: Tensor, sigma: float) -> Tensor:
-    """Blur (S, S, 3) by a Gaussian of this standard deviation in pixels."""
+    """Blur an image (S, S, 3) with a Gaussian of standard deviation `sigma`, in pixels."""
     reach = min(max(math.ceil(2.5 * sigma), 1), image.shape[0] - 1)
     kernel = torch.exp(-torch.arange(-reach, reach + 1).float().square() / (2 * max(sigma, 1e-3) ** 2))
     kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)

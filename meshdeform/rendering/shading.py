@@ -1,10 +1,10 @@
-"""Differentiable shading of the deformed mesh from several cameras, and the combination of the views in one image.
+"""Shade the deformed mesh differentiably from several cameras, and combine the views into one image.
 
-Two kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (what the builtin
-prior learned), `lambert` lights a neutral clay with smooth normals. A fixed scene lights it from the camera's upper
-left, and a quarter of the light comes from everywhere; in a varied one (`scenes.py`) light and background change with
-every view, and the clay is the published one: half of white, lit by 5 / pi, black where no light falls. Both kinds of
-shading treat surfaces as two-sided.
+There are two kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (as in the
+builtin prior's training data), and `lambert` lights neutral clay with smooth normals. In a fixed scene, light comes
+from the camera's upper left, and a quarter of it is ambient. In a varied scene (`scenes.py`), light and background
+change with every view, and the clay is that of the published code: albedo 0.5, light 5 / pi, no ambient light. Both
+kinds of shading treat surfaces as two-sided.
 
 Source of the combination of orthogonal views: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
@@ -29,32 +29,32 @@ from meshdeform.rendering.scenes import Scene, sample_scene
 __all__ = ["RenderStyle", "Renderer", "combine_views"]
 
 _SLIM_SHAPE = 1e-2
-"""A face of a smaller area, over its longest edge squared, passes on a smaller share of its pixels' gradients.
+"""Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
 
-What is seen on a face turns and moves by the reciprocal of its height, which holds for motions shorter than that height
-only: no step of an optimiser is that short. So its gradients are those of a face as high as this shape is.
+The gradient of a pixel grows with the reciprocal of the face's height, but is only valid for motions shorter than that
+height, and no optimiser step is that short. The gradient is therefore limited to that of a face of this shape.
 """
 _AMBIENT = 0.25
-_LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left, behind the viewer
+_LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 _VARIED_GAIN = 0.5 * 5 / math.pi
 """Albedo times light of the published code."""
 
 
 @dataclass(frozen=True)
 class RenderStyle:
-    """How the views look; a prior names the style it was trained on.
+    """Style of the views; each prior specifies its own.
 
     Attributes
     ----------
     view_size : int
-        Side of one view in pixels; the combined image has twice that.
+        Side of one view in pixels; the combined image is twice as large.
     supersample : int
-        Views are drawn at ``view_size * supersample`` and averaged down.
+        Views are rendered at ``view_size * supersample`` pixels and averaged down.
     shading : "normals" or "lambert"
     background : red, green and blue in [0, 1]
-        Of a fixed scene.
+        Colour in a fixed scene.
     scene : "fixed" or "varied"
-        Whether background and light are always the same, or drawn for every view (`scenes.sample_scene`).
+        Whether background and light are constant, or drawn for every view (`scenes.sample_scene`).
     """
 
     view_size: int = 64
@@ -65,12 +65,12 @@ class RenderStyle:
 
 
 class Renderer:
-    """Draws one mesh's deformed states.
+    """Renders the deformed states of one mesh.
 
     Parameters
     ----------
     faces : (F, 3) int64
-        The topology, which stays.
+        The fixed topology.
     n_verts : int
     style : RenderStyle
     device : str or torch.device
@@ -88,22 +88,22 @@ class Renderer:
         self._light = functional.normalize(torch.tensor(_LIGHT, dtype=torch.float32, device=device), dim=0)
 
     def sample_scene(self, views: int, generator: torch.Generator) -> Scene | None:
-        """Draw the surroundings of so many views, or return None where the style's scene is fixed."""
+        """Draw the background and light of `views` views, or return None if the style's scene is fixed."""
         if self.style.scene == "fixed":
             return None
         return sample_scene(views, self.style.view_size * self.style.supersample, generator, self.faces.device)
 
     def render(self, verts: Tensor, cameras: Cameras, scene: Scene | None = None) -> Tensor:
-        """Draw the mesh from every camera.
+        """Render the mesh from every camera.
 
         Parameters
         ----------
         verts : (V, 3) floating
-            Deformed positions in the frame where the views show the unit sphere.
+            Deformed positions in the cameras' frame, where the views show the unit sphere.
         cameras : Cameras
-            B of them, on the mesh's device.
+            B cameras, on the mesh's device.
         scene : Scene, optional
-            The surroundings of the B views; the style's fixed background and light unless given.
+            Background and light of the B views; by default the style's fixed ones.
 
         Returns
         -------
@@ -124,8 +124,10 @@ class Renderer:
         pixels = (fragments.face_ids.view(-1) >= 0).nonzero()[:, 0]
         face = fragments.face_ids.view(-1).index_select(0, pixels)
         colour = self._colours(verts, clip, cameras, fragments, pixels, face, scene)
-        behind = self._background.expand(views * side * side, 3) if scene is None else scene.backgrounds.reshape(-1, 3)
-        image = behind.index_copy(0, pixels, colour)
+        background = (
+            self._background.expand(views * side * side, 3) if scene is None else scene.backgrounds.reshape(-1, 3)
+        )
+        image = background.index_copy(0, pixels, colour)
         image = antialias(image.view(views, side, side, 3), clip, self.edges, fragments.depth)
         if self.style.supersample > 1:
             image = functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
@@ -148,8 +150,8 @@ class Renderer:
         with torch.no_grad():
             towards = cameras.eye[:, None] - corners[:, 0]
             facing = torch.where((cross * towards).sum(-1) < 0, -1.0, 1.0)
-            # A pixel may fall on a face of nearly no area. Its derivatives, of order 1 / area, would drown all others,
-            # and where the area rounds to zero there is nothing to interpolate by.
+            # A pixel may fall on a face of almost no area. Its derivatives, of order 1 / area, would swamp all others,
+            # and if the area rounds to zero, interpolation is undefined.
             longest_sq = (corners - corners.roll(1, 1)).square().sum(-1).amax(-1)
             double_area = cross.norm(dim=-1)
             solid = (double_area > 2 * COLLAPSED_SHAPE * longest_sq).index_select(0, face)
@@ -175,10 +177,10 @@ class Renderer:
     def _smooth(
         self, clip: Tensor, vertex_normal: Tensor, pixels: Tensor, face: Tensor, solid: Tensor, size: tuple[int, int]
     ) -> Tensor:
-        """Vertex normals (B, V, 3) at the pixels (P, 3): interpolated, or the corners' mean where `solid` is false."""
+        """Return vertex normals (B, V, 3) at pixels (P, 3): interpolated, or the mean of corners if not `solid`."""
         inside, thin = solid.nonzero()[:, 0], (~solid).nonzero()[:, 0]
-        some, its_face = pixels.index_select(0, inside), face.index_select(0, inside)
-        smooth = interpolate(clip, vertex_normal, self.faces, some, its_face, *size)
+        inside_pixels, inside_face = pixels.index_select(0, inside), face.index_select(0, inside)
+        smooth = interpolate(clip, vertex_normal, self.faces, inside_pixels, inside_face, *size)
         view = torch.div(pixels.index_select(0, thin), size[0] * size[1], rounding_mode="floor")
         mean = vertex_normal.detach()[view[:, None], self.faces.index_select(0, face.index_select(0, thin))].mean(1)
         result = smooth.new_empty(len(pixels), 3).index_copy(0, inside, smooth)
@@ -186,16 +188,16 @@ class Renderer:
 
 
 def _damped(value: Tensor, share: Tensor) -> Tensor:
-    """The same value, bit for bit, with a share of its gradient."""
+    """Return bit-identical values with a share of their gradient."""
     return value.detach() + share * (value - value.detach())
 
 
 def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:
-    """Zero, with the gradient of a pattern that moves with the surface.
+    """Return zero with the gradient of a pattern that moves with the surface.
 
-    Flat colours are constant on each face, so on their own they do not feel that the faces move: a sphere that is
-    shifted would change at its silhouette only. The smoothly interpolated normals carry that motion. At
-    creases, where they say something else than the flat ones, they are faded out.
+    Flat colours are constant on each face, so their gradient does not include the motion of the faces: shifting a
+    sphere would have an effect at its silhouette only. The smoothly interpolated normals provide this gradient. It is
+    faded out at creases, where smooth and flat normals differ.
     """
     with torch.no_grad():
         trust = (((smooth * flat).sum(-1, keepdim=True) - 0.7) / 0.25).clamp(0, 1)
@@ -203,7 +205,7 @@ def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:
 
 
 def combine_views(images: Tensor) -> Tensor:
-    """Put the four views into one image: 0 and 1 above, 2 and 3 below.
+    """Combine the four views into one image: 0 and 1 above, 2 and 3 below.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which views a step shows to the guidance: four orthogonal ones, combined in one picture.
+"""Choose the views of a step: four orthogonal ones, combined into one picture for the guidance.
 
 Source: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
@@ -17,16 +17,16 @@ __all__ = ["OrthogonalGrid", "Views"]
 
 
 class Views(Protocol):
-    """Draws a step's cameras and lays their pictures out."""
+    """Cameras of a step and the layout of their pictures."""
 
     style: RenderStyle
-    """How each view is drawn."""
+    """Style of each view."""
 
     def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
-        """Draw the cameras of one step, whose views a sphere of this radius around the origin just fits."""
+        """Draw the cameras of one step; a sphere of this radius around the origin just fits their views."""
 
     def arrange(self, images: Tensor) -> Tensor:
-        """Lay views (B, S, S, 3) out as the guidance takes them."""
+        """Arrange views (B, S, S, 3) as input of the guidance."""
 
 
 class OrthogonalGrid:
@@ -36,7 +36,7 @@ class OrthogonalGrid:
     ----------
     bounds : CameraRange
     style : RenderStyle
-        Of each view.
+        Style of each view.
     """
 
     def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
@@ -48,5 +48,5 @@ class OrthogonalGrid:
         return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
 
     def arrange(self, images: Tensor) -> Tensor:
-        """Combine views (4, S, S, 3) in one picture (1, 3, 2 S, 2 S)."""
+        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
         return combine_views(images)

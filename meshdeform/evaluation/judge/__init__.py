@@ -1,7 +1,7 @@
-"""The judge: says which prompt a mesh shows, and shares nothing with the guidance that made the mesh.
+"""Judge which prompt a mesh shows, independently of the guidance that made the mesh.
 
-`Judge` draws a mesh with cameras and shading of its own, and a separately trained classifier of single views scores
-prompts. How its weights came to be: `members`, `train`; what they know: `measure` and ``docs/judge.md``.
+`Judge` renders a mesh with its own cameras and shading; a separately trained classifier of single views scores the
+prompts. `training` contains the code that made and measured the weights; see ``docs/judge.md``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The judge's network: a small residual network for one view, and a tower for the prompt.
+"""Define the judge's network: a small residual network for one view, and an encoder for the prompt.
 
 ::
 
@@ -29,7 +29,7 @@ _ATTRIBUTE_NUMBER = {attribute: number for number, attribute in enumerate(ATTRIB
 
 @dataclass(frozen=True)
 class JudgeConfig:
-    """Sizes of the network; the defaults are those of the weights that ship."""
+    """Sizes of the network; the defaults are those of the shipped weights."""
 
     stem: int = 24
     channels: tuple[int, int, int] = (48, 96, 128)
@@ -44,7 +44,7 @@ class Prompts(NamedTuple):
 
 
 def encoded(prompts: list[ParsedPrompt]) -> Prompts:
-    """Parsed prompts as tensors."""
+    """Encode parsed prompts as tensors."""
     noun = torch.tensor([_NOUN_NUMBER[prompt.noun] for prompt in prompts], dtype=torch.int64)
     attributes = torch.zeros(len(prompts), len(ATTRIBUTES))
     for row, prompt in enumerate(prompts):
@@ -54,7 +54,7 @@ def encoded(prompts: list[ParsedPrompt]) -> Prompts:
 
 
 class _Block(nn.Module):
-    """Two 3 x 3 convolutions that halve the picture, beside a 1 x 1 one."""
+    """Two 3 x 3 convolutions that halve the picture, with a 1 x 1 convolution as shortcut."""
 
     def __init__(self, inner: int, outer: int) -> None:
         super().__init__()
@@ -65,13 +65,13 @@ class _Block(nn.Module):
         self.skip = nn.Conv2d(inner, outer, 1, stride=2, bias=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, inner, H, W) to (B, outer, H / 2, W / 2)."""
+        """Map (B, inner, H, W) to (B, outer, H / 2, W / 2)."""
         h = torch.relu(self.norm_in(self.conv_in(x)))
         return torch.relu(self.skip(x) + self.norm_out(self.conv_out(h)))
 
 
 class JudgeNetwork(nn.Module):
-    """Scores of prompts for single views."""
+    """Network that scores prompts for single views."""
 
     prompt_sharpness: Tensor
     noun_sharpness: Tensor
@@ -88,12 +88,12 @@ class JudgeNetwork(nn.Module):
         self.noun = nn.Embedding(len(NOUNS), width)
         self.attribute = nn.Linear(len(ATTRIBUTES), width, bias=False)
         self.mix = nn.Sequential(nn.Linear(width, 2 * width), nn.SiLU(), nn.Linear(2 * width, width))
-        # What the mean over the views is multiplied by: views of one mesh agree, so they say less than their sum.
+        # Factors of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
         self.register_buffer("prompt_sharpness", torch.ones(()))
         self.register_buffer("noun_sharpness", torch.ones(()))
 
-    def look(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """What a view shows.
+    def encode_views(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """Encode views.
 
         Parameters
         ----------
@@ -108,13 +108,13 @@ class JudgeNetwork(nn.Module):
         features = self.blocks(self.stem(images * 2.0 - 1.0)).mean((2, 3))
         return self.noun_head(features).float(), self.attribute_head(features).float()
 
-    def read(self, prompts: Prompts) -> Tensor:
-        """Text vectors (P, width)."""
+    def encode_prompts(self, prompts: Prompts) -> Tensor:
+        """Encode prompts as vectors (P, width)."""
         x = self.noun(prompts.noun) + self.attribute(prompts.attributes)
         text: Tensor = x + self.mix(x)
         return text
 
     def scores(self, noun_logits: Tensor, features: Tensor, prompts: Prompts) -> Tensor:
-        """Scores (B, P) of every prompt for every view."""
-        match = features @ self.read(prompts).float().mT / math.sqrt(self.config.width)
+        """Return the scores (B, P) of every prompt for every view."""
+        match = features @ self.encode_prompts(prompts).float().mT / math.sqrt(self.config.width)
         return noun_logits[:, prompts.noun] + match

@@ -1,4 +1,4 @@
-"""`Judge`: how well each of several prompts fits a mesh."""
+"""Score how well each of several prompts fits a mesh."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ __all__ = ["Judge"]
 
 
 class Judge:
-    """A classifier of meshes that knows the builtin prior's vocabulary and nothing of its weights, cameras or shading.
+    """Classifier of meshes that shares only the vocabulary with the builtin prior.
 
     Parameters
     ----------
     weights : pathlib.Path
-        A file that `train` wrote; the one in the package unless given.
+        A file written by `train`; by default the one in the package.
 
     Attributes
     ----------
     identity : dict of str
-        `id`, `revision` and `sha256` of the weights: what a report says of who judged.
+        `id`, `revision` and `sha256` of the weights, for reports.
 
     Raises
     ------
@@ -48,40 +48,40 @@ class Judge:
 
     @torch.no_grad()
     def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
-        """How well each prompt fits the mesh.
+        """Score how well each prompt fits the mesh.
 
         Parameters
         ----------
         mesh : TriangleMesh
-            +Y up, anywhere and of any size; which way it looks does not matter.
+            +Y up, of any position, size and heading.
         prompts : sequence of P str
             Prompts of the builtin prior's grammar.
 
         Returns
         -------
         (P,) float32: log p(mesh | prompt) up to a constant of the mesh. A softmax over the prompts gives the
-        probability of each where all are equally likely; the largest is the one retrieved.
+        probability of each if all are equally likely beforehand; the largest score is retrieved.
 
         Raises
         ------
         PromptError, VocabularyError
-            A prompt is not one of the grammar's.
+            A prompt is outside the grammar.
         ShapeError
             The mesh has no faces, no extent or positions that are not finite.
         """
         asked = encoded([parse(prompt) for prompt in prompts])
-        noun_logits, features = self._network.look(draw_views(mesh, *self._cameras))
+        noun_logits, features = self._network.encode_views(draw_views(mesh, *self._cameras))
         return self._network.scores(noun_logits, features, asked).mean(0) * self._network.prompt_sharpness
 
     @torch.no_grad()
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
-        """Probability of each noun of the vocabulary, whatever the attributes; they sum to 1.
+        """Return the probability of each noun of the vocabulary, for any attributes; they sum to 1.
 
         Raises
         ------
         ShapeError
             As in `log_likelihoods`.
         """
-        noun_logits, _ = self._network.look(draw_views(mesh, *self._cameras))
+        noun_logits, _ = self._network.encode_views(draw_views(mesh, *self._cameras))
         probabilities = torch.softmax(noun_logits.mean(0) * self._network.noun_sharpness, 0)
         return dict(zip(NOUNS, probabilities.tolist(), strict=True))

@@ -1,8 +1,8 @@
-"""How the judge sees a mesh: its own cameras, a clay on white, one channel, 64 pixels a view.
+"""Render the judge's views of a mesh: its own cameras, clay on white, one channel, 64 pixels per view.
 
-Nothing of it is the prior's view: that one has face normals as colours, elevations of 0 to 30 degrees and a field of
-view of 30 to 45 degrees. The judge looks from below and from above those elevations, through a longer lens, at smoothly
-shaded clay, one view at a time.
+These differ from the prior's views, which have face normals as colours, elevations of 0 to 30 degrees and a field of
+view of 30 to 45 degrees. The judge's views are from below and above these elevations, with a narrower field of view,
+smoothly shaded clay and one view per picture.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FROM_ABOVE_DEG = (36.0, 58.0)
 
 
 def judging_cameras() -> tuple[Cameras, Cameras]:
-    """The eight fixed cameras: azimuths 0, 90, 180, 270 from 15 degrees below, and 45, 135, ... from 45 degrees above.
+    """Return the eight fixed cameras: azimuths 0, 90, ... from 15 degrees below, 45, 135, ... from 45 degrees above.
 
     Quarter turns of the mesh about the vertical axis only permute the views.
     """
@@ -35,7 +35,7 @@ def judging_cameras() -> tuple[Cameras, Cameras]:
 
 
 def training_cameras(rng: np.random.Generator) -> Cameras:
-    """Four cameras a quarter turn apart at a random azimuth, two from below and two from above."""
+    """Draw four cameras a quarter turn apart at a random azimuth, two from below and two from above."""
     elevations = [float(rng.uniform(*band)) for band in (_FROM_BELOW_DEG, _FROM_ABOVE_DEG) * 2]
     order = rng.permutation(4)
     azimuth, fov = float(rng.uniform(-180.0, 180.0)), float(rng.uniform(*_FOV_DEG))
@@ -43,9 +43,9 @@ def training_cameras(rng: np.random.Generator) -> Cameras:
 
 
 def framed(mesh: TriangleMesh) -> Tensor:
-    """Vertices (V, 3) float64, centred on the bounding box of the surface and scaled into the unit sphere.
+    """Centre the vertices (V, 3) float64 on the bounding box of the surface and scale them into the unit sphere.
 
-    Vertices that no face uses have no say.
+    Unused vertices do not affect the box.
 
     Raises
     ------
@@ -58,19 +58,19 @@ def framed(mesh: TriangleMesh) -> Tensor:
     centre = (used.amin(0) + used.amax(0)) / 2
     radius = (used - centre).norm(dim=1).max()
     if not float(radius) > 0:
-        raise ShapeError("the judge needs a mesh with an extent, and all vertices are one point")
+        raise ShapeError("the judge needs a mesh with an extent, but all vertices are one point")
     placed: Tensor = (mesh.verts - centre) / radius
     return placed
 
 
 @torch.no_grad()
 def draw_views(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
-    """Draw the framed mesh from all cameras.
+    """Render the framed mesh from all cameras.
 
     Returns
     -------
-    (N, 1, 64, 64) float32 in [0, 1]: 1 is background; on the surface 0 is lit from the front of the light and 0.75 is
-    in shade, so that no shading is mistaken for background.
+    (N, 1, 64, 64) float32 in [0, 1]: 1 is background. On the surface, 0 faces the light and 0.75 is in shade, so
+    shading is never mistaken for background.
     """
     verts = framed(mesh)
     renderer = Renderer(mesh.faces, len(verts), _STYLE)

@@ -1,4 +1,4 @@
-"""Read and write the judge's weights: half precision safetensors that say which vocabulary they belong to."""
+"""Read and write the judge's weights: half precision safetensors that record their vocabulary."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _ADVICE = (
 
 
 def vocabulary_hash() -> str:
-    """Hash of the nouns and attributes in the order of their numbers."""
+    """Hash the nouns and attributes in the order of their numbers."""
     words = [*NOUNS, *(f"{attribute.degree} {attribute.part}" for attribute in ATTRIBUTES)]
     return hashlib.sha256(",".join(words).encode()).hexdigest()[:16]
 
 
 def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]) -> None:
-    """Write the network as float16, so that a reader sees the old file or the new one, never half of it."""
+    """Write the network as float16, atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {**provenance, "config": json.dumps(asdict(network.config)), "vocabulary": vocabulary_hash()}
     state = {
@@ -47,12 +47,12 @@ def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]
 
 
 def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
-    """The network in float32 for inference, and the file's metadata.
+    """Read the network in float32 for inference, and the file's metadata.
 
     Raises
     ------
     ModelError
-        No such file, not safetensors, or weights of another vocabulary or another network.
+        The file is missing, not safetensors, or of another vocabulary or network.
     """
     if not path.is_file():
         raise ModelError(f"The judge's weights are missing: there is no {path.name} in {path.parent}.", advice=_ADVICE)

@@ -1,6 +1,6 @@
-"""The builtin demonstration prior: a small text-conditioned diffusion model that ships inside the package.
+"""Provide the builtin demonstration prior, a small text-conditioned diffusion model that ships in the package.
 
-`grammar` says which prompts it understands and is free of torch; `prior.BuiltinPrior` is the model. How the
-weights came to be: `families`, `dataset`, `train`; what they know: `docs/model_card.md` and
-``python -m meshdeform.priors.builtin.training.sample``.
+`grammar` defines the prompts that it accepts and needs no torch; `prior.BuiltinPrior` is the model. `training` contains
+the code that made the weights. `docs/model_card.md` describes what they can do, and
+``python -m meshdeform.priors.builtin.training.sample`` shows it.
 """

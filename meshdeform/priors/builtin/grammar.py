@@ -1,4 +1,4 @@
-"""The language of the builtin prior: which prompts it understands, and what a prompt means to it.
+"""Parse prompts of the builtin prior.
 
 ::
 
@@ -7,11 +7,11 @@
                  pinched
     degree     = long | short | big | small          part = neck | legs | head | ...
 
-Every noun takes every adjective; which parts a noun has stands in `NOUNS`. Synonyms, plurals, capitals
-and articles are understood. What is not understood is an error that says what would be: a prior that
-ignored half of a prompt would pretend to more than it knows.
+Every noun takes every adjective; `NOUNS` lists the parts of each noun. Synonyms, plurals, capitals and articles are
+accepted. Anything else is an error that lists the accepted words, because a prior must not silently ignore half of a
+prompt.
 
-Free of torch and numpy: the service checks a prompt before it takes the job.
+Needs neither torch nor numpy: the service checks a prompt before it accepts the job.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Attribute:
     degree: str
 
     def __str__(self) -> str:
-        """As a prompt says it."""
+        """Return the attribute as written in a prompt."""
         return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
 
 
@@ -81,14 +81,14 @@ VOCABULARY: tuple[str, ...] = (
     "whole",
     *PARTS,
 )
-"""The tokens in the order of their numbers; 0 is padding."""
+"""Tokens in the order of their numbers; 0 is padding."""
 
 _NUMBER = {word: number for number, word in enumerate(VOCABULARY)}
 
 
 @dataclass(frozen=True)
 class ParsedPrompt:
-    """What the builtin prior understood."""
+    """Noun and attributes of a prompt."""
 
     noun: str
     attributes: tuple[Attribute, ...] = ()
@@ -99,7 +99,7 @@ class ParsedPrompt:
         return (self.noun, *(word for attribute in self.attributes for word in (attribute.degree, attribute.part)))
 
     def __str__(self) -> str:
-        """A prompt that means this, in plain English."""
+        """Return an English prompt with this meaning."""
         whole = [attribute.degree for attribute in self.attributes if attribute.part == "whole"]
         parts = [attribute for attribute in self.attributes if attribute.part != "whole"]
         front = " ".join([*whole, self.noun])
@@ -109,7 +109,7 @@ class ParsedPrompt:
 
 
 def _singular(word: str) -> list[str]:
-    """The word and what it may be the plural of."""
+    """Return the word and its possible singular forms."""
     forms = [word]
     if word.endswith("ies"):
         forms.append(word[:-3] + "y")
@@ -137,7 +137,7 @@ def _part(word: str) -> str | None:
 
 
 def _degree(word: str, part: str) -> str | None:
-    """The canonical degree of a part that an adjective means, or None where it means none."""
+    """Return the canonical degree that an adjective means for a part, or None."""
     degree = DEGREE_SYNONYMS.get(word)
     if degree is None:
         return None
@@ -145,7 +145,7 @@ def _degree(word: str, part: str) -> str | None:
 
 
 def _refuse(detail: str, unknown: list[str]) -> VocabularyError:
-    """The error that lists all that the prior knows."""
+    """Return an error that lists the vocabulary of the prior."""
     nouns = sorted(NOUNS)
     attributes = [*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())]
     known = [*nouns, *NOUN_SYNONYMS, *ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *DEGREE_SYNONYMS]
@@ -167,7 +167,7 @@ def _refuse(detail: str, unknown: list[str]) -> VocabularyError:
 
 
 def parse(prompt: str) -> ParsedPrompt:
-    """What a prompt means to the builtin prior.
+    """Parse a prompt of the builtin prior.
 
     Parameters
     ----------
@@ -177,33 +177,32 @@ def parse(prompt: str) -> ParsedPrompt:
     Returns
     -------
     ParsedPrompt
-        Canonical noun and attributes, the same for prompts that mean the same.
+        Canonical noun and attributes, equal for prompts with the same meaning.
 
     Raises
     ------
     PromptError
-        Nothing in the prompt, or more than three attributes.
+        The prompt is empty or has more than three attributes.
     VocabularyError
-        A word, a part or a pairing that the prior never saw; carries `unknown`, `suggestions`, `nouns`
-        and `attributes`.
+        A word, a part or a combination is not supported; carries `unknown`, `suggestions`, `nouns` and `attributes`.
     """
     return _assemble(*_read(prompt))
 
 
 def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
-    """What a negative prompt means to the builtin prior.
+    """Parse a negative prompt of the builtin prior.
 
     Parameters
     ----------
     negative : str
-        A prompt ("a chair"), or attributes alone ("fat", "a long neck"), which are then those of the prompt's noun.
+        A prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun.
     prompt : str
-        What it is the negative of.
+        The prompt that it accompanies.
 
     Raises
     ------
     PromptError
-        As `parse`; or it says what the prompt says, so that nothing would tell them apart.
+        As `parse`; or the negative prompt means the same as the prompt.
     VocabularyError
         As `parse`.
     """
@@ -213,13 +212,13 @@ def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
     if unwanted == wanted:
         raise PromptError(
             f"The negative prompt {negative!r} says the same as the prompt {prompt!r}.",
-            advice="Leave out of the one what is in the other.",
+            advice="Remove from one what is in the other.",
         )
     return unwanted
 
 
 def _read(prompt: str) -> tuple[list[str], list[str], list[tuple[str, list[str]]]]:
-    """Nouns, adjectives of the whole, and parts with their adjectives, in the order in which they were written."""
+    """Return nouns, adjectives of the whole, and parts with their adjectives, in the order of the prompt."""
     words = re.findall(r"[^\W_]+(?:'[^\W_]+)?", prompt.lower())
     if not words:
         raise PromptError("The prompt is empty.", advice="Name a thing, for example: a tall vase.")
@@ -251,7 +250,7 @@ def _read(prompt: str) -> tuple[list[str], list[str], list[tuple[str, list[str]]
 
 
 def _assemble(nouns: list[str], whole: list[str], parts: list[tuple[str, list[str]]]) -> ParsedPrompt:
-    """Check known words against each other and put them in canonical order."""
+    """Check that known words fit together, and put them in canonical order."""
     if len(set(nouns)) != 1:
         found = f"it names {len(set(nouns))}: {', '.join(dict.fromkeys(nouns))}" if nouns else "it names none"
         raise _refuse(f"The builtin demonstration prior needs exactly one thing to make, and {found}.", [])
@@ -288,6 +287,6 @@ def _assemble(nouns: list[str], whole: list[str], parts: list[tuple[str, list[st
 
 
 def tokenise(parsed: ParsedPrompt) -> list[int]:
-    """Token numbers of a parsed prompt, `SEQUENCE_LENGTH` of them, padded with 0."""
+    """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
     numbers = [_NUMBER[word] for word in parsed.tokens]
     return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))

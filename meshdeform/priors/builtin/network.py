@@ -1,9 +1,9 @@
-"""The network of the builtin prior: a small convolutional U-Net that reads the prompt and the azimuth.
+"""Define the network of the builtin prior: a small convolutional U-Net, conditioned on prompt and azimuth.
 
-It predicts the clean picture behind a noisy one, 128 x 128 pixels, three channels of camera-space normals in
-[-1, 1]: a 2 x 2 grid of four views, azimuth a + {0, 90, 180, 270} degrees, 64 pixels each, or one view alone. Which
-of the two it is, is a condition like the prompt: a learned vector and a learned place. A strided stem
-takes the picture to 32 x 32 at once and a pixel shuffle brings it back, so a forward pass is cheap on one core.
+It predicts the clean picture of a noisy one, 128 x 128 pixels with three channels of camera-space normals in [-1, 1]:
+a 2 x 2 grid of four views, azimuth a + {0, 90, 180, 270} degrees, 64 pixels each, or a single view. Single views are
+marked by a learned vector and a learned position map. A strided stem reduces the picture to 32 x 32 at once and a pixel
+shuffle restores its size, so a forward pass is cheap on one core.
 
 Sources: Ho et al. 2020 (DDPM), Dhariwal & Nichol 2021 (adaptive group norm), Salimans & Ho 2022
 (v-prediction, eq. 11), Ho & Salimans 2022 (classifier-free guidance), Shi et al. 2016 (pixel shuffle).
@@ -28,7 +28,7 @@ _CAMERA_CHANNELS = 8
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """Sizes of the network; the defaults are those of the weights that ship."""
+    """Sizes of the network; the defaults are those of the shipped weights."""
 
     channels: tuple[int, int, int] = (48, 96, 160)
     embedding: int = 192
@@ -38,21 +38,21 @@ class ModelConfig:
 
 
 def null_tokens(batch: int) -> Tensor:
-    """(batch, SEQUENCE_LENGTH) int64 of padding: the prompt that says nothing."""
+    """Return the tokens of the empty prompt: (batch, SEQUENCE_LENGTH) int64 of padding."""
     return torch.zeros(batch, SEQUENCE_LENGTH, dtype=torch.int64)
 
 
 def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
-    """Where each pixel lies in its own view, and from which azimuth that view looks.
+    """Return each pixel's position in its view and the azimuth of that view.
 
     Parameters
     ----------
     azimuth_deg : (B,) float32
-        Azimuth of the first view, or of the only one, degrees.
+        Azimuth of the first or only view, degrees.
     single : (B,) bool, optional
-        Which pictures are one view; none of them unless given.
+        Whether each picture is a single view; by default none is.
     side : int
-        Pixels of the map.
+        Side of the map in pixels.
 
     Returns
     -------
@@ -76,10 +76,10 @@ def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
 
 
 class TextEncoder(nn.Module):
-    """Token numbers (B, SEQUENCE_LENGTH) to one vector (B, width) per prompt.
+    """Encoder of token numbers (B, SEQUENCE_LENGTH) as one vector (B, width) per prompt.
 
-    Word plus position embeddings, a small transformer, a mean over the words that are there. A prompt
-    without words gets a learned vector of its own.
+    Word and position embeddings, a small transformer and a mean over the words present. A prompt without words has its
+    own learned vector.
     """
 
     def __init__(self, width: int, layers: int, out: int) -> None:
@@ -92,9 +92,9 @@ class TextEncoder(nn.Module):
         self.nothing = nn.Parameter(torch.zeros(out))
 
     def forward(self, tokens: Tensor) -> Tensor:
-        """Encode; gradients flow into the embeddings."""
+        """Encode token numbers (B, SEQUENCE_LENGTH) as vectors (B, out), differentiably in the embeddings."""
         present = tokens > 0
-        # The first place is never masked, so that a row of padding attends to something.
+        # The first position is never masked, so that a row of padding attends to something.
         visible = present.clone()
         visible[:, 0] = True
         x = self.word(tokens) + self.position
@@ -118,7 +118,7 @@ class TextBlock(nn.Module):
         self.mlp = nn.Sequential(nn.Linear(width, 2 * width), nn.SiLU(), nn.Linear(2 * width, width))
 
     def forward(self, x: Tensor, visible: Tensor) -> Tensor:
-        """(B, N, C), with (B, N) bool of the words that may be attended to."""
+        """Transform (B, N, C), where `visible` (B, N) marks the words that may be attended to."""
         batch, length, width = x.shape
         qkv = self.qkv(self.norm_attention(x)).reshape(batch, length, 3, self.heads, width // self.heads)
         query, key, value = qkv.permute(2, 0, 3, 1, 4).unbind(0)
@@ -143,7 +143,7 @@ class ResidualBlock(nn.Module):
         nn.init.zeros_(self.conv_out.bias)  # type: ignore[arg-type]  # a convolution with a bias has one
 
     def forward(self, x: Tensor, condition: Tensor) -> Tensor:
-        """(B, inner, H, W) to (B, outer, H, W)."""
+        """Map (B, inner, H, W) to (B, outer, H, W)."""
         h = self.conv_in(functional.silu(self.norm_in(x)))
         scale, shift = self.condition(condition)[:, :, None, None].chunk(2, dim=1)
         h = self.norm_out(h) * (1 + scale) + shift
@@ -152,7 +152,7 @@ class ResidualBlock(nn.Module):
 
 
 class AttentionBlock(nn.Module):
-    """Self-attention over all pixels: how the four views of one object learn of each other."""
+    """Self-attention over all pixels, which connects the four views of an object."""
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
@@ -163,7 +163,7 @@ class AttentionBlock(nn.Module):
         nn.init.zeros_(self.out.weight)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W), same out."""
+        """Map (B, C, H, W) to the same shape."""
         batch, channels, height, width = x.shape
         qkv = self.qkv(self.norm(x)).reshape(batch, 3, self.heads, channels // self.heads, height * width)
         query, key, value = qkv.transpose(-1, -2).unbind(1)
@@ -173,7 +173,7 @@ class AttentionBlock(nn.Module):
 
 
 class PriorNetwork(nn.Module):
-    """The clean 2 x 2 grid of views, or the clean single view, behind a noisy one."""
+    """Predictor of the clean grid of views, or the clean single view, of a noisy one."""
 
     def __init__(self, config: ModelConfig | None = None) -> None:
         super().__init__()
@@ -190,13 +190,13 @@ class PriorNetwork(nn.Module):
         self.pool1 = nn.Conv2d(c1, c2, 3, stride=2, padding=1)
         self.middle = nn.ModuleList(ResidualBlock(c2, c2, e) for _ in range(3))
         self.attention = nn.ModuleList(AttentionBlock(c2, heads) for _ in range(2))
-        # Where on the picture a pixel lies decides which of the four views it belongs to.
+        # The position of a pixel in the picture determines its view.
         self.place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
-        # What a single view adds to the conditions of a grid; zero, so that weights without them mean what they meant.
+        # Additional conditions of a single view; initially zero, so that weights without them keep their meaning.
         self.single = nn.Parameter(torch.zeros(e))
         self.single_place = nn.Parameter(torch.zeros(1, c2, IMAGE_SIZE // 16, IMAGE_SIZE // 16))
-        # Which side of a view the front is on depends on place and azimuth together; conditions that are the same for
-        # every pixel leave the network to find that product, and it did not: the first edition knew no left from right.
+        # Which side of a view shows the front depends on position and azimuth together. With conditions that are equal
+        # for all pixels, the network did not learn this product: the first edition confused left and right.
         self.camera_fine = nn.Conv2d(_CAMERA_CHANNELS, c0, 1)
         self.camera_coarse = nn.Conv2d(_CAMERA_CHANNELS, c2, 1)
         for layer in (self.camera_fine, self.camera_coarse):
@@ -220,11 +220,11 @@ class PriorNetwork(nn.Module):
         timestep : (B,) int64
             0 .. 999.
         text : (B, embedding) float32
-            Output of `self.text`; encoded once a job, not once a step.
+            Output of `self.text`; encoded once per job, not once per step.
         azimuth_deg : (B,) float32
-            Azimuth of the first view, or of the only one, degrees.
+            Azimuth of the first or only view, degrees.
         single : (B,) bool, optional
-            Which pictures are one view; none of them unless given.
+            Whether each picture is a single view; by default none is.
         """
         conditions = self._condition(timestep, text, azimuth_deg)
         if single is not None:
@@ -253,7 +253,7 @@ class PriorNetwork(nn.Module):
         frequency = torch.exp(-math.log(1e4) * torch.arange(32, device=timestep.device) / 32)
         phase = timestep[:, None].float() * frequency
         angle = torch.deg2rad(azimuth_deg.float())
-        # Once and twice around: front from back, and side from front.
+        # The first and second harmonic separate front from back, and side from front.
         turn = torch.stack([angle.sin(), angle.cos(), (2 * angle).sin(), (2 * angle).cos()], 1)
         condition: Tensor = self.time(torch.cat([phase.sin(), phase.cos()], 1)) + text + self.azimuth(turn)
         return condition

@@ -1,8 +1,8 @@
-"""`BuiltinPrior`: the shipped network behind the interface that every diffusion prior has.
+"""Implement the interface of a diffusion prior with the shipped network.
 
-It works on pixels: z0 is the picture itself, scaled to [-1, 1], and there is no autoencoder between the mesh
-and the gradient. It knows the azimuth of the first view, which is what keeps a giraffe from growing a
-head on every side. A picture is a 2 x 2 grid of four views, or one view alone: the cameras say which.
+It works on pixels: z0 is the picture itself, scaled to [-1, 1], without an autoencoder. It is conditioned on the
+azimuth of the first view, which keeps a giraffe from growing a head on every side. A picture is a 2 x 2 grid of four
+views or a single view, depending on the number of cameras.
 
 ::
 
@@ -35,9 +35,9 @@ class BuiltinPrior:
     Parameters
     ----------
     device : str or torch.device
-        Where the network runs. It computes in float32 everywhere.
+        Device of the network, which always computes in float32.
     weights : pathlib.Path
-        A file that `train.py` wrote; the one in the package unless given.
+        A file written by `train.py`; by default the one in the package.
 
     Raises
     ------
@@ -46,7 +46,7 @@ class BuiltinPrior:
     """
 
     style = STYLE
-    """Of the four views of a grid; a view by itself is drawn at twice that size."""
+    """Style of the four views of a grid; a single view has twice that size."""
     num_timesteps = NUM_TIMESTEPS
 
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS) -> None:
@@ -63,15 +63,15 @@ class BuiltinPrior:
 
     @torch.no_grad()
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
-        """Text vectors (1 + others, E) float32: of the prompt, and of each other text, an empty one saying nothing.
+        """Return text vectors (1 + others, E) float32 of the prompt and of each other text; empty ones are allowed.
 
-        The network was trained with prompts dropped, so nothing has a vector of its own, and any two prompts can be
-        told apart the way that guidance tells a prompt from nothing: that is what a negative prompt does here.
+        The network was trained with prompt dropout, so the empty text has its own vector. A negative prompt replaces
+        the empty text in the guidance.
 
         Raises
         ------
         PromptError, VocabularyError
-            A text is not one of this prior's, or a negative prompt says what the prompt says.
+            A text is outside this prior's grammar, or a negative prompt means the same as the prompt.
         """
         rows = [torch.tensor([tokenise(parse(prompt))])]
         rows += [torch.tensor([tokenise(parse_negative(o, prompt))]) if o.strip() else null_tokens(1) for o in others]
@@ -79,12 +79,12 @@ class BuiltinPrior:
         return text
 
     def encode_image(self, image: Tensor) -> Tensor:
-        """Scale pictures (B, 3, 128, 128) from [0, 1] to [-1, 1]; differentiable, and nothing random."""
+        """Scale pictures (B, 3, 128, 128) from [0, 1] to [-1, 1], differentiably."""
         return image * 2.0 - 1.0
 
     @torch.no_grad()
     def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
-        """The noise in z_t, by each text.
+        """Predict the noise in z_t for each text.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class BuiltinPrior:
         embedding : (N, E) float32
             Rows of `encode_texts`.
         cameras : Cameras
-            Four for a grid, of which the first's azimuth is used; or one a picture, each with its own azimuth.
+            Four for a grid, whose first azimuth is used, or one per picture, each with its own azimuth.
 
         Returns
         -------
@@ -103,7 +103,7 @@ class BuiltinPrior:
         Raises
         ------
         ShapeError
-            Neither a grid nor a camera for every picture.
+            The input is neither a grid of four views nor single views with one camera each.
         """
         count, azimuths = z_t.shape[0], cameras.azimuths_deg
         grid = count == 1 and len(azimuths) == NUM_VIEWS
@@ -113,10 +113,10 @@ class BuiltinPrior:
             )
         noisy = z_t.detach().to(self.device, self.dtype)
         texts = len(embedding)
-        every = noisy.repeat(texts, 1, 1, 1).contiguous(memory_format=torch.channels_last)
+        inputs = noisy.repeat(texts, 1, 1, 1).contiguous(memory_format=torch.channels_last)
         steps = timestep.to(self.device).repeat(texts)
         azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * texts, device=self.device)
         single = None if grid else torch.ones(texts * count, dtype=torch.bool, device=self.device)
-        told = embedding.repeat_interleave(count, 0)
-        clean = self._network(every, steps, told, azimuth, single)
-        return noise_from_clean(clean, every, steps, self.alphas_cumprod).chunk(texts)
+        embeddings = embedding.repeat_interleave(count, 0)
+        clean = self._network(inputs, steps, embeddings, azimuth, single)
+        return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)

@@ -1,4 +1,4 @@
-"""How the builtin prior sees: the render styles and the cameras that its pictures were made with."""
+"""Define the render styles and cameras of the builtin prior's training pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from meshdeform.rendering.shading import RenderStyle
 __all__ = ["CAMERAS", "SINGLE_STYLE", "STYLE"]
 
 STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
-"""A view of the 2 x 2 grid: four of them fill the picture."""
+"""Style of a view in the 2 x 2 grid; four of them fill the picture."""
 SINGLE_STYLE = replace(STYLE, view_size=128)
-"""A view that fills the picture alone."""
+"""Style of a single view that fills the picture."""
 CAMERAS = CameraRange(elevation_min_deg=0.0, elevation_max_deg=30.0, fov_min_deg=30.0, fov_max_deg=45.0)

@@ -1,7 +1,7 @@
-"""The words of the builtin prior: its nouns, what they can be, and other words for the same.
+"""List the words of the builtin prior: nouns, attributes, parts and their synonyms.
 
-Tables only; `grammar.py` reads prompts with them. The order of nouns, adjectives and parts numbers the tokens, so a
-change here needs weights trained anew (a file of weights names the vocabulary that it belongs to).
+`grammar.py` parses prompts with these tables. The order of nouns, adjectives and parts numbers the tokens, so a change
+here requires new weights (a file of weights names its vocabulary).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "vase": ("neck",),
     "whale": ("tail",),
 }
-"""Every noun and the parts of it that a prompt can size."""
+"""Every noun with the parts whose size a prompt can set."""
 
 ADJECTIVES: dict[str, str] = {
     "tall": "stretched upward",
@@ -81,7 +81,7 @@ ADJECTIVES: dict[str, str] = {
     "tapered": "growing thinner toward the top",
     "pinched": "narrow at half height",
 }
-"""The attributes of the whole shape, which work on every noun, and what each does."""
+"""Attributes of the whole shape, valid for every noun, with their effects."""
 
 LENGTH, SIZE = ("short", "long"), ("small", "big")
 PARTS: dict[str, tuple[str, str]] = {
@@ -106,7 +106,7 @@ PARTS: dict[str, tuple[str, str]] = {
     "trunk": LENGTH,
     "wings": SIZE,
 }
-"""Every part and its two degrees: the lesser and the greater."""
+"""Every part with its two degrees, the lesser and the greater."""
 
 NOUN_SYNONYMS = {
     "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane",
@@ -153,7 +153,7 @@ OPPOSITES = tuple(
     frozenset(words)
     for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"), ("fat", "pinched"))
 )
-"""Adjectives that no shape has together."""
+"""Adjectives that contradict each other."""
 
 SECOND_EDITION = frozenset({"bell", "guitar", "octopus", "pig", "pineapple", "umbrella", "pinched", "handle"})
-"""The words that the first edition of the weights did not have; without them the token order is the first edition's."""
+"""Words that the first edition of the weights lacked; without them, the token order is that of the first edition."""

@@ -1,4 +1,4 @@
-"""Read and write the weights that ship: half precision safetensors that say which grammar they belong to."""
+"""Read and write the shipped weights: half precision safetensors that record their vocabulary."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _ADVICE = (
 
 
 def vocabulary_hash(words: Sequence[str] | None = None) -> str:
-    """Hash of a token numbering (this grammar's): weights of another numbering would read every prompt wrongly."""
+    """Hash a token numbering (by default this grammar's); weights of another numbering misread every prompt."""
     return hashlib.sha256(" ".join(VOCABULARY if words is None else words).encode()).hexdigest()[:16]
 
 
 def file_sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file."""
+    """Return the hexadecimal SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_weights(path: Path, state: Mapping[str, Tensor], config: ModelConfig, provenance: Mapping[str, str]) -> None:
-    """Write a network's tensors as float16, so that a reader sees the old file or the new one, never half of it."""
+    """Write a network's tensors as float16, atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {
         **provenance,
@@ -53,12 +53,12 @@ def write_weights(path: Path, state: Mapping[str, Tensor], config: ModelConfig, 
 
 
 def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
-    """The network in float32 for inference, and the file's metadata.
+    """Read the network in float32 for inference, and the file's metadata.
 
     Raises
     ------
     ModelError
-        No such file, not safetensors, or weights of another grammar.
+        The file is missing, not safetensors, or of another vocabulary.
     """
     state, metadata = read_tensors(path)
     if metadata.get("vocabulary") != vocabulary_hash():
@@ -71,12 +71,12 @@ def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
 
 
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """The tensors in float32 and the metadata of a file of weights, of whatever vocabulary.
+    """Read the tensors in float32 and the metadata of a file of weights of any vocabulary.
 
     Raises
     ------
     ModelError
-        No such file, or not safetensors.
+        The file is missing or not safetensors.
     """
     if not path.is_file():
         raise ModelError(

@@ -1,7 +1,7 @@
-"""Rasterisation: which triangle is nearest at each pixel, and the antialiasing that makes silhouettes differentiable.
+"""Rasterise: find the nearest triangle at each pixel, and antialias silhouettes differentiably.
 
-One interface, a backend per device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
-integer arithmetic and so agree on every pixel but for ties in depth.
+There is one backend per kind of device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
+integer arithmetic and therefore agree on every pixel except for ties in depth.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ class Fragments:
     Attributes
     ----------
     face_ids : (B, H, W) int64
-        Index of the face, -1 where nothing is seen. Row 0 is the top of the image.
+        Index of the face, -1 where there is none. Row 0 is the top of the image.
     depth : (B, H, W) float32
-        Normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it; `EMPTY_DEPTH` where nothing
-        is seen.
+        Normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it; `EMPTY_DEPTH` where there
+        is no face.
     """
 
     face_ids: Tensor
@@ -36,10 +36,10 @@ class Fragments:
 
 
 def rasterize(clip: Tensor, faces: Tensor, height: int, width: int) -> Fragments:
-    """Find the nearest triangle at each pixel centre; both sides of a triangle are seen.
+    """Find the nearest triangle at each pixel centre; triangles are two-sided.
 
-    Triangles with a vertex at or behind the camera plane are dropped. Not differentiable in itself: gradients
-    come from shading at the visible surface and from `antialias` at silhouettes.
+    Triangles with a vertex at or behind the camera plane are dropped. The result is not differentiable: gradients come
+    from shading on the visible surface and from `antialias` at silhouettes.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
-"""Edge-centric antialiasing: walk each silhouette edge of the mesh and blend the pixel pairs that it separates.
+"""Antialias silhouettes by walking along each silhouette edge and blending the pixel pairs that it separates.
 
-Where a silhouette edge crosses the line between two pixel centres, the pixel that the edge's coverage reaches into
-takes a share of the other's colour. The share is the crossing's coordinate, a smooth function of the edge's two
-vertices, and through it the image's gradient reaches the silhouette. Because the walk starts from the mesh's edges and
-not from pixels whose triangles differ, it finds silhouettes whose triangles own no pixel centre: gradients
-stay right when triangles are smaller than a pixel.
+Where a silhouette edge crosses the line between two pixel centres, the pixel that is partly covered across the edge
+takes a share of the other's colour. The share depends on the position of the crossing, a smooth function of the edge's
+two vertices, so the image's gradient reaches the silhouette. The walk starts from the mesh's edges rather than from
+pixels whose triangles differ. It therefore also finds silhouettes of triangles that cover no pixel centre, and
+gradients remain correct for triangles smaller than a pixel.
 
-The analytic blend follows the published idea of Laine et al. 2020, Modular Primitives, section 3.4; the
-enumeration by edges is our own. No gradient arises where two surfaces intersect without a common edge.
+The analytic blend follows Laine et al. 2020, Modular Primitives, section 3.4; the enumeration by edges is our own.
+There is no gradient where two surfaces intersect without a common edge.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _DEPTH_BIAS = 1e-4
 
 @dataclass(frozen=True)
 class SilhouetteEdges:
-    """The mesh's edges, each with the opposite vertices of its faces.
+    """Edges of the mesh with the opposite vertices of their faces.
 
     Attributes
     ----------
     verts : (E, 2) int64
         End points.
     opposite : (E, 2) int64
-        Third vertex of the edge's first and second face, -1 where there is no second one (open borders).
+        Third vertex of the edge's first and second face; -1 if there is no second one (open borders).
     """
 
     verts: Tensor
@@ -48,7 +48,7 @@ def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
     ----------
     image : (B, H, W, C) floating
     clip : (B, V, 4) floating
-        The vertices that were rasterised.
+        The rasterised vertices.
     edges : SilhouetteEdges
     depth : (B, H, W) float32
         From `rasterize`.
@@ -82,7 +82,7 @@ def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
 
 @dataclass(frozen=True)
 class _Crossings:
-    """Where silhouette edges cross lines of pixel centres (rows if the edge is steep, else columns)."""
+    """Crossings of silhouette edges with lines of pixel centres (rows if the edge is steep, otherwise columns)."""
 
     view: Tensor
     edge: Tensor
@@ -122,7 +122,7 @@ def _crossings(pixels: Tensor, clip: Tensor, edges: SilhouetteEdges, height: int
 
 @dataclass(frozen=True)
 class _Chosen:
-    """The visible crossings: one a pixel pair, the nearest."""
+    """Visible crossings: the nearest one of each pixel pair."""
 
     index: Tensor
     inside: Tensor
@@ -151,7 +151,7 @@ def _visible(
     z = clip[..., 2] / clip[..., 3]
     z_a, z_b = z[crossing.view, edges.verts[crossing.edge, 0]], z[crossing.view, edges.verts[crossing.edge, 1]]
     z_edge = z_a + t * (z_b - z_a)
-    # The edge must lie before what is seen beyond it; of several edges between the same two pixels the nearest wins.
+    # The edge must be nearer than the surface beyond it; of several edges between two pixels, the nearest wins.
     index = (on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)).nonzero()[:, 0]
     pair = torch.minimum(inside[index], outside[index]) * 2 + crossing.by_row[index].long()
     fixed = ((z_edge[index].double().clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()

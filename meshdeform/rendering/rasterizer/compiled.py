@@ -1,8 +1,8 @@
-"""The CPU's raster step: a scanline loop with exact integer edge functions, compiled by numba.
+"""Rasterise on the CPU: a scanline loop with exact integer edge functions, compiled by numba.
 
-Vertices are snapped to 1/256 pixel; a pixel belongs to a triangle when its centre is inside by the top-left rule, so
-neighbours neither overlap nor leave gaps. Source of the edge functions: Pineda 1988, A Parallel Algorithm for
-Polygon Rasterization.
+Vertices are snapped to 1/256 pixel. A pixel belongs to a triangle if its centre is inside by the top-left rule, so
+neighbouring triangles neither overlap nor leave gaps. Source of the edge functions: Pineda 1988, A Parallel Algorithm
+for Polygon Rasterization.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _rasterize(
                 x[v] = 0
                 y[v] = 0
                 continue
-            # Clamped so that products of coordinates stay far inside 64 bits.
+            # Clamped so that products of coordinates fit easily into 64 bits.
             x[v] = np.int64(np.rint(min(max((clip[b, v, 0] / w * 0.5 + 0.5) * width * _SUB, -4194304.0), 4194304.0)))
             y[v] = np.int64(np.rint(min(max((0.5 - clip[b, v, 1] / w * 0.5) * height * _SUB, -4194304.0), 4194304.0)))
             z[v] = clip[b, v, 2] / w
@@ -69,7 +69,7 @@ def _rasterize(
             dz_dx = (ax * z[i] + ay * z[j] + az * z[k]) * inverse * _SUB
             dz_dy = (bx * z[i] + by * z[j] + bz * z[k]) * inverse * _SUB
             z_row = (e0 * z[i] + e1 * z[j] + e2 * z[k]) * inverse
-            # Top-left rule: pixels exactly on any other edge belong to the neighbour.
+            # Top-left rule: pixel centres exactly on any other edge belong to the neighbour.
             if not (ax > 0 or (ax == 0 and bx < 0)):
                 e0 -= 1
             if not (ay > 0 or (ay == 0 and by < 0)):

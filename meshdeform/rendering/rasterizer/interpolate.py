@@ -1,12 +1,11 @@
-"""Perspective-correct interpolation of vertex values at pixel centres, differentiable in the values and the positions.
+"""Interpolate vertex values at pixel centres, perspective-correct and differentiable in values and positions.
 
 With p the pixel in normalised coordinates and q_i = (x_i - p_x w_i, y_i - p_y w_i), the areas a_0 = q_1 x q_2 and so on
-give the barycentric coordinates b_i = a_i / (a_0 + a_1 + a_2), and the value is sum_i b_i v_i. The gradient in the
-positions is what tells the optimisation that a pattern on the surface moves with it.
+give the barycentric coordinates b_i = a_i / (a_0 + a_1 + a_2), and the value is sum_i b_i v_i. The gradient with
+respect to the positions accounts for patterns on the surface that move with it.
 
-A face that is seen exactly edge-on can still be the nearest at a pixel, for visibility is decided on a grid of
-integers. Its areas sum to zero there and say nothing: the three corners weigh alike, and nothing is passed on to the
-positions.
+A face that is seen exactly edge-on can still be the nearest at a pixel, because visibility is computed on an integer
+grid. Its areas then sum to zero: the three corners get equal weights, and the positions no gradient.
 
 Source: Olano and Greer 1997, Triangle Scan Conversion using 2D Homogeneous Coordinates.
 """
@@ -25,7 +24,7 @@ __all__ = ["interpolate", "interpolate_torch"]
 def interpolate(
     clip: Tensor, values: Tensor, faces: Tensor, pixels: Tensor, face_of_pixel: Tensor, height: int, width: int
 ) -> Tensor:
-    """Values at covered pixels.
+    """Interpolate values at covered pixels.
 
     Parameters
     ----------
@@ -35,7 +34,7 @@ def interpolate(
     pixels : (P,) int64
         Flat indices into (B, height, width) of the covered pixels.
     face_of_pixel : (P,) int64
-        The face seen there.
+        The visible face at each pixel.
     height, width : int
 
     Returns
@@ -53,8 +52,8 @@ def interpolate_torch(
 ) -> Tensor:
     """Interpolate in plain torch, on any device; see `interpolate`.
 
-    The areas are computed in float64 as in the compiled loop: x - p w cancels, and in float32 the gradients of small
-    faces are off by percents.
+    The areas are computed in float64 as in the compiled loop: x - p w suffers cancellation, and in float32 the
+    gradients of small faces are wrong by several percent.
     """
     view = torch.div(pixels, height * width, rounding_mode="floor")
     within = pixels % (height * width)
@@ -67,7 +66,7 @@ def interpolate_torch(
     area = j[..., 0] * k[..., 1] - j[..., 1] * k[..., 0]
     total = area.sum(-1, keepdim=True)
     flat = total == 0
-    # Two selections, for the gradient of a quotient by zero would be NaN even where its value is not taken.
+    # Two selections, because the gradient of a quotient by zero would be NaN even where its value is unused.
     weights = torch.where(flat, 1 / 3, area / torch.where(flat, 1.0, total))
     corner = values.reshape(-1, values.shape[-1]).index_select(0, index).view(-1, 3, values.shape[-1])
     return (corner.double() * weights[..., None]).sum(1).to(values.dtype)

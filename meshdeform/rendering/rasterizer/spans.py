@@ -1,7 +1,7 @@
-"""The raster step in plain torch, for any device: enumerate (triangle, row) spans and touch only covered pixels.
+"""Rasterise in plain torch on any device: enumerate (triangle, row) spans and visit only covered pixels.
 
-The integer half-planes give each row's exact span, so slivers cost no more than the pixels they cover, and a
-64-bit key (depth, face) with an atomic minimum makes the result independent of the order of writes.
+The integer half-planes give the exact span of each row, so slivers cost no more than the pixels they cover. A 64-bit
+key (depth, face) with an atomic minimum makes the result independent of the order of writes.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from torch import Tensor
 __all__ = ["EMPTY_DEPTH", "rasterize_spans"]
 
 EMPTY_DEPTH = 3.0
-"""Depth where nothing is seen: beyond what any point in front of the cameras has, those past the far plane as well."""
+"""Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 
 _SUB = 256
 _HALF = 128
 _EMPTY = torch.iinfo(torch.int64).max
-_MAX_ITEMS = 1 << 22  # rows or pixels materialised at a time: bounds memory, not the result
+_MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the result
 
 
 @torch.no_grad()
@@ -58,7 +58,7 @@ _Planes = tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]
 
 
 def _edge_planes(x: Tensor, y: Tensor, z: Tensor, area: Tensor) -> _Planes:
-    """Integer edge functions a*col + b*row + c >= 0, and the depth plane, per triangle."""
+    """Return integer edge functions a*col + b*row + c >= 0 and the depth plane of each triangle."""
     sign = area.sign()[:, None]
     xa, ya, xb, yb = x[:, [1, 2, 0]], y[:, [1, 2, 0]], x[:, [2, 0, 1]], y[:, [2, 0, 1]]
     a, b = (ya - yb) * sign, (xb - xa) * sign
@@ -104,14 +104,14 @@ def _fill(
             column = column + lo[j]
             z = z_0[i[j]] + z_y[i[j]] * row[j] + z_x[i[j]] * column
             inside = (z >= -1) & (z < EMPTY_DEPTH)
-            # Depths -1 .. 3 in 31 bits: one more, and the shifted key would be negative and win over all others.
+            # Depths -1 .. 3 in 31 bits; with one bit more, the shifted key would become negative and always win.
             fixed = ((z.clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()
             pixel = (first_row[i[j]] + row[j]) * width + column
             key.scatter_reduce_(0, pixel, torch.where(inside, (fixed << 32) | face[i[j]], _EMPTY), "amin")
 
 
 def _chunks(ends: Tensor) -> Iterator[tuple[int, int]]:
-    """Ranges of items whose counts (given by their running sum) add up to `_MAX_ITEMS` at most."""
+    """Yield ranges of items whose counts (given by their running sum) add up to `_MAX_ITEMS` at most."""
     n, start, done = ends.numel(), 0, 0
     while start < n:
         stop = min(n, max(start + 1, int(torch.searchsorted(ends, done + _MAX_ITEMS, right=True))))
@@ -120,7 +120,7 @@ def _chunks(ends: Tensor) -> Iterator[tuple[int, int]]:
 
 
 def _expand(counts: Tensor, ends: Tensor, start: int, stop: int) -> tuple[Tensor, Tensor]:
-    """For items start..stop: each item's index repeated `counts` times, and 0, 1, 2 ... within it."""
+    """Return, for items start..stop, each index repeated `counts` times, and 0, 1, 2 ... within each."""
     done = int(ends[start - 1]) if start else 0
     total = int(ends[stop - 1]) - done
     item = torch.repeat_interleave(

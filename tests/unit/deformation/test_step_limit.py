@@ -87,14 +87,14 @@ def test_what_would_jump_across_is_held_and_the_rest_goes_on(kind: Callable[[Poi
     tensor = variables.tensors[name]
     optimizer = Adam([{"params": [tensor], "lr": 1.0}])
     optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
-    assert 0 < limit.keep(optimizer, old, before) < len(mesh.faces)
+    assert 0 < limit.enforce(optimizer, old, before) < len(mesh.faces)
     after = variables.place().detach()
     assert (normals(mesh, after)[:, 2] > 0).all()
     right = mesh.verts[:, 0] > 0.45
     assert float((after - mesh.verts)[right, 0].mean()) > 0.02
     forgotten = optimizer.state[tensor]["exp_avg"].flatten(1).norm(dim=1) == 0
     assert 0 < int(forgotten.sum()) < len(tensor)
-    assert limit.keep(optimizer, limit.copy(), after) == 0
+    assert limit.enforce(optimizer, limit.copy(), after) == 0
 
 
 def normals(mesh: TriangleMesh, verts: Tensor) -> Tensor:
@@ -111,7 +111,7 @@ def test_a_step_that_turns_all_over_is_not_taken() -> None:
     with torch.no_grad():
         variables.tensors["jacobians"][:, 0, 0] = -1.0
     optimizer = Adam([{"params": [variables.tensors["jacobians"]], "lr": 1.0}])
-    assert limit.keep(optimizer, old, before) == len(mesh.faces)
+    assert limit.enforce(optimizer, old, before) == len(mesh.faces)
     assert (normals(mesh, variables.place().detach())[:, 2] > 0).all()
 
 

@@ -105,7 +105,7 @@ def test_scores_are_the_nouns_logit_and_the_match_of_the_attributes() -> None:
     network = JudgeNetwork().eval()
     prompts = [ParsedPrompt("vase"), ParsedPrompt("vase", (Attribute("whole", "tall"),)), ParsedPrompt("dog")]
     with torch.no_grad():
-        noun_logits, features = network.look(torch.rand(3, 1, 64, 64))
+        noun_logits, features = network.encode_views(torch.rand(3, 1, 64, 64))
         scores = network.scores(noun_logits, features, encoded(prompts))
         one = network.scores(noun_logits[1:2], features[1:2], encoded(prompts[1:2]))
     assert scores.shape == (3, 3)
@@ -131,7 +131,7 @@ def test_weights_come_back(tmp_path: Path) -> None:
     again, metadata = read_judge(tmp_path / "judge")
     images = torch.rand(2, 1, 64, 64)
     with torch.no_grad():
-        assert torch.allclose(again.look(images)[0], network.look(images)[0], atol=1e-2)
+        assert torch.allclose(again.encode_views(images)[0], network.encode_views(images)[0], atol=1e-2)
     assert float(again.prompt_sharpness) == 2.5
     assert metadata["steps"] == "7"
 

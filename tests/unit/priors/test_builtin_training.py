@@ -252,7 +252,7 @@ def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused
     save_file(held, path, {"vocabulary": "0"})
     with pytest.raises(ModelError, match="vocabulary"):
         warm_start.warm_start(PriorNetwork(SMALL), path, torch.Generator())
-    with pytest.raises(ModelError, match="other sizes"):
+    with pytest.raises(ModelError, match="another size"):
         warm_start.warm_start(PriorNetwork(), older, torch.Generator())
 
 

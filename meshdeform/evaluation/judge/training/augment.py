@@ -1,7 +1,7 @@
-"""Random changes to training views that leave what they show: what a deformed mesh's picture may differ in.
+"""Augment training views by random changes that preserve their meaning and resemble deformed meshes.
 
-Background is 1 and the surface is darker, so a minimum filter grows the surface (it closes gaps between legs, which a
-deformed sphere has webs in) and a maximum filter shrinks it (which loses what is thin).
+Background is 1 and the surface is darker, so a minimum filter grows the surface (closing gaps between legs, where a
+deformed sphere has webs) and a maximum filter shrinks it (removing thin parts).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["augmented"]
 
 
 def augmented(images: Tensor, generator: torch.Generator) -> Tensor:
-    """Mirror, move, scale, close, open, blur, and change brightness and contrast, each view on its own.
+    """Mirror, move, scale, close, open, blur, and change brightness and contrast, independently for each view.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def _minimum(images: Tensor, side: int) -> Tensor:
 
 
 def _blurred(images: Tensor, sigma: Tensor) -> Tensor:
-    """Gaussian blur with a sigma (B,) in pixels for each view; 0 leaves it as it is."""
+    """Blur each view with a Gaussian of its own sigma (B,), in pixels; 0 does not change it."""
     at = torch.arange(-3.0, 4.0)
     kernel = torch.exp(-0.5 * (at / sigma.clamp_min(0.05)[:, None]) ** 2)
     kernel = kernel / kernel.sum(1, keepdim=True)
@@ -70,7 +70,7 @@ def _blurred(images: Tensor, sigma: Tensor) -> Tensor:
 
 
 def _moved(images: Tensor, scale: Tensor, right: Tensor, up: Tensor, side: Tensor) -> Tensor:
-    """Scale about the middle, move by shares of half a picture, and mirror where `side` is negative."""
+    """Scale about the centre, move by shares of half a picture, and mirror where `side` is negative."""
     mirror = torch.where(side < 0, -1.0, 1.0)
     roll = math.radians(4.0) * side
     theta = torch.zeros(len(images), 2, 3)

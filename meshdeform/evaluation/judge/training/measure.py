@@ -1,10 +1,10 @@
-"""Measure the judge on members that neither it nor the prior saw.
+"""Measure the judge on members that neither it nor the prior was trained on.
 
 Run it as ``python -m meshdeform.evaluation.judge.training.measure``.
 
-Top-1 of the noun from one view and from eight; retrieval of the whole prompt among twelve, among the plain nouns
-with the variants of the noun, and among the variants alone; calibration; the pairs most often confused; and what the
-judge says of shapes that are no noun.
+Prints the top-1 accuracy of the noun from one view and from eight; retrieval of the whole prompt among twelve, among
+the plain nouns and the variants of the noun, and among the variants alone; calibration; the pairs most often confused;
+and the judgements of shapes that are no noun.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SHAPES: dict[str, TriangleMesh] = {
 
 
 def prompts_of(data: ViewSet) -> list[ParsedPrompt]:
-    """The prompt that is true of each mesh of a set without shapes that are nothing."""
+    """Return the true prompt of each mesh, for a set in which every shape shows a noun."""
     names = list(NOUNS)
     return [
         ParsedPrompt(names[noun], tuple(ATTRIBUTES[number] for number in row.nonzero()[:, 0].tolist()))
@@ -46,32 +46,32 @@ def prompts_of(data: ViewSet) -> list[ParsedPrompt]:
 
 
 def variants(noun: str) -> list[ParsedPrompt]:
-    """The noun alone, and with each single attribute that it takes."""
+    """Return the noun alone, and with each single attribute."""
     own = [attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun])]
     return [ParsedPrompt(noun), *(ParsedPrompt(noun, (attribute,)) for attribute in own)]
 
 
 class _Measured:
-    """What the network says of every view of a set, looked at once."""
+    """Outputs of the network for every view of a set, computed once."""
 
     @torch.no_grad()
     def __init__(self, network: JudgeNetwork, data: ViewSet) -> None:
         self.network, self.data, self.prompts = network, data, prompts_of(data)
         self.views = data.images.shape[1]
-        self.noun_logits, self.features = network.look(data.images.flatten(0, 1)[:, None].float() / 255.0)
+        self.noun_logits, self.features = network.encode_views(data.images.flatten(0, 1)[:, None].float() / 255.0)
 
     def nouns_of_views(self) -> float:
-        """Share of single views whose likeliest noun is right."""
+        """Return the share of single views whose likeliest noun is correct."""
         return _share(self.noun_logits.argmax(1) == self.data.noun.repeat_interleave(self.views))
 
     def noun_probabilities(self) -> Tensor:
-        """(M, N) from all views of each mesh."""
+        """Return the probabilities (M, N) of nouns from all views of each mesh."""
         mean = self.noun_logits.view(len(self.data), self.views, -1).mean(1)
         return torch.softmax(mean * self.network.noun_sharpness, 1)
 
     @torch.no_grad()
-    def finds(self, row: int, candidates: list[ParsedPrompt]) -> tuple[bool, float]:
-        """Whether the mesh's own prompt, which is added where it is not there, scores highest; the best probability."""
+    def retrieves(self, row: int, candidates: list[ParsedPrompt]) -> tuple[bool, float]:
+        """Return whether the mesh's own prompt (added if missing) scores highest, and the highest probability."""
         candidates = list(dict.fromkeys([*candidates, self.prompts[row]]))
         at = slice(row * self.views, (row + 1) * self.views)
         scores = self.network.scores(self.noun_logits[at], self.features[at], encoded(candidates)).mean(0)
@@ -79,16 +79,16 @@ class _Measured:
         return candidates[int(scores.argmax())] == self.prompts[row], float(likely.max())
 
     def retrieval(self) -> dict[str, list[float]]:
-        """By set of candidates: top-1 of the whole prompt for no, one and two attributes, and overall; confidence."""
+        """Return, by set of candidates, the top-1 for no, one and two attributes and overall, and the confidence."""
         rng = np.random.default_rng(0)
         plain = [ParsedPrompt(noun) for noun in NOUNS]
         others = list(dict.fromkeys(self.prompts))
         found: dict[str, list[tuple[bool, float]]] = {"among 12": [], "nouns and variants": [], "variants": []}
         for row, prompt in enumerate(self.prompts):
             twelve = [others[k] for k in rng.permutation(len(others))[:12] if others[k] != prompt][:11]
-            found["among 12"].append(self.finds(row, twelve))
-            found["nouns and variants"].append(self.finds(row, plain + variants(prompt.noun)))
-            found["variants"].append(self.finds(row, variants(prompt.noun)))
+            found["among 12"].append(self.retrieves(row, twelve))
+            found["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
+            found["variants"].append(self.retrieves(row, variants(prompt.noun)))
         count = np.array([len(prompt.attributes) for prompt in self.prompts])
         table = {name: np.array(pairs, float) for name, pairs in found.items()}
         return {
@@ -102,7 +102,7 @@ def _share(hits: Tensor) -> float:
 
 
 def _calibration_error(probabilities: Tensor, noun: Tensor) -> float:
-    """Expected calibration error in ten bins of confidence (Guo et al. 2017, eq. 3)."""
+    """Return the expected calibration error in ten bins of confidence (Guo et al. 2017, eq. 3)."""
     confidence, guess = probabilities.max(1)
     right = (guess == noun).float()
     bins = (confidence * 10).long().clamp_max(9)
@@ -154,7 +154,7 @@ def main() -> None:
         _report(name, network, ViewSet.drawn(HELD_OUT, arguments.members, rough=rough))
     judge = Judge(arguments.weights)
     plain = [str(ParsedPrompt(noun)) for noun in NOUNS]
-    print("\nshapes that are nothing: the three likeliest nouns; the likeliest of the prompts without attributes")
+    print("\nshapes that are no noun: the three likeliest nouns; the likeliest of the prompts without attributes")
     for name, mesh in SHAPES.items():
         best = sorted(judge.noun_probabilities(mesh).items(), key=lambda item: -item[1])[:3]
         prompt = torch.softmax(judge.log_likelihoods(mesh, plain), 0).max(0)

@@ -1,10 +1,10 @@
-"""What the judge learns from: members of the families that the prior never saw, and shapes that are nothing.
+"""Render the judge's training views: family members that the prior never saw, and shapes that are no noun.
 
-The families are the prior's, their members are not: seeds begin with a constant of the judge's own. Attributes are
-drawn over all pairs that the grammar accepts. Meshes are roughened and smoothed before they are drawn, since a
-deformed sphere is smoother than parts put together, and lumpier.
+The families are those of the prior, but not the members: seeds begin with a constant of the judge. Attributes are drawn
+from all pairs that the grammar accepts. Meshes are smoothed and roughened before rendering, because a deformed sphere
+is smoother than joined parts, and lumpier.
 
-Source of the shapes that are nothing: Hendrycks et al. 2019, Deep anomaly detection with outlier exposure.
+Source of the shapes that are no noun: Hendrycks et al. 2019, Deep anomaly detection with outlier exposure.
 """
 
 from __future__ import annotations
@@ -33,35 +33,35 @@ __all__ = ["CALIBRATION", "HELD_OUT", "TRAINING", "ViewSet", "draw_member", "dra
 _log = logging.getLogger(__name__)
 
 _SEED = 0x6A756467
-"""First word of every seed of the judge ("judg"); the prior's seeds begin with a small number."""
+"""First word of every seed of the judge ("judg"); seeds of the prior begin with a small number."""
 
 TRAINING, CALIBRATION, HELD_OUT = 0, 1, 2
-"""The three ranges of seeds, which share no member."""
+"""Three disjoint ranges of seeds."""
 
 _ATTRIBUTE_COUNT_ODDS = (0.4, 0.42, 0.18)
 """Odds of none, one and two attributes."""
 
 
 def seeded(split: int, kind: int, number: int) -> np.random.Generator:
-    """The generator of one member: `split` is one of the three ranges, `kind` the noun's number (-1: nothing)."""
+    """Return the generator of one member of the range `split`; `kind` is the noun's number (-1: no noun)."""
     return np.random.default_rng([_SEED, split, kind + 1, number])
 
 
 def _draw_prompt(noun: str, rng: np.random.Generator) -> ParsedPrompt:
-    """A prompt about a noun with up to two attributes that agree."""
+    """Draw a prompt about a noun with up to two compatible attributes."""
     known = [Attribute("whole", word) for word in ADJECTIVES]
     known += [Attribute(part, degree) for part in NOUNS[noun] for degree in PARTS[part]]
     return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
 
 
 def draw_member(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:
-    """A member of the noun's family, and the prompt that is true of it."""
+    """Draw a member of the noun's family; return its true prompt and the mesh."""
     prompt = _draw_prompt(noun, rng)
     return prompt, member(noun, prompt.attributes, rng)
 
 
 def draw_nothing(rng: np.random.Generator) -> Part:
-    """A ball, a block, a bar, or up to three of them stuck together, often lumpy: no noun of the vocabulary."""
+    """Draw a shape that is no noun: a ball, a block, a bar, or up to three of them joined, often lumpy."""
     parts = []
     for _ in range(int(rng.choice([1, 1, 1, 2, 3]))):
         place = rng.uniform(-0.5, 0.5, 3)
@@ -77,18 +77,18 @@ def draw_nothing(rng: np.random.Generator) -> Part:
 
 
 def _waved(verts: NDArray[np.float64], rng: np.random.Generator, amplitude: float) -> NDArray[np.float64]:
-    """Displace by a smooth random field of space: six plane waves, wavelengths from the radius to a quarter of it."""
+    """Displace by a smooth random field: six plane waves, wavelengths from the radius to a quarter of it."""
     wave = rng.normal(0.0, 1.0, (6, 3))
     wave *= (2 * np.pi / rng.uniform(0.25, 1.2, 6) / np.linalg.norm(wave, axis=1))[:, None]
     direction = rng.normal(0.0, 1.0, (6, 3)) / np.sqrt(18.0)
     phase = rng.uniform(0.0, 2 * np.pi, 6)
-    # Longer waves are higher, as in what an optimisation leaves.
+    # Longer waves are higher, as in results of an optimisation.
     direction *= (6.0 / np.linalg.norm(wave, axis=1))[:, None]
     return np.asarray(verts + amplitude * np.sin(verts @ wave.T + phase) @ direction)
 
 
 def roughened(shape: Part, rng: np.random.Generator) -> Part:
-    """The shape as an optimisation might have left it: smoothed, waved, with noise, a little tilted."""
+    """Smooth, wave, perturb and slightly tilt a shape, to resemble the result of an optimisation."""
     verts = shape.verts
     if rng.random() < 0.5:
         verts = _smoothed(Part(verts, shape.faces), int(rng.integers(1, 5)))
@@ -103,7 +103,7 @@ def roughened(shape: Part, rng: np.random.Generator) -> Part:
 
 
 def _smoothed(shape: Part, times: int) -> NDArray[np.float64]:
-    """Uniform Laplacian smoothing: every vertex half way to the mean of its neighbours."""
+    """Smooth uniformly: move every vertex half way to the mean of its neighbours, `times` times."""
     start, stop = shape.faces[:, [0, 1, 2]].ravel(), shape.faces[:, [1, 2, 0]].ravel()
     count = len(shape.verts)
     graph = sparse.csr_matrix((np.ones(len(start)), (start, stop)), shape=(count, count))
@@ -116,9 +116,9 @@ def _smoothed(shape: Part, times: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Views of M meshes with what they show.
+    """Views of M meshes with their labels.
 
-    `images` (M, V, 64, 64) uint8; `noun` (M,) int64, -1 where it is nothing; `attributes` (M, A) uint8.
+    `images` (M, V, 64, 64) uint8; `noun` (M,) int64, -1 for shapes that are no noun; `attributes` (M, A) uint8.
     """
 
     images: Tensor
@@ -130,9 +130,9 @@ class ViewSet:
 
     @classmethod
     def drawn(cls, split: int, members: int, nothings: int = 0, *, rough: bool = True) -> ViewSet:
-        """Draw `members` of every family and `nothings` shapes that are nothing.
+        """Draw `members` of every family and `nothings` shapes that are no noun.
 
-        The training range is seen from four random cameras, the other two by the judge's own eight.
+        The training range is rendered from four random cameras, the others from the judge's eight cameras.
         """
         kinds = [(kind, number) for kind in range(len(NOUNS)) for number in range(members)]
         kinds += [(-1, number) for number in range(nothings)]
@@ -162,7 +162,7 @@ class ViewSet:
             held = cls(**load_file(path))
             if len(held) == len(NOUNS) * members + nothings and held.attributes.shape[1] == len(ATTRIBUTES):
                 return held
-            _log.warning("%s holds another set and is drawn anew", path)
+            _log.warning("%s contains another set and is replaced", path)
         drawn = cls.drawn(split, members, nothings)
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")

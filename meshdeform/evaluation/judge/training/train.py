@@ -2,9 +2,9 @@
 
 The loss of a batch of M meshes with four views each is the mean of three cross entropies: of the mesh's prompt among
 candidates from a single view, of the same from the mean over the views, and of the noun from a single view.
-Candidates are the prompts of the batch and others about the same nouns; each stands once, with the logarithm of how
-often it was drawn added to its score, so that the score itself becomes log p(view | prompt) and not the posterior of
-prompts that are drawn more often. Shapes that are nothing are to find all prompts as likely as they are drawn.
+Candidates are the prompts of the batch and others about the same nouns. Each occurs once, with the logarithm of its
+frequency added to its score, so that the score itself learns log p(view | prompt) and not the posterior, which favours
+frequent prompts. For shapes that are no noun, the target distribution is the frequency of the prompts.
 
 Sources: van den Oord et al. 2018 (InfoNCE), Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier
 exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on held-out examples).
@@ -33,12 +33,12 @@ __all__ = ["TrainConfig", "Trainer", "calibrate"]
 _log = logging.getLogger(__name__)
 
 _OTHERS = 6
-"""Further candidates a mesh: prompts of other meshes of the same noun."""
+"""Further candidates per mesh: prompts of other meshes of the same noun."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What the shipped weights were trained with."""
+    """Settings of a run; the defaults are those of the shipped weights."""
 
     steps: int = 1100
     batch: int = 48
@@ -49,7 +49,7 @@ class TrainConfig:
 
 
 class Trainer:
-    """One training run on the CPU: the network, its optimiser, its running average, its place in the data."""
+    """Training run on the CPU: network, optimiser, running average and position in the data."""
 
     def __init__(self, data: ViewSet, config: TrainConfig) -> None:
         torch.manual_seed(config.seed)
@@ -79,7 +79,7 @@ class Trainer:
         return rows
 
     def _candidates(self, rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Numbers of the batch's prompts and of others about its nouns, and how often each was drawn."""
+        """Return the numbers of the batch's prompts and of others about its nouns, and their frequencies."""
         shown = rows[self.data.noun[rows] >= 0]
         drawn = [self.prompt[shown]]
         for noun in self.data.noun[shown].tolist():
@@ -89,19 +89,19 @@ class Trainer:
         return number, count
 
     def step(self) -> Tensor:
-        """One optimiser step; returns the three losses."""
+        """Run one optimiser step; return the three losses."""
         self.network.train()
         rows = self._next_rows()
         number, count = self._candidates(rows)
         views = self.data.images.shape[1]
         images = augmented(self.data.images[rows].flatten(0, 1)[:, None].float() / 255.0, self.generator)
         with torch.autocast("cpu", torch.bfloat16):
-            noun_logits, features = self.network.look(images.contiguous(memory_format=torch.channels_last))
+            noun_logits, features = self.network.encode_views(images.contiguous(memory_format=torch.channels_last))
         candidates = Prompts(self.prompts.noun[number], self.prompts.attributes[number])
         scores = self.network.scores(noun_logits, features, candidates)
         pooled = scores.view(-1, views, len(number)).mean(1) * 2.0
         shown = self.data.noun[rows] >= 0
-        # Where the prompt stands among the candidates; a row that is nothing is to have them as they were drawn.
+        # One-hot for the prompt; for a shape that is no noun, the frequencies of the candidates.
         target = functional.one_hot(
             torch.searchsorted(number, self.prompt[rows]).clamp_max(len(number) - 1), len(number)
         )
@@ -122,17 +122,17 @@ class Trainer:
         self.optimiser.step()
         self.schedule.step()
         self.done += 1
-        self._follow()
+        self._update_average()
         return losses.detach()
 
-    def _follow(self) -> None:
+    def _update_average(self) -> None:
         decay = min(self.config.ema_decay, self.done / (self.done + 10))
         for name, tensor in self.network.state_dict().items():
             if tensor.is_floating_point():
                 self.average[name].lerp_(tensor, 1.0 - decay)
 
     def averaged(self) -> JudgeNetwork:
-        """The network with the running average of all steps, for inference."""
+        """Return the network with the running average of all steps, for inference."""
         network = JudgeNetwork(self.network.config)
         network.load_state_dict(self.average)
         return network.eval()
@@ -140,15 +140,14 @@ class Trainer:
 
 @torch.no_grad()
 def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
-    """Set how sharp the mean over the eight views is, so that probabilities are as often right as they say.
+    """Set the sharpness of the mean over the eight views, so that probabilities are calibrated.
 
     Minimises the cross entropy over a fine grid, of the noun among the nouns and of the prompt among all prompts of
-    the set. Shapes that are nothing are to leave all as likely, so that confidence in what is clear does not
-    become confidence in everything.
+    the set. For shapes that are no noun, the target is uniform, which prevents overconfidence.
     """
     count, views = held.images.shape[:2]
     shown = held.noun >= 0
-    noun_logits, features = network.look(held.images.flatten(0, 1)[:, None].float() / 255.0)
+    noun_logits, features = network.encode_views(held.images.flatten(0, 1)[:, None].float() / 255.0)
     labels = torch.cat([held.noun[:, None], held.attributes.long()], 1)
     labels, own = torch.unique(labels[shown], dim=0, return_inverse=True)
     scores = network.scores(noun_logits, features, Prompts(labels[:, 0], labels[:, 1:].float()))
@@ -168,14 +167,14 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m meshdeform.evaluation.judge.training.train", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("--cache", type=Path, required=True, help="file that keeps the drawn views (about 200 MB)")
+    parser.add_argument("--cache", type=Path, required=True, help="file for the rendered views (about 200 MB)")
     parser.add_argument("--steps", type=int, default=TrainConfig.steps)
-    parser.add_argument("--members", type=int, default=250, help="members drawn of each family")
-    parser.add_argument("--nothings", type=int, default=500, help="shapes that are nothing")
-    parser.add_argument("--calibration", type=int, default=6, help="further members of each family, to calibrate with")
-    parser.add_argument("--seed", type=int, default=0, help="of the training; the members' seeds are fixed")
+    parser.add_argument("--members", type=int, default=250, help="members of each family")
+    parser.add_argument("--nothings", type=int, default=500, help="shapes that are no noun")
+    parser.add_argument("--calibration", type=int, default=6, help="further members of each family, for calibration")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
     parser.add_argument("--threads", type=int, help="CPU threads")
-    parser.add_argument("--output", type=Path, default=WEIGHTS, help="where the weights go (default: the package)")
+    parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
     return parser.parse_args()
 
 

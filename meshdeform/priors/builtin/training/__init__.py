@@ -1,1 +1,1 @@
-"""Train the builtin prior: the shapes it learns from, their pictures, the training loop."""
+"""Train the builtin prior: generate shapes, render pictures and run the training loop."""

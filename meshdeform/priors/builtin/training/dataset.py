@@ -1,10 +1,10 @@
-"""The pictures that the builtin prior learns from: members of the families, seen as the deformer sees its mesh.
+"""Render the training pictures of the builtin prior: members of the families, rendered as in a deformation.
 
-Every picture is made by the deformer's own cameras, renderer and 2 x 2 grid, or is one view alone, so what the prior
-knows is what the optimisation shows it. A label is true by construction (see `families/traits.py`); the
-combinations of `held_out.py` are never drawn.
+Every picture is made with the cameras, renderer and 2 x 2 grid of the deformation, or is a single view, so the prior is
+trained on what the optimisation shows it. Labels are true by construction (see `families/traits.py`); the combinations
+of `held_out.py` are never drawn.
 
-Source of the grid: Xu et al. 2024, FusionDeformer (orthogonal views combination).
+Source of the grid: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8 (orthogonal views).
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ _log = logging.getLogger(__name__)
 _ATTRIBUTE_COUNT_ODDS = (0.55, 0.35, 0.10)
 """Odds of none, one and two attributes."""
 SINGLES_EACH = 1
-"""Single views of every member, beside its grids."""
+"""Single views of every member, in addition to its grids."""
 
 
 def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False) -> ParsedPrompt:
-    """A prompt about a noun: mostly plain, sometimes with one attribute, seldom with two that agree.
+    """Draw a prompt about a noun: mostly plain, sometimes with one attribute, rarely with two compatible ones.
 
-    No attribute that is held out for this noun is drawn, unless `held_out` allows them.
+    Attributes that are held out for this noun are drawn only if `held_out` is true.
     """
     known = [attribute for attribute in attributes_of(noun) if held_out or not is_held_out(noun, attribute)]
     return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
@@ -58,7 +58,7 @@ def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False) 
 def drawn_from(
     noun: str, known: Sequence[Attribute], odds: tuple[float, float, float], rng: np.random.Generator
 ) -> ParsedPrompt:
-    """A prompt about a noun with attributes out of `known` that agree; `odds` are those of none, one and two."""
+    """Draw a prompt about a noun with compatible attributes of `known`; `odds` are those of none, one and two."""
     chosen: list[Attribute] = []
     for _ in range(int(rng.choice(3, p=odds))):
         free = [attribute for attribute in known if all(_agree(attribute, other) for other in chosen)]
@@ -67,14 +67,14 @@ def drawn_from(
 
 
 def _agree(one: Attribute, other: Attribute) -> bool:
-    """Whether one shape can have both, and they say different things."""
+    """Return whether the attributes differ and a shape can have both."""
     if one.part != other.part:
         return True
     return one.part == "whole" and one != other and {one.degree, other.degree} not in OPPOSITES
 
 
 def pictures(shape: Part, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Grids of four views of one mesh from random cameras.
+    """Render grids of four views of one mesh from random cameras.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def pictures(shape: Part, count: int, generator: torch.Generator) -> tuple[Tenso
 
 
 def single_views(shape: Part, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Single views of one mesh from random cameras: what `pictures` returns, the azimuth being the view's own."""
+    """Render single views of one mesh from random cameras; return them like `pictures`, with their azimuths."""
     verts = torch.from_numpy(shape.verts)
     renderer = Renderer(torch.from_numpy(shape.faces), len(verts), SINGLE_STYLE)
     images, azimuths = [], []
@@ -111,10 +111,10 @@ def single_views(shape: Part, count: int, generator: torch.Generator) -> tuple[T
 
 @dataclass(frozen=True)
 class PictureSet:
-    """Pictures with what they show.
+    """Pictures with their labels.
 
     `images` (N, 3, 128, 128) uint8, `tokens` (N, SEQUENCE_LENGTH) int64, `azimuth_deg` (N,) float32 of the first view,
-    `single` (N,) bool: one view alone instead of a grid of four.
+    `single` (N,) bool: a single view instead of a grid of four.
     """
 
     images: Tensor
@@ -129,8 +129,8 @@ class PictureSet:
     def drawn(cls, members: int, pictures_each: int, seed: int) -> PictureSet:
         """Draw `members` of every family, and of every member `pictures_each` grids and `SINGLES_EACH` single views.
 
-        Each member has a generator of its own, seeded by (seed, noun, member): a set is the same wherever
-        and in whatever order it is drawn.
+        Each member has its own generator, seeded by (seed, noun, member), so a set does not depend on the order in
+        which it is drawn.
         """
         each = pictures_each + SINGLES_EACH
         total = len(NOUNS) * members * each
@@ -165,10 +165,10 @@ class PictureSet:
         }
         if path.is_file():
             with safe_open(path, framework="pt") as file:
-                held = dict(file.metadata() or {})
-            if held == recipe:
+                stored = dict(file.metadata() or {})
+            if stored == recipe:
                 return cls(**load_file(path))
-            _log.warning("%s holds another set and is drawn anew", path)
+            _log.warning("%s contains another set and is replaced", path)
         drawn = cls.drawn(members, pictures_each, seed)
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")

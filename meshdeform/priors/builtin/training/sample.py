@@ -1,9 +1,9 @@
-"""Draw what the builtin prior knows.
+"""Sample pictures from the builtin prior.
 
 Run ``python -m meshdeform.priors.builtin.training.sample "a vase" "a tall vase" -o sheet.png``.
 
-One row a prompt, one picture a column, each a 2 x 2 grid of four views (or, with `--single`, one view), sampled with
-deterministic DDIM and classifier-free guidance. Without prompts: every noun once.
+Every prompt has a row of pictures, each a 2 x 2 grid of four views (or, with `--single`, one view), sampled with
+deterministic DDIM and classifier-free guidance. Without prompts, every noun has one row.
 
 Source: Song et al. 2021, Denoising diffusion implicit models, eq. 12 with sigma = 0.
 """
@@ -43,18 +43,18 @@ def sample(
     seed: int = 0,
     single: bool = False,
 ) -> Tensor:
-    """Pictures of prompts.
+    """Sample pictures of prompts.
 
     Parameters
     ----------
     network : PriorNetwork
     prompts : B strings
     azimuth_deg : (B,) float32
-        Azimuth of the first view, or of the only one.
+        Azimuth of the first or only view.
     steps : int
-        Evaluations of the network, evenly spaced.
+        Number of evenly spaced evaluations of the network.
     single : bool
-        Single views instead of grids.
+        Sample single views instead of grids.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def sample(
     for now, following in itertools.pairwise(schedule):
         both = torch.cat([x, x]).contiguous(memory_format=torch.channels_last)
         prompted, nothing = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2), alone).chunk(2)
-        # Guidance of x0 is guidance of eps: both are affine in it.
+        # Guidance of x0 is equivalent to guidance of eps, because each is affine in the other.
         clean = (nothing + guidance_scale * (prompted - nothing)).clamp(-1.0, 1.0)
         noise = noise_from_clean(clean, x, now.expand(count), levels)
         x = levels[following].sqrt() * clean + (1.0 - levels[following]).sqrt() * noise
@@ -78,7 +78,7 @@ def sample(
 
 
 def contact_sheet(rows: Sequence[Tensor], labels: Sequence[str], columns: int = 1) -> Image.Image:
-    """Rows (N, 3, H, W) of pictures in [0, 1] under their labels, several rows side by side."""
+    """Arrange rows (N, 3, H, W) of pictures in [0, 1] under their labels, several rows side by side."""
     tiles = []
     for row, label in zip(rows, labels, strict=True):
         strip = torch.cat(list(row), 2).permute(1, 2, 0).mul(255).round().to(torch.uint8).numpy()
@@ -100,7 +100,7 @@ def main() -> None:
     parser.add_argument("prompts", nargs="*", default=list(NOUNS), help="default: every noun")
     parser.add_argument("-o", "--output", type=Path, default=Path("samples.png"))
     parser.add_argument("--weights", type=Path, default=WEIGHTS)
-    parser.add_argument("--each", type=int, default=2, help="pictures of each prompt")
+    parser.add_argument("--each", type=int, default=2, help="pictures per prompt")
     parser.add_argument("--steps", type=int, default=40)
     parser.add_argument("--guidance-scale", type=float, default=3.0)
     parser.add_argument("--seed", type=int, default=0)

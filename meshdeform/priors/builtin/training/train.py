@@ -1,11 +1,11 @@
-"""Train the builtin prior, from nothing or from another edition: `python -m meshdeform.priors.builtin.training.train`.
+"""Train the builtin prior: `python -m meshdeform.priors.builtin.training.train`.
 
 Data: members of the families, drawn by `dataset.py` from `--seed`. Loss: squared error of the clean picture,
-weighted as `diffusion.py` says, timesteps uniform (stratified within a batch), the prompt dropped with probability
-0.12. AdamW, one cycle of the learning rate, gradients clipped to norm 1, an exponential moving average of the weights.
-The average is what is written and what ships. `--steps` fixes the run; `--minutes` times the first steps
-and then fixes it. A run that was stopped goes on from `--state`; a run with `--initial` starts from the weights
-of another edition, whose vocabulary may be smaller (`warm_start.py`).
+weighted as in `schedule.py`; timesteps stratified within a batch; the prompt dropped with probability 0.12. AdamW, one
+cycle of the learning rate, gradients clipped to norm 1. The exponential moving average of the weights is what is
+written and shipped. `--steps` sets the length of the run; `--minutes` sets it after timing the first steps. A stopped
+run continues from `--state`; a run with `--initial` starts from the weights of another edition, whose vocabulary may be
+smaller (`warm_start.py`).
 
 Sources: Ho & Salimans 2022 (prompt dropout); Loshchilov & Hutter 2019
 (AdamW); Smith & Topin 2019 (one cycle); Kingma et al. 2021, appendix I (stratified timesteps).
@@ -34,13 +34,13 @@ __all__ = ["TrainConfig", "Trainer", "main"]
 _log = logging.getLogger(__name__)
 _TIMED_STEPS = 30
 _NOISY_FROM, _NOISY_SHARE = 0.7, 0.6
-"""Score distillation asks this prior at high noise only, where uniform timesteps would spend a third of the training,
-and nearly none of it where the azimuth is all that tells front from back."""
+"""Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
+and almost none of it where only the azimuth distinguishes front from back."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What a run is made of, apart from how long it is."""
+    """Settings of a run, except its length."""
 
     seed: int = 0
     batch: int = 24
@@ -53,10 +53,7 @@ class TrainConfig:
 
 
 class Trainer:
-    """A network, its optimiser and its average; `step()` learns from one batch.
-
-    The network and its average start from the weights in `initial`, where there are some.
-    """
+    """Training state: the network, its optimiser and its average, which start from `initial` if given."""
 
     def __init__(
         self, data: PictureSet, config: TrainConfig, *, device: str, precision: str, initial: Path | None = None
@@ -79,7 +76,7 @@ class Trainer:
         self.step_number, self.total_steps = 0, 0
 
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Noisy pictures, timesteps, tokens, azimuths, single, clean pictures; every draw from the one generator."""
+        """Draw noisy pictures, timesteps, tokens, azimuths, single-view flags and clean pictures from the generator."""
         size, draw = self.config.batch, self.generator
         rows = torch.randint(len(self.data), (size,), generator=draw)
         clean = self.data.images[rows].to(self.device).float() / 127.5 - 1.0
@@ -91,11 +88,11 @@ class Trainer:
         timestep = (level * NUM_TIMESTEPS).long().clamp_max(NUM_TIMESTEPS - 1).to(self.device)
         noise = torch.randn(clean.shape, generator=draw).to(self.device)
         noisy = add_noise(clean, noise, timestep, self.alphas_cumprod).contiguous(memory_format=torch.channels_last)
-        azimuth_deg, single = (told[rows].to(self.device) for told in (self.data.azimuth_deg, self.data.single))
+        azimuth_deg, single = (values[rows].to(self.device) for values in (self.data.azimuth_deg, self.data.single))
         return noisy, timestep, tokens.to(self.device), azimuth_deg, single, clean
 
     def learning_rate(self) -> float:
-        """One cycle: a linear rise over the warm-up, then half a cosine to zero."""
+        """Return the learning rate: a linear rise over the warm-up, then half a cosine to zero."""
         if self.total_steps == 0:  # still being timed
             return self.config.learning_rate * 0.02
         done = self.step_number / self.total_steps
@@ -105,7 +102,7 @@ class Trainer:
         return self.config.learning_rate * 0.5 * (1 + float(torch.cos(torch.tensor(angle))))
 
     def step(self) -> float:
-        """Learn from one batch; returns its loss."""
+        """Train on one batch; return its loss."""
         for group in self.optimiser.param_groups:
             group["lr"] = self.learning_rate()
         noisy, timestep, tokens, azimuth_deg, single, clean = self.batch()
@@ -124,7 +121,7 @@ class Trainer:
         return float(loss.detach())
 
     def save(self, state: Path, weights: Path) -> None:
-        """Write the average as weights, and all that a resumed run needs, each atomically."""
+        """Write the average as weights, and the state for resuming, each atomically."""
         provenance = {
             "steps": str(self.step_number),
             "total_steps": str(self.total_steps),
@@ -136,7 +133,7 @@ class Trainer:
             **self.provenance,
         }
         write_weights(weights, self.average, self.network.config, provenance)
-        held: dict[str, Any] = {
+        state_dict: dict[str, Any] = {
             "network": self.network.state_dict(),
             "average": self.average,
             "optimiser": self.optimiser.state_dict(),
@@ -147,22 +144,22 @@ class Trainer:
         }
         state.parent.mkdir(parents=True, exist_ok=True)
         part = state.with_suffix(".part")
-        torch.save(held, part)
+        torch.save(state_dict, part)
         part.replace(state)
 
     def restore(self, state: Path) -> None:
-        """Go on where `save` left off."""
-        held = torch.load(state, map_location=self.device, weights_only=True)
-        self.network.load_state_dict(held["network"])
-        self.average = held["average"]
-        self.optimiser.load_state_dict(held["optimiser"])
-        self.generator.set_state(held["generator"].cpu())
-        self.step_number, self.total_steps = held["step_number"], held["total_steps"]
-        self.provenance = held["provenance"]
+        """Restore the state that `save` wrote."""
+        state_dict = torch.load(state, map_location=self.device, weights_only=True)
+        self.network.load_state_dict(state_dict["network"])
+        self.average = state_dict["average"]
+        self.optimiser.load_state_dict(state_dict["optimiser"])
+        self.generator.set_state(state_dict["generator"].cpu())
+        self.step_number, self.total_steps = state_dict["step_number"], state_dict["total_steps"]
+        self.provenance = state_dict["provenance"]
 
 
 def _fit(trainer: Trainer, minutes: float, state: Path, weights: Path, save_every: int) -> None:
-    """Run the trainer to its end; with no number of steps yet, time a few and fix it."""
+    """Run the trainer to its end; if the number of steps is not set, time a few steps and set it."""
     begun, smooth = time.monotonic(), 0.0
     first = trainer.step_number
     while trainer.total_steps == 0 or trainer.step_number < trainer.total_steps:
@@ -189,9 +186,9 @@ def _arguments() -> argparse.Namespace:
     )
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, help="optimiser steps (default: 10000)")
-    length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about so long")
-    parser.add_argument("--members", type=int, default=240, help="members drawn of each family")
-    parser.add_argument("--pictures", type=int, default=4, help="grids of each member, beside a single view")
+    length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about this long")
+    parser.add_argument("--members", type=int, default=240, help="members of each family")
+    parser.add_argument("--pictures", type=int, default=4, help="grids of each member, in addition to a single view")
     parser.add_argument("--batch", type=int, help="default: 24 on a CPU, 128 on a GPU")
     parser.add_argument(
         "--learning-rate", type=float, default=TrainConfig.learning_rate, help="at the top of the cycle"
@@ -203,12 +200,12 @@ def _arguments() -> argparse.Namespace:
         "--precision",
         choices=["fp32", "bf16"],
         default="bf16",
-        help="of the forward pass",
+        help="precision of the forward pass",
     )
     parser.add_argument("--threads", type=int, help="CPU threads")
-    parser.add_argument("--cache", type=Path, required=True, help="file that keeps the drawn pictures (about 2.4 GB)")
-    parser.add_argument("--state", type=Path, help="file that a stopped run goes on from (default: beside the cache)")
-    parser.add_argument("--output", type=Path, default=WEIGHTS, help="where the weights go (default: the package)")
+    parser.add_argument("--cache", type=Path, required=True, help="file for the rendered pictures (about 2.4 GB)")
+    parser.add_argument("--state", type=Path, help="file to resume a stopped run from (default: next to the cache)")
+    parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
     parser.add_argument("--save-every", type=int, default=500, help="steps between two writes")
     return parser.parse_args()
 
@@ -231,7 +228,7 @@ def main() -> None:
     state = arguments.state or arguments.cache.with_suffix(".state.pt")
     if state.is_file():
         trainer.restore(state)
-        _log.info("going on from step %d", trainer.step_number)
+        _log.info("continuing from step %d", trainer.step_number)
     elif arguments.minutes is None:
         trainer.total_steps = arguments.steps or 10_000
     parameters = sum(parameter.numel() for parameter in trainer.network.parameters())

@@ -1,10 +1,9 @@
-"""Begin with the weights of another edition, whose vocabulary is another.
+"""Initialise a network with the weights of another edition that has another vocabulary.
 
-Tensors of the same name and shape are copied. The word embedding is copied row by row, by word; a word that the other
-edition did not have starts at the mean of the words of its kind (nouns, words for how much, words for
-which part) with a little noise, so that the network takes it for an average one and can tell two of them apart.
-All else keeps the initialisation of the network, which for the conditions of a single view is zero: what the
-other edition predicted for an old prompt, this network predicts.
+Tensors of the same name and shape are copied. The word embedding is copied row by row, by word. A new word starts at
+the mean of the words of its kind (nouns, degrees, parts) with a little noise, so that it acts as an average word but
+differs from other new words. Everything else keeps the initialisation of the network, which is zero for the conditions
+of a single view: for an old prompt, this network predicts the same as the other edition.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ __all__ = ["warm_start"]
 
 _WORDS = "text.word.weight"
 _NOISE = 0.3
-"""Of a new word, as a share of the spread of its kind."""
+"""Standard deviation of the noise on a new word, relative to that of its kind."""
 
 
 def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) -> tuple[str, ...]:
@@ -34,50 +33,50 @@ def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) ->
     ----------
     network : PriorNetwork
     path : pathlib.Path
-        A file that `train.py` wrote, of this or another edition. It names its words in its metadata; a file of
-        the first edition, which does not, is known by its hash.
+        A file written by `train.py`, of this or another edition. Its metadata lists its words; a file of the first
+        edition, which does not, is recognised by its hash.
     generator : torch.Generator on the CPU
         For the noise on new words.
 
     Returns
     -------
     tuple of str
-        The names of the tensors that the file did not have in the network's shape.
+        Names of the network's tensors that are not in the file.
 
     Raises
     ------
     ModelError
-        The file is missing or unreadable, its words are not known, or it is of a network of other sizes.
+        The file is missing or unreadable, or of an unknown vocabulary or a network of another size.
     """
-    held, metadata = read_tensors(path)
+    loaded, metadata = read_tensors(path)
     words = _words_of(path, metadata)
     state = network.state_dict()
-    own = {name: tensor for name, tensor in held.items() if name in state and name != _WORDS}
-    foreign = [name for name, tensor in own.items() if tensor.shape != state[name].shape]
-    if foreign or _WORDS not in held or held[_WORDS].shape != (len(words), state[_WORDS].shape[1]):
+    own = {name: tensor for name, tensor in loaded.items() if name in state and name != _WORDS}
+    mismatched = [name for name, tensor in own.items() if tensor.shape != state[name].shape]
+    if mismatched or _WORDS not in loaded or loaded[_WORDS].shape != (len(words), state[_WORDS].shape[1]):
         raise ModelError(
-            f"The weights in {path} are of a network of other sizes: {', '.join(foreign) or _WORDS}.",
-            advice="Train from nothing, without --initial.",
+            f"The weights in {path} are of a network of another size: {', '.join(mismatched) or _WORDS}.",
+            advice="Train from scratch, without --initial.",
         )
     with torch.no_grad():
         for name, tensor in own.items():
             state[name].copy_(tensor)
-        state[_WORDS].copy_(_word_rows(held[_WORDS], words, generator))
-    return tuple(name for name in state if name not in held)
+        state[_WORDS].copy_(_word_rows(loaded[_WORDS], words, generator))
+    return tuple(name for name in state if name not in loaded)
 
 
 def _words_of(path: Path, metadata: dict[str, str]) -> list[str]:
-    """The vocabulary of a file, in the order of its token numbers."""
+    """Return the vocabulary of a file, in the order of its token numbers."""
     first = [word for word in VOCABULARY if word not in SECOND_EDITION]
     if "words" in metadata:
         return metadata["words"].split()
     if metadata.get("vocabulary") == vocabulary_hash(first):
         return first
-    raise ModelError(f"The weights in {path} do not say their vocabulary.", advice="Train from nothing.")
+    raise ModelError(f"The weights in {path} do not name their vocabulary.", advice="Train from scratch.")
 
 
 def _word_rows(rows: Tensor, words: list[str], generator: torch.Generator) -> Tensor:
-    """(len(VOCABULARY), width): the rows of known words in this vocabulary's order, new words between them."""
+    """Return the rows (len(VOCABULARY), width) of known and new words in the order of this vocabulary."""
     number = {word: row for row, word in enumerate(words)}
     made = []
     for word in VOCABULARY:

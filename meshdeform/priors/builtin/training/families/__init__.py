@@ -1,7 +1,7 @@
-"""The families: for every noun of the grammar a function that draws one of its members.
+"""Draw members of the families, which are functions that generate a random mesh for every noun of the grammar.
 
-`member(noun, attributes, rng)` is all that the dataset needs; the same generator state gives the same
-mesh. Importing this needs numpy and no torch.
+`member(noun, attributes, rng)` is the interface of the dataset; the same generator state gives the same mesh. Importing
+this needs numpy but no torch.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ FAMILIES: dict[str, Family] = {
 
 
 def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:
-    """One member of a family, with these attributes and otherwise drawn at random.
+    """Draw a random member of a family with the given attributes.
 
     Returns
     -------
     Part
-        Closed parts, outward orientation, +Y up, looking along +Z, centred, farthest vertex at distance 1.
+        Closed parts, oriented outward, +Y up, facing +Z, centred, farthest vertex at distance 1.
     """
     wanted = tuple(attributes)
     return deformed(FAMILIES[noun](rng, Traits(wanted)), wanted, rng)

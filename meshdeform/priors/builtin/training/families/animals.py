@@ -1,4 +1,4 @@
-"""Four-legged animals, all of one plan: body, legs, neck, head with a muzzle, tail, ears."""
+"""Draw four-legged animals with a body, legs, neck, head with a muzzle, tail and ears."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 
 @dataclass(frozen=True)
 class _Body:
-    """A barrel along Z on four legs; lengths in the family's unit."""
+    """Barrel along Z on four legs; lengths in the family's unit."""
 
     length: float
     radius: float
@@ -27,7 +27,7 @@ class _Body:
         return self.leg + 0.75 * self.radius
 
     def parts(self, slope: float = 0.0) -> list[Part]:
-        """The barrel and the legs; `slope` lifts the shoulders (front) over the hips."""
+        """Return the barrel and the legs; `slope` raises the shoulders (front) above the hips."""
         half = self.length / 2
         spine = [[0, self.height - slope, -half], [0, self.height, 0], [0, self.height + slope, half]]
         parts = [limb(spine, [self.radius * 0.95, self.radius * 0.97, self.radius], segments=18)]
@@ -39,13 +39,13 @@ class _Body:
 
 
 def _at(angle_deg: float, length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """A vector of this length in the YZ plane, at this angle above straight ahead."""
+    """Return a vector of this length in the YZ plane, at this angle above straight ahead."""
     angle = np.radians(angle_deg)
     return np.array([0.0, length * np.sin(angle), length * np.cos(angle)])
 
 
 def giraffe(rng: Rng, traits: Traits) -> Part:
-    """A short sloping body on long legs, a very long neck, a small head with horns."""
+    """Draw a giraffe: a short sloping body on long legs, a very long neck, a small head with horns."""
     leg = traits.draw(rng, "legs", (0.24, 0.32), (0.72, 0.88), (1.3, 1.55))
     neck = traits.draw(rng, "neck", (0.32, 0.42), (0.95, 1.15), (1.6, 1.9))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.155, 0.18), (0.28, 0.33))
@@ -63,7 +63,7 @@ def giraffe(rng: Rng, traits: Traits) -> Part:
 
 
 def horse(rng: Rng, traits: Traits) -> Part:
-    """A long barrel on long legs, a strong neck, a long face, a full tail."""
+    """Draw a horse: a long barrel on long legs, a strong neck, a long face, a full tail."""
     leg = traits.draw(rng, "legs", (0.22, 0.28), (0.58, 0.7), (1.1, 1.3))
     neck = traits.draw(rng, "neck", (0.16, 0.22), (0.46, 0.56), (0.95, 1.15))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.15, 0.17), (0.26, 0.3))
@@ -82,7 +82,7 @@ def horse(rng: Rng, traits: Traits) -> Part:
 
 
 def dog(rng: Rng, traits: Traits) -> Part:
-    """A long body on short legs, a big head with a snout and hanging ears, a tail held up."""
+    """Draw a dog: a long body on short legs, a big head with a snout and hanging ears, a tail held up."""
     leg = traits.draw(rng, "legs", (0.08, 0.12), (0.34, 0.44), (0.8, 1.0))
     head = traits.draw(rng, "head", (0.14, 0.16), (0.26, 0.3), (0.44, 0.52))
     ears = traits.draw(rng, "ears", (0.06, 0.1), (0.22, 0.28), (0.5, 0.62))
@@ -103,7 +103,7 @@ def dog(rng: Rng, traits: Traits) -> Part:
 
 
 def elephant(rng: Rng, traits: Traits) -> Part:
-    """A huge round body on pillars, large flat ears, a trunk that hangs to the ground."""
+    """Draw an elephant: a huge round body on pillars, large flat ears, a trunk that hangs to the ground."""
     leg = traits.draw(rng, "legs", (0.08, 0.14), (0.36, 0.46), (0.9, 1.1))
     ears = traits.draw(rng, "ears", (0.12, 0.15), (0.3, 0.36), (0.56, 0.66))
     trunk = traits.draw(rng, "trunk", (0.16, 0.22), (0.62, 0.74), (1.2, 1.4))
@@ -125,7 +125,7 @@ def elephant(rng: Rng, traits: Traits) -> Part:
 
 
 def dinosaur(rng: Rng, traits: Traits) -> Part:
-    """A sauropod: a heavy body, a long neck that rises in front, a long tail that tapers behind."""
+    """Draw a sauropod: a heavy body, a long neck that rises in front, a long tail that tapers behind."""
     leg = traits.draw(rng, "legs", (0.06, 0.1), (0.28, 0.36), (0.75, 0.95))
     neck = traits.draw(rng, "neck", (0.12, 0.2), (0.72, 0.9), (1.35, 1.6))
     tail = traits.draw(rng, "tail", (0.1, 0.18), (0.8, 0.98), (1.5, 1.8))
@@ -145,7 +145,7 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
 
 
 def pig(rng: Rng, traits: Traits) -> Part:
-    """A round barrel on short legs, a snout that ends in a disc, pointed ears, a curl of a tail."""
+    """Draw a pig: a round barrel on short legs, a snout that ends in a disc, pointed ears, a curly tail."""
     leg = traits.draw(rng, "legs", (0.03, 0.06), (0.22, 0.28), (0.75, 0.95))
     ears = traits.draw(rng, "ears", (0.03, 0.06), (0.17, 0.22), (0.46, 0.56))
     nose = traits.draw(rng, "nose", (0.02, 0.05), (0.16, 0.22), (0.6, 0.75))

@@ -1,4 +1,4 @@
-"""Animals of other plans: sitting, swimming, standing upright."""
+"""Draw animals that sit, swim or stand upright."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["cat", "duck", "fish", "octopus", "penguin", "rabbit", "turtle", "wha
 
 
 def cat(rng: Rng, traits: Traits) -> Part:
-    """A sitting cat: a pear of a body, a round head with pointed ears, the tail curled up behind."""
+    """Draw a sitting cat: a pear-shaped body, a round head with pointed ears, the tail curled up behind."""
     head = traits.draw(rng, "head", (0.17, 0.19), (0.3, 0.34), (0.5, 0.58))
     ears = traits.draw(rng, "ears", (0.05, 0.08), (0.19, 0.24), (0.42, 0.52))
     tail = traits.draw(rng, "tail", (0.06, 0.1), (0.5, 0.62), (1.1, 1.3))
@@ -32,7 +32,7 @@ def cat(rng: Rng, traits: Traits) -> Part:
 
 
 def rabbit(rng: Rng, traits: Traits) -> Part:
-    """A crouching rabbit: an egg of a body, a round head, two upright ears, a ball of a tail."""
+    """Draw a crouching rabbit: an egg-shaped body, a round head, two upright ears, a round tail."""
     head = traits.draw(rng, "head", (0.16, 0.18), (0.28, 0.33), (0.48, 0.56))
     ears = traits.draw(rng, "ears", (0.14, 0.2), (0.52, 0.66), (1.1, 1.35))
     body = rng.uniform(0.42, 0.48)
@@ -50,7 +50,7 @@ def rabbit(rng: Rng, traits: Traits) -> Part:
 
 
 def penguin(rng: Rng, traits: Traits) -> Part:
-    """Upright: an egg of a body, a head with a beak, flippers held off the sides, feet in front."""
+    """Draw an upright penguin: an egg-shaped body, a head with a beak, flippers held off the sides, feet in front."""
     head = traits.draw(rng, "head", (0.15, 0.175), (0.28, 0.32), (0.46, 0.54))
     wings = traits.draw(rng, "wings", (0.2, 0.28), (0.6, 0.72), (1.1, 1.3))
     girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.15, 1.35)
@@ -67,7 +67,7 @@ def penguin(rng: Rng, traits: Traits) -> Part:
 
 
 def duck(rng: Rng, traits: Traits) -> Part:
-    """A swimming duck: a boat of a body, a raised tail, a neck, a round head with a flat bill."""
+    """Draw a swimming duck: a boat-shaped body, a raised tail, a neck, a round head with a flat bill."""
     head = traits.draw(rng, "head", (0.14, 0.16), (0.25, 0.29), (0.42, 0.5))
     neck = traits.draw(rng, "neck", (0.0, 0.05), (0.28, 0.38), (0.85, 1.05))
     body = rng.uniform(0.4, 0.46)
@@ -84,7 +84,7 @@ def duck(rng: Rng, traits: Traits) -> Part:
 
 
 def fish(rng: Rng, traits: Traits) -> Part:
-    """A tall flat body, a forked tail fin, a back fin, a belly fin and two side fins."""
+    """Draw a fish: a tall flat body, a forked tail fin, a back fin, a belly fin and two side fins."""
     fins = traits.draw(rng, "fins", (0.08, 0.12), (0.28, 0.36), (0.62, 0.75))
     tail = traits.draw(rng, "tail", (0.14, 0.19), (0.4, 0.5), (0.85, 1.0))
     length, height = rng.uniform(0.75, 0.88), rng.uniform(0.4, 0.48)
@@ -108,7 +108,7 @@ def fish(rng: Rng, traits: Traits) -> Part:
 
 
 def whale(rng: Rng, traits: Traits) -> Part:
-    """A thick blunt body that tapers to two wide flukes, with flippers at its sides."""
+    """Draw a whale: a thick blunt body that tapers to two wide flukes, with flippers at its sides."""
     flukes = traits.draw(rng, "tail", (0.16, 0.22), (0.42, 0.52), (0.85, 1.0))
     girth, length = rng.uniform(0.48, 0.55), rng.uniform(0.72, 0.85)
     lift = rng.uniform(0.25, 0.38)
@@ -122,7 +122,7 @@ def whale(rng: Rng, traits: Traits) -> Part:
 
 
 def turtle(rng: Rng, traits: Traits) -> Part:
-    """A domed shell with a rim, four paddles, a head on a stretched neck, a stub of a tail."""
+    """Draw a turtle: a domed shell with a rim, four paddles, a head on a stretched neck, a short tail."""
     head = traits.draw(rng, "head", (0.12, 0.14), (0.22, 0.26), (0.4, 0.48))
     neck = traits.draw(rng, "neck", (0.0, 0.04), (0.2, 0.3), (0.75, 0.95))
     shell, dome = rng.uniform(0.66, 0.76), rng.uniform(0.44, 0.54)
@@ -142,7 +142,7 @@ def turtle(rng: Rng, traits: Traits) -> Part:
 
 
 def octopus(rng: Rng, traits: Traits) -> Part:
-    """A bulb of a head with two eyes in front, on eight arms that spread and curl up at their tips."""
+    """Draw an octopus: a bulbous head with two eyes in front, on eight arms that spread and curl up at their tips."""
     head = traits.draw(rng, "head", (0.2, 0.24), (0.42, 0.5), (0.85, 1.0))
     arms = traits.draw(rng, "arms", (0.05, 0.12), (0.62, 0.76), (1.4, 1.65))
     waist = rng.uniform(0.26, 0.3)

@@ -1,4 +1,4 @@
-"""Furniture: boxes with rounded edges and thick legs."""
+"""Draw furniture: boxes with rounded edges and thick legs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _legs(half_width: float, half_depth: float, height: float, radius: float) ->
 
 
 def table(rng: Rng, traits: Traits) -> Part:
-    """A thick top on four legs at its corners."""
+    """Draw a table: a thick top on four legs at its corners."""
     width, depth = rng.uniform(1.5, 1.8), rng.uniform(0.95, 1.25)
     height = traits.draw(rng, "legs", (0.3, 0.4), (0.72, 0.9), (1.35, 1.65))
     radius, slab = rng.uniform(0.11, 0.135), rng.uniform(0.16, 0.2)
@@ -26,7 +26,7 @@ def table(rng: Rng, traits: Traits) -> Part:
 
 
 def chair(rng: Rng, traits: Traits) -> Part:
-    """A square seat on four legs, with a tall back behind (-Z)."""
+    """Draw a chair: a square seat on four legs, with a tall back behind (-Z)."""
     width, depth = rng.uniform(0.8, 0.92), rng.uniform(0.8, 0.92)
     height = traits.draw(rng, "legs", (0.22, 0.3), (0.55, 0.7), (1.1, 1.35))
     rise = traits.draw(rng, "back", (0.28, 0.38), (0.78, 0.95), (1.5, 1.8))
@@ -37,7 +37,7 @@ def chair(rng: Rng, traits: Traits) -> Part:
 
 
 def sofa(rng: Rng, traits: Traits) -> Part:
-    """A long low seat between two arm rests, with a back."""
+    """Draw a sofa: a long low seat between two arm rests, with a back."""
     width, depth = rng.uniform(1.7, 2.0), rng.uniform(0.8, 0.92)
     seat, arm = rng.uniform(0.38, 0.46), rng.uniform(0.24, 0.3)
     rise = traits.draw(rng, "back", (0.0, 0.06), (0.42, 0.54), (1.0, 1.2))

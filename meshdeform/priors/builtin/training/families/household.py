@@ -1,4 +1,4 @@
-"""Vessels, a lamp, a bell and an umbrella: solids of revolution."""
+"""Draw vessels, a lamp, a bell and an umbrella, all solids of revolution."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["bell", "bottle", "bowl", "goblet", "lamp", "umbrella", "vase"]
 
 
 def vase(rng: Rng, traits: Traits) -> Part:
-    """A round belly, a narrow neck and a flared lip, open at the top."""
+    """Draw a vase: a round belly, a narrow neck and a flared lip, open at the top."""
     belly, foot = rng.uniform(0.46, 0.58), rng.uniform(0.26, 0.34)
     neck = traits.draw(rng, "neck", (0.12, 0.18), (0.3, 0.42), (0.65, 0.85))
     throat, lip = rng.uniform(0.17, 0.22), rng.uniform(0.32, 0.42)
@@ -26,7 +26,7 @@ def vase(rng: Rng, traits: Traits) -> Part:
 
 
 def bottle(rng: Rng, traits: Traits) -> Part:
-    """A straight cylinder with round shoulders and a closed, slim neck."""
+    """Draw a bottle: a straight cylinder with round shoulders and a closed, slim neck."""
     radius, body = rng.uniform(0.36, 0.44), rng.uniform(0.95, 1.15)
     neck = traits.draw(rng, "neck", (0.14, 0.2), (0.4, 0.55), (0.85, 1.1))
     throat, shoulder = rng.uniform(0.12, 0.15), rng.uniform(0.22, 0.32)
@@ -40,7 +40,7 @@ def bottle(rng: Rng, traits: Traits) -> Part:
 
 
 def goblet(rng: Rng, traits: Traits) -> Part:
-    """A cup on a stem on a wide foot."""
+    """Draw a goblet: a cup on a stem on a wide foot."""
     foot, stalk = rng.uniform(0.36, 0.44), rng.uniform(0.085, 0.11)
     stem = traits.draw(rng, "stem", (0.14, 0.22), (0.48, 0.62), (0.95, 1.2))
     cup, depth = rng.uniform(0.42, 0.52), rng.uniform(0.65, 0.8)
@@ -51,7 +51,7 @@ def goblet(rng: Rng, traits: Traits) -> Part:
 
 
 def bowl(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
-    """A wide hollow half sphere on a small foot."""
+    """Draw a bowl: a wide hollow half sphere on a small foot."""
     radius, depth, foot = rng.uniform(0.85, 1.0), rng.uniform(0.6, 0.75), rng.uniform(0.32, 0.42)
     turn = np.linspace(0.3, np.pi / 2, 9)
     outer = [(radius * np.sin(t), depth * (1 - np.cos(t)) + 0.1) for t in turn]
@@ -60,7 +60,7 @@ def bowl(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has on
 
 
 def lamp(rng: Rng, traits: Traits) -> Part:
-    """A table lamp: a heavy foot, a pole and a conical shade."""
+    """Draw a table lamp: a heavy foot, a pole and a conical shade."""
     stem = traits.draw(rng, "stem", (0.3, 0.38), (0.6, 0.8), (1.15, 1.4))
     shade = traits.draw(rng, "shade", (0.26, 0.31), (0.48, 0.56), (0.78, 0.9))
     foot, pole = rng.uniform(0.32, 0.4), rng.uniform(0.08, 0.1)
@@ -74,7 +74,7 @@ def lamp(rng: Rng, traits: Traits) -> Part:
 
 
 def bell(rng: Rng, traits: Traits) -> Part:
-    """A hand bell: a flared hollow skirt with its clapper, round shoulders, a handle with a knob."""
+    """Draw a hand bell: a flared hollow skirt with its clapper, round shoulders, a handle with a knob."""
     mouth, waist, height = rng.uniform(0.56, 0.66), rng.uniform(0.32, 0.38), rng.uniform(0.78, 0.92)
     handle = traits.draw(rng, "handle", (0.04, 0.08), (0.36, 0.48), (1.05, 1.3))
     rise = np.linspace(0.0, 1.0, 7)
@@ -90,7 +90,7 @@ def bell(rng: Rng, traits: Traits) -> Part:
 
 
 def umbrella(rng: Rng, traits: Traits) -> Part:
-    """An open umbrella: a scalloped canopy with a tip on a shaft that ends in a hook, toward its right."""
+    """Draw an open umbrella: a scalloped canopy with a tip on a shaft that ends in a hook, toward its right."""
     radius, dome = rng.uniform(0.88, 1.0), rng.uniform(0.46, 0.58)
     handle = traits.draw(rng, "handle", (0.22, 0.3), (0.78, 0.94), (1.7, 2.0))
     turn = np.linspace(0.1, np.pi / 2, 9)

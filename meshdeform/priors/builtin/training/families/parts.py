@@ -1,8 +1,8 @@
-"""The closed solids that every family is built of, and how they are put together.
+"""Build closed solids, the parts of all families, and join them.
 
-A part is a closed triangle mesh whose faces are counter-clockwise seen from outside. Parts of one
-object overlap freely: the renderer shows only the outermost surface, as for a watertight union.
-Everything is +Y up and looks along +Z; lengths are in the family's own unit until `normalised`.
+A part is a closed triangle mesh whose faces are counter-clockwise seen from outside. Parts of one object may overlap:
+the renderer shows only the outermost surface, as for a watertight union. Everything is +Y up and faces +Z; lengths are
+in the family's own unit until `normalised`.
 
 Source of the tube's frames: Bishop 1975, There is more than one way to frame a curve (parallel transport).
 """
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SEGMENTS = 28
-"""Corners of a full turn: enough that flat shading looks round at 64 pixels a view."""
+"""Corners per full turn, enough for flat shading to look round in a view of 64 pixels."""
 
 
 class Part(NamedTuple):
@@ -45,7 +45,7 @@ class Part(NamedTuple):
 
 
 def _loft(rings: Array, *, flip: bool) -> Part:
-    """Join rings (R, S, 3) to a closed surface; the first and the last ring must be one point each."""
+    """Join rings (R, S, 3) into a closed surface; the first and the last ring must be one point each."""
     count, segments = rings.shape[:2]
     verts = np.concatenate([rings[0, :1], rings[1:-1].reshape(-1, 3), rings[-1, :1]])
     side = np.arange(segments)
@@ -62,7 +62,7 @@ def _loft(rings: Array, *, flip: bool) -> Part:
 
 
 def ellipsoid(centre: ArrayLike, radii: ArrayLike, *, rings: int = 14) -> Part:
-    """Axis-aligned ellipsoid; `radii` is one number or three."""
+    """Return an axis-aligned ellipsoid; `radii` is one number or three."""
     polar = np.linspace(0.0, np.pi, rings + 1)
     profile = np.stack([np.sin(polar), -np.cos(polar)], 1)
     unit = lathe(profile)
@@ -70,9 +70,9 @@ def ellipsoid(centre: ArrayLike, radii: ArrayLike, *, rings: int = 14) -> Part:
 
 
 def lathe(profile: ArrayLike, *, segments: int = SEGMENTS) -> Part:
-    """Surface of revolution about +Y of a profile (N, 2) of (radius, height), from the bottom to the top.
+    """Return the surface of revolution about +Y of a profile (N, 2) of (radius, height), from bottom to top.
 
-    The profile is closed onto the axis at both ends, so an open cup is given as outer wall, rim and inner wall.
+    The profile is closed to the axis at both ends, so an open cup consists of outer wall, rim and inner wall.
     """
     points = np.asarray(profile, float)
     ends = [np.array([[0.0, points[0, 1]]])] if points[0, 0] > 0 else []
@@ -86,7 +86,7 @@ def lathe(profile: ArrayLike, *, segments: int = SEGMENTS) -> Part:
 
 
 def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
-    """Tube with round ends along a polyline `path` (N, 3) with a radius at each point.
+    """Return a tube with round ends along a polyline `path` (N, 3) with a radius at each point.
 
     Radii may be (N,) for a round tube or (N, 2) for an elliptic one: (across, along the bend's normal).
     """
@@ -121,7 +121,7 @@ def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int 
 
 
 def box(centre: ArrayLike, size: ArrayLike, *, round_by: float = 0.25, cells: int = 6) -> Part:
-    """Box of full side lengths `size` whose edges are rounded by `round_by` of its shortest side."""
+    """Return a box of full side lengths `size` with edges rounded by `round_by` times its shortest side."""
     side = np.asarray(size, float)
     radius = round_by * side.min()
     line = np.linspace(-1.0, 1.0, cells + 1)
@@ -146,17 +146,17 @@ def box(centre: ArrayLike, size: ArrayLike, *, round_by: float = 0.25, cells: in
     outward = full - inner
     length = np.linalg.norm(outward, axis=1, keepdims=True)
     surface = inner + np.divide(outward, length, out=np.zeros_like(outward), where=length > 0) * radius
-    # The six sheets meet along the edges: one vertex there, so that the surface is closed.
+    # Merge the vertices where the six sheets meet, so that the surface is closed.
     _, first, number = np.unique(surface.round(9), axis=0, return_index=True, return_inverse=True)
     joined = number.reshape(-1)[np.concatenate(faces)]
     return Part(surface[first] + np.asarray(centre, float), joined.astype(np.int64))
 
 
 def extrude(outline: ArrayLike, thickness: float, *, bevel: float = 0.3, puff: float = 0.0) -> Part:
-    """Plate in the XY plane from a star-shaped counter-clockwise `outline` (N, 2), `thickness` along Z.
+    """Return a plate in the XY plane with a star-shaped counter-clockwise `outline` (N, 2), `thickness` along Z.
 
-    `bevel` is the share of the thickness that the rim is rounded by; `puff` raises the middle by so
-    many thicknesses, as a cushion.
+    The rim is rounded by `bevel` times the thickness; the middle is raised by `puff` times the thickness, like a
+    cushion.
     """
     rim = np.asarray(outline, float)
     middle = rim.mean(0)
@@ -180,7 +180,7 @@ def extrude(outline: ArrayLike, thickness: float, *, bevel: float = 0.3, puff: f
 
 
 def turned(part: Part, degrees: float, axis: str) -> Part:
-    """The part rotated about a coordinate axis through the origin, counter-clockwise seen from its tip."""
+    """Rotate a part about a coordinate axis through the origin, counter-clockwise seen from the axis's tip."""
     angle = np.radians(degrees)
     first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     verts = part.verts.copy()
@@ -190,22 +190,22 @@ def turned(part: Part, degrees: float, axis: str) -> Part:
 
 
 def moved(part: Part, by: ArrayLike) -> Part:
-    """The part translated."""
+    """Translate a part."""
     return Part(part.verts + np.asarray(by, float), part.faces)
 
 
 def mirrored(part: Part) -> Part:
-    """The part reflected in the plane x = 0, still oriented outward."""
+    """Reflect a part in the plane x = 0, keeping it oriented outward."""
     return Part(part.verts * np.array([-1.0, 1.0, 1.0]), part.faces[:, ::-1].copy())
 
 
 def pair(part: Part) -> list[Part]:
-    """A part and its mirror image: the left and the right one."""
+    """Return a part and its mirror image: the left and the right one."""
     return [part, mirrored(part)]
 
 
 def join(parts: Sequence[Part]) -> Part:
-    """All parts as one mesh."""
+    """Join all parts into one mesh."""
     offsets = np.cumsum([0, *(len(part.verts) for part in parts[:-1])])
     return Part(
         np.concatenate([part.verts for part in parts]),
@@ -214,6 +214,6 @@ def join(parts: Sequence[Part]) -> Part:
 
 
 def normalised(part: Part) -> Part:
-    """Centred on its bounding box and scaled so that the farthest vertex has distance 1 from the origin."""
+    """Centre the bounding box at the origin and scale the farthest vertex to distance 1."""
     centred = part.verts - (part.verts.min(0) + part.verts.max(0)) / 2
     return Part(centred / np.linalg.norm(centred, axis=1).max(), part.faces)

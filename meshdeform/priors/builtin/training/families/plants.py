@@ -1,4 +1,4 @@
-"""Things that grow."""
+"""Draw plants, fruit and a mushroom."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["cactus", "carrot", "mushroom", "pear", "pineapple", "tree"]
 
 
 def mushroom(rng: Rng, traits: Traits) -> Part:
-    """A thick stem under a domed cap with a curled rim."""
+    """Draw a mushroom: a thick stem under a domed cap with a curled rim."""
     cap = traits.draw(rng, "cap", (0.38, 0.44), (0.66, 0.78), (1.1, 1.3))
     stem = traits.draw(rng, "stem", (0.2, 0.28), (0.65, 0.85), (1.3, 1.6))
     radius, dome = rng.uniform(0.18, 0.23), rng.uniform(0.68, 0.85) * min(cap, 0.85)
@@ -23,7 +23,7 @@ def mushroom(rng: Rng, traits: Traits) -> Part:
 
 
 def pear(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
-    """A heavy belly, a slim shoulder and a stalk."""
+    """Draw a pear: a heavy belly, a slim shoulder and a stalk."""
     belly, shoulder = rng.uniform(0.56, 0.66), rng.uniform(0.26, 0.32)
     height = rng.uniform(1.25, 1.45)
     turn = np.linspace(0.0, np.pi, 17)
@@ -36,7 +36,7 @@ def pear(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has on
 
 
 def carrot(rng: Rng, traits: Traits) -> Part:
-    """A root that hangs to a point below a tuft of thick leaves."""
+    """Draw a carrot: a root that tapers to a point below a tuft of thick leaves."""
     radius, root = rng.uniform(0.32, 0.38), rng.uniform(1.35, 1.6)
     leaf = traits.draw(rng, "leaves", (0.14, 0.2), (0.45, 0.6), (0.95, 1.2))
     turn = np.linspace(0.0, 1.0, 9)
@@ -55,7 +55,7 @@ def carrot(rng: Rng, traits: Traits) -> Part:
 
 
 def cactus(rng: Rng, traits: Traits) -> Part:
-    """A saguaro: a column with two arms that bend upward, left and right."""
+    """Draw a saguaro: a column with two arms that bend upward, left and right."""
     radius, height = rng.uniform(0.24, 0.3), rng.uniform(1.6, 1.9)
     reach = traits.draw(rng, "arms", (0.06, 0.12), (0.4, 0.52), (0.85, 1.05))
     thick = radius * rng.uniform(0.6, 0.7)
@@ -74,7 +74,7 @@ def cactus(rng: Rng, traits: Traits) -> Part:
 
 
 def tree(rng: Rng, traits: Traits) -> Part:
-    """A broadleaf tree: a trunk under a round crown of several clumps."""
+    """Draw a broadleaf tree: a trunk under a round crown of several clumps."""
     trunk = traits.draw(rng, "trunk", (0.12, 0.2), (0.6, 0.8), (1.3, 1.6))
     crown = traits.draw(rng, "crown", (0.36, 0.42), (0.62, 0.72), (1.0, 1.15))
     radius = rng.uniform(0.13, 0.17)
@@ -90,7 +90,7 @@ def tree(rng: Rng, traits: Traits) -> Part:
 
 
 def pineapple(rng: Rng, traits: Traits) -> Part:
-    """A barrel of a fruit, all knobs, under a tuft of leaves that bow outward."""
+    """Draw a pineapple: a knobby barrel under a tuft of leaves that bend outward."""
     girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.1, 1.25)
     leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.5, 0.64), (1.15, 1.4))
     turn = np.linspace(0.0, np.pi, 33)

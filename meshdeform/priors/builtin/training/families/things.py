@@ -1,4 +1,4 @@
-"""A guitar, a hat, a heart, a house, a snowman and a star."""
+"""Draw a guitar, a hat, a heart, a house, a snowman and a star."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["guitar", "hat", "heart", "house", "snowman", "star"]
 
 
 def guitar(rng: Rng, traits: Traits) -> Part:
-    """A guitar standing upright, its strings toward +Z: a waisted body, a neck, a head with six pegs."""
+    """Draw a guitar standing upright, its strings toward +Z: a waisted body, a neck, a head with six pegs."""
     low, high, waist = rng.uniform(0.48, 0.54), rng.uniform(0.34, 0.38), rng.uniform(0.24, 0.28)
     height, deep = rng.uniform(1.1, 1.22), rng.uniform(0.24, 0.3)
     neck = traits.draw(rng, "neck", (0.1, 0.16), (0.75, 0.9), (1.6, 1.85))
@@ -33,7 +33,7 @@ def guitar(rng: Rng, traits: Traits) -> Part:
 
 
 def hat(rng: Rng, traits: Traits) -> Part:
-    """A round hat: a domed crown on a wide brim."""
+    """Draw a round hat: a domed crown on a wide brim."""
     crown, height = rng.uniform(0.42, 0.48), rng.uniform(0.55, 0.7)
     brim = traits.draw(rng, "brim", (0.56, 0.6), (0.86, 0.98), (1.4, 1.6))
     droop = rng.uniform(0.0, 0.08)
@@ -46,7 +46,7 @@ def hat(rng: Rng, traits: Traits) -> Part:
 
 
 def snowman(rng: Rng, traits: Traits) -> Part:
-    """Three balls, a carrot nose in front and two stick arms."""
+    """Draw a snowman: three balls, a carrot nose in front and two stick arms."""
     low, middle = rng.uniform(0.46, 0.54), rng.uniform(0.32, 0.37)
     head = traits.draw(rng, "head", (0.13, 0.15), (0.24, 0.28), (0.42, 0.5))
     nose = traits.draw(rng, "nose", (0.03, 0.05), (0.18, 0.26), (0.6, 0.8))
@@ -61,7 +61,7 @@ def snowman(rng: Rng, traits: Traits) -> Part:
 
 
 def house(rng: Rng, traits: Traits) -> Part:
-    """A box under a gabled roof whose ridge runs along Z, with a chimney."""
+    """Draw a house: a box under a gabled roof whose ridge runs along Z, with a chimney."""
     width, depth, wall = rng.uniform(0.95, 1.1), rng.uniform(1.1, 1.35), rng.uniform(0.6, 0.75)
     rise = traits.draw(rng, "roof", (0.12, 0.18), (0.48, 0.6), (1.05, 1.3))
     parts = [box([0, wall / 2, 0], [width, wall, depth], round_by=0.06)]
@@ -74,7 +74,7 @@ def house(rng: Rng, traits: Traits) -> Part:
 
 
 def star(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
-    """A five-pointed star standing on two points, thickest in the middle, facing +Z."""
+    """Draw a five-pointed star standing on two points, thickest in the middle, facing +Z."""
     inner = rng.uniform(0.42, 0.5)
     corners = []
     for point in range(10):
@@ -85,7 +85,7 @@ def star(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has on
 
 
 def heart(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
-    """A heart standing on its point, thick and round as a cushion, facing +Z."""
+    """Draw a heart standing on its point, thick and round as a cushion, facing +Z."""
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     x = 16 * np.sin(turn) ** 3
     y = 13 * np.cos(turn) - 5 * np.cos(2 * turn) - 2 * np.cos(3 * turn) - np.cos(4 * turn)
@@ -96,7 +96,7 @@ def heart(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
 
 
 def _refined(corners: list[tuple[float, float]], pieces: int) -> list[tuple[float, float]]:
-    """The polygon with each edge cut into equal pieces."""
+    """Divide each edge of a polygon into equal pieces."""
     refined = []
     for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
         refined += [(x0 + (x1 - x0) * k / pieces, y0 + (y1 - y0) * k / pieces) for k in range(pieces)]

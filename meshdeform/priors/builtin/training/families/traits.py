@@ -1,8 +1,7 @@
-"""Attributes made geometry: sizes of parts, and deformations of the whole shape.
+"""Turn attributes into geometry: sizes of parts, and deformations of the whole shape.
 
-A label is true by construction. A part is drawn from one of three ranges that do not touch (lesser,
-neutral, greater), and which one is what the label says; a shape without an attribute of the whole is
-not deformed at all.
+Labels are true by construction. The size of a part is drawn from one of three disjoint ranges (lesser, neutral,
+greater), chosen by the label; a shape without an attribute of the whole is not deformed.
 
 Source of twist, bend and taper: Barr 1984, Global and local deformations of solid primitives.
 """
@@ -25,22 +24,22 @@ Rng = np.random.Generator
 
 
 class Traits:
-    """The attributes one member of a family shall have."""
+    """Attributes of one member of a family."""
 
     def __init__(self, attributes: Iterable[Attribute] = ()) -> None:
         self._degrees = {attribute.part: attribute.degree for attribute in attributes if attribute.part != "whole"}
 
     def draw(self, rng: Rng, part: str, lesser: Range, neutral: Range, greater: Range) -> float:
-        """The size of a part: uniform in the range that the attributes say.
+        """Draw the size of a part uniformly from the range that the attributes specify.
 
         Parameters
         ----------
         rng : numpy.random.Generator
-            One number is drawn from it.
+            Source of one random number.
         part : str
-            A name of `grammar.PARTS`.
+            A name in `grammar.PARTS`.
         lesser, neutral, greater : (low, high)
-            Ranges that do not touch, in the family's unit.
+            Disjoint ranges in the family's unit.
         """
         degree = self._degrees.get(part)
         if degree is None:
@@ -53,15 +52,15 @@ def _scaled(x: float, y: float, z: float) -> Array:
 
 
 def _height(verts: Array) -> Array:
-    """Height of each vertex, 0 at the bottom to 1 at the top."""
+    """Return the height of each vertex, from 0 at the bottom to 1 at the top."""
     low, high = verts[:, 1].min(), verts[:, 1].max()
     return np.asarray((verts[:, 1] - low) / (high - low))
 
 
 def _slimness(verts: Array) -> Array:
-    """Shares (x, z) of a change of girth: 1 along the slimmer axis, less along the longer one.
+    """Return the shares (x, z) of a change of girth: 1 along the slimmer axis, less along the longer one.
 
-    Girth is measured across: a fat dog is not a longer dog.
+    A fat dog is thus wider, not longer.
     """
     extent = np.ptp(verts, axis=0)[[0, 2]]
     return np.asarray(extent.min() / extent)
@@ -100,7 +99,7 @@ def _flat(verts: Array, rng: Rng) -> Array:
 
 
 def _twisted(verts: Array, rng: Rng) -> Array:
-    # A solid of revolution looks the same however it is turned, so its cross-section becomes a rounded square first.
+    # Twisting a solid of revolution has no visible effect, so its cross-section becomes a rounded square first.
     azimuth = np.arctan2(verts[:, 0], verts[:, 2])
     fluted = 1.0 + 0.16 * np.cos(4 * azimuth)
     angle = np.radians(rng.uniform(80, 115)) * (_height(verts) - 0.5)
@@ -129,7 +128,7 @@ def _tapered(verts: Array, rng: Rng) -> Array:
 
 
 def _pinched(verts: Array, rng: Rng) -> Array:
-    # A bell curve about half height: the ends keep their girth, so that it is no thin shape.
+    # A bell curve around half height: the ends keep their girth, unlike in a thin shape.
     waist = np.exp(-(((_height(verts) - 0.5) / 0.2) ** 2))
     scale = 1.1 - rng.uniform(0.62, 0.72) * waist
     return verts * np.stack([scale, np.ones_like(scale), scale], 1)
@@ -149,13 +148,13 @@ WHOLE: dict[str, Callable[[Array, Rng], Array]] = {
     "bent": _bent,
     "leaning": _leaning,
 }
-"""The deformation of each attribute of the whole, in the order in which several are applied."""
+"""Deformation for each attribute of the whole, in the order of application."""
 
 
 def deformed(part: Part, attributes: Iterable[Attribute], rng: Rng) -> Part:
-    """The shape with every attribute of the whole applied; centred and scaled to the unit sphere again.
+    """Apply every attribute of the whole, then centre the shape and scale it to the unit sphere.
 
-    Every deformation keeps the orientation of the faces.
+    All deformations preserve the orientation of the faces.
     """
     wanted = {attribute.degree for attribute in attributes if attribute.part == "whole"}
     shape = normalised(part)

@@ -1,4 +1,4 @@
-"""Things that travel; all look along +Z."""
+"""Draw vehicles, all facing +Z."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["airplane", "boat", "car", "rocket"]
 
 
 def airplane(rng: Rng, traits: Traits) -> Part:
-    """A stout fuselage, thick swept wings, a tail plane and a tall fin."""
+    """Draw an airplane: a stout fuselage, thick swept wings, a tail plane and a tall fin."""
     length, girth = rng.uniform(0.8, 0.92), rng.uniform(0.22, 0.26)
     wings = traits.draw(rng, "wings", (0.22, 0.3), (0.66, 0.8), (1.4, 1.65))
     sweep, chord = rng.uniform(0.2, 0.36), rng.uniform(0.27, 0.32)
@@ -38,7 +38,7 @@ def airplane(rng: Rng, traits: Traits) -> Part:
 
 
 def rocket(rng: Rng, traits: Traits) -> Part:
-    """An upright spindle with a pointed nose and four fins at its foot."""
+    """Draw a rocket: an upright spindle with a pointed nose and four fins at its foot."""
     radius, body = rng.uniform(0.3, 0.36), rng.uniform(1.15, 1.4)
     fins = traits.draw(rng, "fins", (0.08, 0.12), (0.3, 0.38), (0.62, 0.75))
     turn = np.linspace(0.0, 1.0, 9)
@@ -54,7 +54,7 @@ def rocket(rng: Rng, traits: Traits) -> Part:
 
 
 def car(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
-    """A saloon: a low body, a cabin with sloping ends, four wheels that stand out."""
+    """Draw a saloon car: a low body, a cabin with sloping ends, four wheels that stand out."""
     length, width = rng.uniform(1.7, 1.95), rng.uniform(0.78, 0.88)
     wheel, body = rng.uniform(0.22, 0.26), rng.uniform(0.34, 0.4)
     floor = wheel * 0.75
@@ -71,7 +71,7 @@ def car(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one
 
 
 def boat(rng: Rng, traits: Traits) -> Part:
-    """A sailing boat: a hull pointed at the bow, a mast and a thick triangular sail."""
+    """Draw a sailing boat: a hull pointed at the bow, a mast and a thick triangular sail."""
     length, beam, depth = rng.uniform(0.85, 1.0), rng.uniform(0.34, 0.4), rng.uniform(0.32, 0.38)
     sail = traits.draw(rng, "sail", (0.42, 0.52), (1.0, 1.2), (1.8, 2.1))
     hull = ellipsoid([0, 0, 0], 1.0, rings=18)
