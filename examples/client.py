@@ -1,4 +1,4 @@
-"""Deform an asset by a running service (`meshdeform serve`), with a line that says how far it is.
+"""Deform an asset with a running service (`meshdeform serve`) and show the progress on one line.
 
     python examples/client.py examples/sphere.glb "a mushroom" mushroom
 
@@ -15,6 +15,7 @@ from meshdeform.client import EventView
 
 
 def show(event: EventView) -> None:
+    """Print the progress, and at last how the job ended."""
     if event.type == "progress":
         print(f"\r{event.data['fraction']:4.0%} {event.data['phase']}", end="", file=sys.stderr, flush=True)
     elif event.type.terminal:

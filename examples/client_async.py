@@ -1,4 +1,4 @@
-"""Deform one asset by many prompts at a time, in one event loop.
+"""Deform one asset with several prompts at the same time, in one event loop.
 
 python examples/client_async.py examples/sphere.glb out "a mushroom" "a vase" "a rocket"
 """
@@ -14,6 +14,7 @@ from meshdeform.client import UploadView
 
 
 async def deform(client: AsyncClient, asset: UploadView, prompt: str, folder: Path, steps: int | None) -> str:
+    """Run one job, save its results and return a line about it."""
     params = {"preset": "preview"} | ({"steps": steps} if steps else {})
     try:
         result = await client.deform(asset, prompt, params=params)
@@ -31,7 +32,7 @@ async def main() -> None:
     parser.add_argument("--steps", type=int)
     options = parser.parse_args()
     async with AsyncClient() as client:
-        # Sent once; every job names it.
+        # Upload once; every job refers to it.
         asset = await client.upload(options.asset)
         jobs = [deform(client, asset, prompt, options.folder, options.steps) for prompt in options.prompts]
         for line in asyncio.as_completed(jobs):

@@ -1,6 +1,6 @@
-"""Makes the assets of this folder: scripts/examples. Each is one closed surface with normals, UVs and a material.
+"""Generate the assets in this folder (run by scripts/examples): closed surfaces with normals, UVs and a material.
 
-The vertices are split at UV seams and at hard edges, as exporters do, so the examples show what the welding is for.
+The vertices are split at UV seams and at hard edges, as exporters do, so deforming the examples exercises the welding.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Example:
-    """One asset before it is a file: arrays by vertex, triangles, and the colour of its material."""
+    """An asset in memory: per-vertex arrays, triangles, and the colour of its material."""
 
     positions: Floats
     normals: Floats
@@ -31,7 +31,7 @@ class Example:
 
 
 def glb(name: str) -> bytes:
-    """Return the file of one example."""
+    """Build the GLB file of one example and return its bytes."""
     example = EXAMPLES[name]()
     return build_glb(
         example.positions,
@@ -45,13 +45,13 @@ def glb(name: str) -> bytes:
 
 
 def sphere() -> Example:
-    """An icosphere of radius 0.5 with 5,120 triangles, its longitudes and latitudes as UVs."""
+    """Return an icosphere of radius 0.5 with 5,120 triangles, with longitude and latitude as UVs."""
     mesh = icosphere(4)
     points, triangles = mesh.verts.numpy(), mesh.faces.numpy()
     u = np.arctan2(points[:, 0], points[:, 2]) / (2 * np.pi) + 0.5
     v = np.arccos(np.clip(points[:, 1], -1, 1)) / np.pi
     corner_u, corner_v = u[triangles], v[triangles]
-    # A triangle across the seam reads on beyond 1; a pole has the longitude of its triangle.
+    # For a triangle across the seam, u continues beyond 1; a pole takes the longitude of its triangle.
     crossing = corner_u.max(1) - corner_u.min(1) > 0.5
     corner_u = np.where(crossing[:, None] & (corner_u < 0.5), corner_u + 1, corner_u)
     pole = np.abs(points[triangles][:, :, 1]) > 1 - 1e-9
@@ -65,7 +65,7 @@ def sphere() -> Example:
 
 
 def cube(cells: int = 20) -> Example:
-    """A cube with sides of 0.8 and hard edges: six grids of `cells` squared, 4,800 triangles."""
+    """Return a cube with sides of 0.8 and hard edges: six grids of `cells` squared, by default 4,800 triangles."""
     line = np.linspace(-1, 1, cells + 1)
     s, t = (axis.ravel() for axis in np.meshgrid(line, line, indexing="ij"))
     positions, normals, uvs, triangles = [], [], [], []
@@ -81,7 +81,7 @@ def cube(cells: int = 20) -> Example:
 
 
 def capsule() -> Example:
-    """An upright cylinder of radius 0.3 with round ends, 1.2 high."""
+    """Return an upright cylinder of radius 0.3 with round ends, 1.2 high."""
     angle = np.linspace(np.pi, 0, 25)
     arc = np.stack([0.3 * np.sin(angle), 0.3 * np.cos(angle)], 1)
     lower, upper = arc[:13] - [0, 0.3], arc[12:] + [0, 0.3]
@@ -90,7 +90,7 @@ def capsule() -> Example:
 
 
 def vase() -> Example:
-    """A solid vase, 1.2 high: a foot, a belly, a neck and a lip."""
+    """Return a solid vase, 1.2 high, with a foot, a belly, a neck and a lip."""
     height = np.linspace(0, 1, 41)
     radius = np.interp(height, [0, 0.04, 0.15, 0.38, 0.6, 0.8, 0.9, 1], [0.2, 0.21, 0.29, 0.38, 0.3, 0.15, 0.15, 0.22])
     smooth = np.convolve(np.pad(radius, 2, mode="edge"), [0.1, 0.2, 0.4, 0.2, 0.1], mode="valid")
@@ -101,7 +101,7 @@ def vase() -> Example:
 
 
 def revolved(profile: Floats, segments: int, colour: tuple[float, float, float, float]) -> Example:
-    """Turn a profile of (radius, height), from the lower pole to the upper, about the Y axis."""
+    """Revolve a profile of (radius, height), from the lower pole to the upper, about the Y axis."""
     rings = len(profile)
     turn = 2 * np.pi * np.arange(segments + 1) / segments
     turn[-1] = 0.0  # the seam's two columns coincide exactly
@@ -117,7 +117,7 @@ def revolved(profile: Floats, segments: int, colour: tuple[float, float, float, 
     triangles = _grid_triangles(rings, segments + 1)
     corners = positions.reshape(-1, 3)[triangles]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    # At a pole one triangle of each square has no area, and the last column's vertex is left over.
+    # At a pole one triangle of each square has no area, and the last column's vertex is unused.
     used, faces = np.unique(triangles[area > 1e-12], return_inverse=True)
     uvs = np.stack([u.ravel(), v.ravel()], 1)
     return Example(
@@ -126,7 +126,7 @@ def revolved(profile: Floats, segments: int, colour: tuple[float, float, float, 
 
 
 def _grid_triangles(rows: int, columns: int) -> Integers:
-    """Triangles of a grid of vertices in row-major order, facing where row x column does not."""
+    """Return the triangles of a row-major grid of vertices, facing opposite to row x column."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     a, b, c, d = corner, corner + 1, corner + columns + 1, corner + columns
     return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -1,8 +1,8 @@
-"""A GLB to USDZ, through Blender: ``blender --background --python to_usdz.py -- result.glb result.usdz``.
+"""Convert a GLB to USDZ with Blender: ``blender --background --python to_usdz.py -- result.glb result.usdz``.
 
-Also ``python to_usdz.py result.glb result.usdz``, where Blender is installed as the Python module `bpy`. +Y is up, a
+Or ``python to_usdz.py result.glb result.usdz``, if Blender is installed as the Python module `bpy`. +Y is up and one
 unit is a metre; hierarchy, normals, UVs, UsdPreviewSurface materials with their textures, skins, shape keys and the
-first animation come along.
+first animation are kept.
 """
 
 from __future__ import annotations

@@ -81,8 +81,8 @@ def test_what_cannot_be_sent_is_told_at_once() -> None:
     cases = {
         "no faces": lambda: glb.write_glb([glb.Part("x", np.zeros((3, 3), np.float32), np.zeros((0, 3)), np.eye(4))]),
         "zero along": lambda: glb.write_glb([part(matrix=flat)]),
-        "Nothing is selected": lambda: glb.write_glb([]),
-        "no address": lambda: client_module.Client("ftp://x"),
+        "No mesh is selected": lambda: glb.write_glb([]),
+        "not the address": lambda: client_module.Client("ftp://x"),
         "cannot be read": lambda: glb.read_positions(b"no GLB", [part()]),
         "does not fit": lambda: glb.read_positions(
             glb.write_glb([part()]), [glb.Part("x", np.zeros((3, 3), np.float32), np.zeros((1, 3)), np.eye(4))]

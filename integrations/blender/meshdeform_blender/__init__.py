@@ -7,14 +7,14 @@ from __future__ import annotations
 
 
 def register() -> None:
-    """Enter the add-on's classes into Blender."""
+    """Register the add-on's classes with Blender."""
     from . import addon
 
     addon.register()
 
 
 def unregister() -> None:
-    """Take them out again."""
+    """Unregister the add-on's classes."""
     from . import addon
 
     addon.unregister()

@@ -1,4 +1,4 @@
-"""What Blender sees: preferences, the scene's settings, operators, the panel."""
+"""Define the add-on's Blender classes: preferences, the scene's settings, operators, the panel."""
 
 # No `from __future__ import annotations` here: Blender reads the annotations of properties as objects.
 
@@ -19,17 +19,17 @@ _PRESETS = [
     ("paper", "Paper", "The published settings, 5,000 steps"),
 ]
 _GUIDANCE = [
-    ("sds", "Prompt", "The prompt says what the meshes become"),
-    ("target", "Object", "Another object's shape is taken on"),
+    ("sds", "Prompt", "Deform towards the prompt"),
+    ("target", "Object", "Deform towards the shape of another object"),
 ]
 _APPLY = [
-    ("SHAPE_KEY", "Shape Key", "Add the result as a shape key, so that a slider goes from the one to the other"),
+    ("SHAPE_KEY", "Shape Key", "Add the result as a shape key, so that a slider blends between source and result"),
     ("REPLACE", "Replace", "Move the vertices themselves, in all shape keys"),
 ]
 
 
 class MESHDEFORM_preferences(bpy.types.AddonPreferences):
-    """Where the service is."""
+    """The address of the service and its API key."""
 
     bl_idname = __package__
 
@@ -37,34 +37,34 @@ class MESHDEFORM_preferences(bpy.types.AddonPreferences):
         name="Server", default="http://127.0.0.1:8765", description="Address of the Meshdeform service"
     )
     api_key: bpy.props.StringProperty(
-        name="API Key", subtype="PASSWORD", description="Empty where the service asks for none"
+        name="API Key", subtype="PASSWORD", description="Empty if the service requires none"
     )
 
     def draw(self, context: Any) -> None:
-        """Draw them."""
+        """Draw the preferences."""
         self.layout.prop(self, "url")
         self.layout.prop(self, "api_key")
         self.layout.operator("meshdeform.check")
 
 
 class MESHDEFORM_settings(bpy.types.PropertyGroup):
-    """What the next deformation is to be; kept with the scene."""
+    """The settings of the next deformation; saved with the scene."""
 
     guidance: bpy.props.EnumProperty(name="By", items=_GUIDANCE)
-    prompt: bpy.props.StringProperty(name="Prompt", maxlen=1000, description="What the meshes shall become")
+    prompt: bpy.props.StringProperty(name="Prompt", maxlen=1000, description="What the meshes should become")
     target: bpy.props.PointerProperty(
-        name="Target", type=bpy.types.Object, poll=lambda _, obj: obj.type == "MESH", description="The shape to take on"
+        name="Target", type=bpy.types.Object, poll=lambda _, obj: obj.type == "MESH", description="The target shape"
     )
     preset: bpy.props.EnumProperty(name="Preset", items=_PRESETS)
-    steps: bpy.props.IntProperty(name="Steps", min=0, max=50_000, description="0: as many as the preset has")
+    steps: bpy.props.IntProperty(name="Steps", min=0, max=50_000, description="0: the preset's number")
     seed: bpy.props.IntProperty(
         name="Seed", min=0, description="The same seed gives the same result on the same server"
     )
-    model: bpy.props.StringProperty(name="Model", maxlen=500, description="Empty: the server's own")
+    model: bpy.props.StringProperty(name="Model", maxlen=500, description="Empty: the server's default")
     apply: bpy.props.EnumProperty(name="Result", items=_APPLY)
 
     def request(self) -> dict[str, Any]:
-        """The request document."""
+        """Return the request document."""
         params: dict[str, Any] = {"preset": self.preset, "seed": self.seed, "guidance": self.guidance}
         if self.steps:
             params["steps"] = self.steps
@@ -75,7 +75,7 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
 
 
 class MESHDEFORM_OT_deform(bpy.types.Operator):
-    """Send the selected meshes to the service and put the result back. Blender stays usable meanwhile"""
+    """Send the selected meshes to the service and apply the result. Blender stays usable meanwhile"""
 
     bl_idname = "meshdeform.deform"
     bl_label = "Deform"
@@ -83,7 +83,7 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Only with meshes, and one at a time."""
+        """Return whether a mesh is selected and no job is running."""
         return (
             current.job is None
             and context.mode == "OBJECT"
@@ -91,7 +91,7 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
         )
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """From the panel: start, and look after it with a timer."""
+        """Start from the panel, and poll with a timer."""
         if not self._start(context):
             return {"CANCELLED"}
         self._timer = context.window_manager.event_timer_add(_REDRAW_S, window=context.window)
@@ -99,7 +99,7 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Let every event through; look at the job with each tick."""
+        """Let every event through; poll the job on each timer tick."""
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         _redraw(context)
@@ -110,7 +110,7 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
         return self._ended(outcome)
 
     def execute(self, context: Any) -> set[str]:
-        """From a script: wait for it."""
+        """Start from a script, and wait for the result."""
         if not self._start(context):
             return {"CANCELLED"}
         while (outcome := current.poll()) == "running":
@@ -118,7 +118,7 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
         return self._ended(outcome)
 
     def cancel(self, context: Any) -> None:
-        """Blender closes the window or loads another file."""
+        """Cancel the job when Blender closes the window or loads another file."""
         current.cancel()
 
     def _start(self, context: Any) -> bool:
@@ -141,30 +141,30 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
 
 
 class MESHDEFORM_OT_cancel(bpy.types.Operator):
-    """Stop the deformation that runs"""
+    """Stop the running deformation"""
 
     bl_idname = "meshdeform.cancel"
     bl_label = "Cancel"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Only while one runs."""
+        """Return whether a job is running."""
         return current.job is not None
 
     def execute(self, context: Any) -> set[str]:
-        """Stop it."""
+        """Cancel the job."""
         current.cancel()
         return {"FINISHED"}
 
 
 class MESHDEFORM_OT_check(bpy.types.Operator):
-    """Ask the service whether it is there and takes the key"""
+    """Check that the service answers and accepts the key"""
 
     bl_idname = "meshdeform.check"
     bl_label = "Test Connection"
 
     def execute(self, context: Any) -> set[str]:
-        """Ask."""
+        """Report the service's version, or why it cannot be used."""
         preferences = context.preferences.addons[__package__].preferences
         try:
             version = Client(preferences.url, preferences.api_key, timeout_s=5.0, tries=1).version()
@@ -176,7 +176,7 @@ class MESHDEFORM_OT_check(bpy.types.Operator):
 
 
 class MESHDEFORM_PT_panel(bpy.types.Panel):
-    """The sidebar's tab."""
+    """The add-on's tab in the sidebar."""
 
     bl_label = "Meshdeform"
     bl_space_type = "VIEW_3D"
@@ -184,7 +184,7 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
     bl_category = "Meshdeform"
 
     def draw(self, context: Any) -> None:
-        """Draw it."""
+        """Draw the panel."""
         settings, layout = context.scene.meshdeform, self.layout
         layout.use_property_split = True
         layout.prop(settings, "guidance", expand=True)
@@ -220,14 +220,14 @@ _CLASSES = (
 
 
 def register() -> None:
-    """Enter everything."""
+    """Register all classes and the scene's settings."""
     for each in _CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Scene.meshdeform = bpy.props.PointerProperty(type=MESHDEFORM_settings)
 
 
 def unregister() -> None:
-    """Stop what runs and take everything out."""
+    """Cancel a running job and unregister everything."""
     current.cancel()
     del bpy.types.Scene.meshdeform
     for each in reversed(_CLASSES):

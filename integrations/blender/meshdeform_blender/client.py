@@ -1,4 +1,4 @@
-"""The service over HTTP with nothing but the standard library: Blender's Python has no httpx. Without bpy."""
+"""Call the service over HTTP with the standard library, because Blender's Python has no httpx. Does not use bpy."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from typing import Any
 from .errors import AddonError, Canceled
 
 TRIES = 6
-_AGAIN = {408, 425, 429, 500, 502, 503, 504}  # with an Idempotency-Key all of these may be asked again
-_IN_FLIGHT = "idempotency_in_flight"  # the first try is still being dealt with
+_AGAIN = {408, 425, 429, 500, 502, 503, 504}  # with an Idempotency-Key all of these may be retried
+_IN_FLIGHT = "idempotency_in_flight"  # the first try is still being processed
 _LONGEST_PAUSE_S = 30.0
 
 
 def is_loopback(url: str) -> bool:
-    """Return whether a URL leads to this very machine."""
+    """Return whether a URL names this machine."""
     host = urllib.parse.urlsplit(url.strip()).hostname or ""
     return host in {"localhost", "::1"} or host.startswith("127.")
 
 
 class Client:
-    """One service.
+    """A client for one service.
 
     Parameters
     ----------
     url : str
         For example `http://127.0.0.1:8765`.
     api_key : str
-        Empty where the service asks for none.
+        Empty if the service requires none.
     stop : threading.Event, optional
         Once it is set, waiting ends with `Canceled`.
     timeout_s : float
-        How long one answer may take.
+        How long one response may take.
     tries : int
-        How often to ask again where the service is busy or away.
+        How often to try if the service is busy or unreachable.
 
     Raises
     ------
     AddonError
-        Every method: what the service answered, with its advice, or why it did not answer.
+        Raised by every method: the service's error with its advice, or why there was no response.
     """
 
     def __init__(
@@ -59,16 +59,16 @@ class Client:
     ) -> None:
         parts = urllib.parse.urlsplit(url.strip())
         if parts.scheme not in {"http", "https"} or not parts.hostname:
-            raise AddonError(f"“{url}” is no address of a service.", "Write for example http://127.0.0.1:8765.")
+            raise AddonError(f"“{url}” is not the address of a service.", "Write for example http://127.0.0.1:8765.")
         self._url, self._key, self._timeout_s = url.strip().rstrip("/"), api_key.strip(), timeout_s
         self._tries = tries
         self._stop = stop or threading.Event()
-        # A proxy knows another machine under the name localhost.
+        # To a proxy, localhost is another machine.
         handlers = [urllib.request.ProxyHandler({})] if is_loopback(url) else []
         self._opener = urllib.request.build_opener(*handlers)
 
     def version(self) -> str:
-        """Ask which version answers, and whether the key is taken."""
+        """Return the service's version after checking that it accepts the key."""
         version = str(self._json("GET", "/healthz")["version"])
         self._json("GET", "/v1/jobs?limit=1")
         return version
@@ -76,7 +76,7 @@ class Client:
     def submit(
         self, asset: bytes, filename: str, request: dict[str, Any], *, target: bytes | None = None, key: str = ""
     ) -> dict[str, Any]:
-        """Post a job; sent again with the same `Idempotency-Key` it stays one job."""
+        """Submit a job; sending it again with the same `Idempotency-Key` creates no second job."""
         boundary = secrets.token_hex(16)
         parts = [_part(boundary, "request", json.dumps(request).encode(), kind="application/json")]
         parts.append(_part(boundary, "asset", asset, filename))
@@ -90,12 +90,12 @@ class Client:
         return self._json("POST", "/v1/jobs", body, headers)
 
     def job(self, job_id: str) -> tuple[dict[str, Any], float]:
-        """Return a job, and the seconds after which to look again."""
+        """Return a job, and the seconds after which to ask again."""
         answer, headers = self._call("GET", f"/v1/jobs/{job_id}")
         return _document(answer), _seconds(headers.get("Retry-After"), 1.0)
 
     def cancel(self, job_id: str) -> None:
-        """Ask for a job to be canceled. One that is over stays what it is."""
+        """Cancel a job. One that has ended stays as it is."""
         try:
             self._once("POST", f"/v1/jobs/{job_id}/cancel", b"", {})
         except AddonError as error:
@@ -103,13 +103,13 @@ class Client:
                 raise
 
     def artifact(self, job_id: str, name: str) -> bytes:
-        """Download an artifact and compare its SHA-256."""
+        """Download an artifact and verify its SHA-256."""
         for left in reversed(range(self._tries)):
             data, headers = self._call("GET", f"/v1/jobs/{job_id}/artifacts/{name}")
             if hashlib.sha256(data).hexdigest() == headers.get("ETag", "").strip('"') or not headers.get("ETag"):
                 return data
             self._pause(0.5 if left else 0.0)
-        raise AddonError("What was received is not what the service sent.", "Try again.")
+        raise AddonError("The downloaded result is corrupt.", "Try again.")
 
     def _json(
         self, method: str, path: str, body: bytes | None = None, headers: dict[str, str] | None = None
@@ -139,7 +139,7 @@ class Client:
     ) -> tuple[bytes, http.client.HTTPMessage]:
         request = urllib.request.Request(self._url + path, body, headers, method=method)  # noqa: S310 - http(s), see above
         if self._key:
-            # Not repeated to whatever host a redirect leads to.
+            # A redirect must not carry the key to another host.
             request.add_unredirected_header("Authorization", f"Bearer {self._key}")
         try:
             with self._opener.open(request, timeout=self._timeout_s) as answer:
@@ -159,7 +159,7 @@ class Client:
 
 
 class _AgainError(AddonError):
-    """It may work a little later."""
+    """A request failed in a way that may succeed later."""
 
     def __init__(self, error: AddonError, after_s: float) -> None:
         super().__init__(error.detail, error.advice, error.code)
@@ -167,7 +167,7 @@ class _AgainError(AddonError):
 
 
 def _part(boundary: str, name: str, data: bytes, filename: str = "", kind: str = "application/octet-stream") -> bytes:
-    # What a quoted string cannot hold goes as browsers send it.
+    # Escape characters that a quoted string cannot hold as browsers do.
     quoted = filename.replace('"', "%22").replace("\r", "%0D").replace("\n", "%0A")
     file = f'; filename="{quoted}"' if filename else ""
     head = f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"{file}\r\nContent-Type: {kind}\r\n\r\n'
@@ -180,7 +180,9 @@ def _document(data: bytes) -> dict[str, Any]:
     except ValueError:
         found = None
     if not isinstance(found, dict):
-        raise AddonError("What answers is no Meshdeform.", "Check the server's address in the add-on's preferences.")
+        raise AddonError(
+            "The server is not a Meshdeform service.", "Check the server's address in the add-on's preferences."
+        )
     return found
 
 

@@ -1,10 +1,10 @@
-"""What went wrong, in words for the panel. Without bpy."""
+"""Define the errors that the panel shows. Does not use bpy."""
 
 from __future__ import annotations
 
 
 class AddonError(Exception):
-    """Something that the user should read.
+    """An error with a message for the user.
 
     Parameters
     ----------
@@ -13,7 +13,7 @@ class AddonError(Exception):
     advice : str
         What to do about it.
     code : str
-        The service's own code of the problem, where it has one.
+        The service's error code, if there is one.
     """
 
     def __init__(self, detail: str, advice: str = "", code: str = "") -> None:
@@ -22,9 +22,9 @@ class AddonError(Exception):
 
     @property
     def text(self) -> str:
-        """Both in one line."""
+        """Detail and advice in one line."""
         return f"{self.detail} {self.advice}".strip()
 
 
-class Canceled(Exception):  # noqa: N818 - it is no error
-    """The user does not want it any more."""
+class Canceled(Exception):  # noqa: N818 - not an error
+    """The user canceled the job."""

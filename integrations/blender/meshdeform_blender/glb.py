@@ -1,8 +1,8 @@
-"""Meshes to a GLB and back, vertex by vertex. Without bpy: numpy, which Blender ships, and the standard library.
+"""Convert meshes to a GLB and back, vertex by vertex. Uses numpy, which Blender ships, but not bpy.
 
-Blender's own exporter splits vertices at seams of UVs and normals, and the way back to the mesh is lost. Here vertex i
-of a mesh is element i of its POSITION accessor, and the service keeps their order, so the result needs no matching.
-Blender's +Z up becomes glTF's +Y up by a turn that only swaps and negates coordinates: both ways are exact.
+Blender's own exporter splits vertices at seams of UVs and normals, which loses the mapping back to the mesh. Here
+vertex i of a mesh is element i of its POSITION accessor, and the service keeps their order, so nothing needs matching.
+Blender's +Z up becomes glTF's +Y up by swapping and negating coordinates, which is exact in both directions.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from .errors import AddonError
 _UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # glTF = _UP @ Blender
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
-_ORTHOGONAL = 1e-5  # what the Khronos validator still takes for a turn and a scale
+_ORTHOGONAL = 1e-5  # the Khronos validator's tolerance for a matrix of rotation and scale
 
 
 @dataclass(frozen=True)
 class Part:
-    """One mesh as it stands in the scene.
+    """One mesh with its placement in the scene.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Part:
         In the mesh's own space, +Z up.
     triangles : (T, 3) uint32
     matrix : (4, 4) float64
-        From the mesh's space to the world's, column vectors.
+        Maps column vectors from the mesh's space to the world's.
     """
 
     name: str
@@ -53,7 +53,7 @@ def write_glb(parts: Sequence[Part]) -> bytes:
         A part has no faces, or its transform flattens it.
     """
     if not parts:
-        raise AddonError("Nothing is selected that could be deformed.", "Select one or more mesh objects.")
+        raise AddonError("No mesh is selected.", "Select one or more mesh objects.")
     binary = bytearray()
     root: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Meshdeform for Blender"},
@@ -71,7 +71,7 @@ def write_glb(parts: Sequence[Part]) -> bytes:
         positions = (part.positions.astype(np.float64) @ (_UP @ baked).T).astype(np.float32)
         if not np.isfinite(positions).all():
             raise AddonError(f"“{part.name}” has vertices that are not finite.", "Remove them: Mesh > Clean Up.")
-        # A mirror that a node makes is seen by every reader; one that is baked turns the faces inside out.
+        # Readers account for a node that mirrors; a baked mirror turns the faces inside out.
         triangles = part.triangles[:, ::-1] if np.linalg.det(baked) < 0.0 else part.triangles
         corners = np.ascontiguousarray(triangles, "<u4").reshape(-1)
         attributes = {"POSITION": _accessor(root, binary, positions.astype("<f4"), "VEC3", _FLOAT, _ARRAY_BUFFER)}
@@ -85,12 +85,12 @@ def write_glb(parts: Sequence[Part]) -> bytes:
 
 
 def read_positions(glb: bytes, parts: Sequence[Part]) -> list[NDArray[np.float32]]:
-    """Read the new positions, each in its mesh's own space, of what `write_glb` wrote for the same parts.
+    """Read the new positions, each in its mesh's own space, from the deformed file of `write_glb` for the same parts.
 
     Raises
     ------
     AddonError
-        It is not that file.
+        The file does not match the parts.
     """
     try:
         root, binary = _unpack(glb)
@@ -107,9 +107,9 @@ def read_positions(glb: bytes, parts: Sequence[Part]) -> list[NDArray[np.float32
 
 
 def _split(part: Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what goes into the positions (3, 3), and the node's matrix (4, 4), +Y up.
+    """Return the map to bake into the positions (3, 3), and the node's matrix (4, 4), +Y up.
 
-    A glTF node turns, scales and moves; it does not shear, as a turned child of an unevenly scaled parent does. A
+    A glTF node can rotate, scale and translate but not shear, as a rotated child of an unevenly scaled parent does. A
     sheared part gets its linear map baked into the positions.
     """
     linear, offset = part.matrix[:3, :3], part.matrix[:3, 3]
@@ -147,7 +147,7 @@ def _pack(root: dict[str, Any], binary: bytes) -> bytes:
 def _unpack(glb: bytes) -> tuple[dict[str, Any], bytes]:
     magic, version, length = struct.unpack_from("<4sII", glb)
     if magic != b"glTF" or version != 2 or length != len(glb):
-        raise ValueError("no GLB")
+        raise ValueError("not a GLB")
     (size,) = struct.unpack_from("<I", glb, 12)
     root = json.loads(glb[20 : 20 + size])
     start = 20 + size

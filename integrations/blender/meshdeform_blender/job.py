@@ -1,4 +1,4 @@
-"""One job from posting to its result, on a thread of its own, so that Blender stays usable meanwhile. Without bpy."""
+"""Run one job, from submission to result, on its own thread, so that Blender stays usable. Does not use bpy."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from .errors import AddonError, Canceled
 
 Phase = Literal["sending", "queued", "running", "receiving", "succeeded", "failed", "canceled"]
 OVER: frozenset[Phase] = frozenset({"succeeded", "failed", "canceled"})
-_TEXTS = {"queued": "Waiting for a worker", "running": "Starting"}
-_LOOK_S = 1.0  # a bar that moves once a second looks alive
-_PATIENCE_S = 10.0
+_POLL_S = 1.0  # a bar that moves once a second looks alive
+_CONTACT_S = 10.0
 
 
 @dataclass(frozen=True)
 class Status:
-    """How it stands; never changed, only replaced, so any thread may read it.
+    """The state of a job. Immutable and replaced as a whole, so any thread may read it.
 
     Attributes
     ----------
@@ -29,7 +28,7 @@ class Status:
         Of the optimisation, 0 to 1.
     step, total_steps : int
     job_id : str
-        Empty until the service has taken it.
+        Empty until the service has accepted the job.
     error : AddonError or None
     """
 
@@ -42,7 +41,7 @@ class Status:
 
     @property
     def text(self) -> str:
-        """For people."""
+        """The phase in words for the panel."""
         if self.phase == "running" and self.total_steps:
             return f"Step {self.step} of {self.total_steps}"
         texts = {
@@ -55,19 +54,19 @@ class Status:
 
 
 class JobThread(threading.Thread):
-    """Posts a job, follows it, fetches `result.glb`.
+    """A thread that submits a job, follows it and downloads `result.glb`.
 
     Parameters
     ----------
     url, api_key : str
-        The service.
+        Address and key of the service.
     asset : bytes
         A GLB.
     filename : str
     request : dict
         The request document.
     target : bytes, optional
-        The second mesh of `target` guidance.
+        A GLB with the target mesh, for `target` guidance.
 
     Attributes
     ----------
@@ -82,19 +81,19 @@ class JobThread(threading.Thread):
         super().__init__(name="meshdeform", daemon=True)
         self._stop_asked = threading.Event()
         self._client = Client(url, api_key, stop=self._stop_asked)
-        self._first_contact = Client(url, api_key, stop=self._stop_asked, timeout_s=_PATIENCE_S, tries=1)
-        # Its stop is never set: it says goodbye after the other one was stopped.
-        self._last_word = Client(url, api_key, timeout_s=_PATIENCE_S)
+        self._first_client = Client(url, api_key, stop=self._stop_asked, timeout_s=_CONTACT_S, tries=1)
+        # This client has no stop event: it sends the cancellation after the other one was stopped.
+        self._canceling_client = Client(url, api_key, timeout_s=_CONTACT_S)
         self._asset, self._filename, self._request, self._target = asset, filename, request, target
         self.status = Status()
         self.result: bytes | None = None
 
     def cancel(self) -> None:
-        """Ask for it to end; returns at once."""
+        """Request cancellation; returns at once."""
         self._stop_asked.set()
 
     def run(self) -> None:
-        """Do it; ends with a phase of `OVER`."""
+        """Run the job; afterwards `status.phase` is one of `OVER`."""
         try:
             self.result = self._run()
             self.status = replace(self.status, phase="succeeded", fraction=1.0)
@@ -103,13 +102,13 @@ class JobThread(threading.Thread):
             self.status = replace(self.status, phase="canceled")
         except AddonError as error:
             self.status = replace(self.status, phase="failed", error=error)
-        except Exception as error:  # whatever it is, the panel must say so instead of waiting for ever
+        except Exception as error:  # the panel must show any error instead of waiting for ever
             mistake = AddonError(f"{type(error).__name__}: {error}", "Report this to the add-on's authors.")
             self.status = replace(self.status, phase="failed", error=mistake)
 
     def _run(self) -> bytes:
-        # A wrong address or key is told at once; later the service may be away for a while.
-        self._first_contact.version()
+        # Report a wrong address or key at once; later the service may be unreachable for a while.
+        self._first_client.version()
         key = secrets.token_hex(16)
         job = self._client.submit(self._asset, self._filename, self._request, target=self._target, key=key)
         self.status = replace(self.status, phase="queued", job_id=str(job["id"]))
@@ -122,7 +121,7 @@ class JobThread(threading.Thread):
                 break
             if job["state"] in {"failed", "canceled", "expired"}:
                 raise _ended(job)
-            if self._stop_asked.wait(min(after_s, _LOOK_S)):
+            if self._stop_asked.wait(min(after_s, _POLL_S)):
                 raise Canceled
         self.status = replace(self.status, phase="receiving", fraction=1.0)
         result = self._client.artifact(self.status.job_id, "result.glb")
@@ -141,11 +140,11 @@ class JobThread(threading.Thread):
         )
 
     def _cancel_job(self) -> None:
-        """Tell the service; where that fails for a while, say nothing: the user has moved on."""
-        deadline = time.monotonic() + _PATIENCE_S
+        """Cancel the job on the server, ignoring errors: the user has moved on."""
+        deadline = time.monotonic() + _CONTACT_S
         while self.status.job_id and time.monotonic() < deadline:
             try:
-                self._last_word.cancel(self.status.job_id)
+                self._canceling_client.cancel(self.status.job_id)
             except AddonError:
                 time.sleep(0.2)
             else:

@@ -1,4 +1,4 @@
-"""Blender's meshes: what is sent of them, and how the result is put back."""
+"""Read Blender's meshes for sending, and apply the result to them."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Source:
     Attributes
     ----------
     uid : int
-        Finds the object again, also after undo, when old references are void.
+        Identifies the object, even after undo, which invalidates references.
     part : Part
-        Its mesh as it was.
+        Its mesh when it was sent.
     connectivity : str
         Hash of its faces.
     """
@@ -37,9 +37,9 @@ class Source:
 
 
 def gather(objects: Sequence[Any]) -> list[Source]:
-    """Read the meshes of objects; of those that share a mesh, the first one.
+    """Read the meshes of objects; of objects that share a mesh, only the first.
 
-    Modifiers are left out: they go on working on the result. Where there are shape keys, the reference key is read.
+    Modifiers are not applied: they still apply to the result. For a mesh with shape keys, the reference key is read.
 
     Raises
     ------
@@ -61,21 +61,21 @@ def gather(objects: Sequence[Any]) -> list[Source]:
 
 
 def is_ready(sources: Sequence[Source]) -> bool:
-    """Return whether the objects can be changed now: not while one is edited, sculpted or painted."""
+    """Return whether the objects can be changed now, that is, none is being edited, sculpted or painted."""
     return all(obj is None or obj.mode == "OBJECT" for obj in map(_find, sources))
 
 
 def apply(sources: Sequence[Source], positions: Sequence[NDArray[np.float32]], how: Apply, name: str) -> list[str]:
-    """Put new positions into the meshes: all of them, or none where one does not fit any more.
+    """Apply new positions to the meshes: to all of them, or to none if one no longer matches.
 
     Parameters
     ----------
     sources : sequence of Source
     positions : sequence of (N, 3) float32
     how : "SHAPE_KEY" or "REPLACE"
-        Another shape key with the value 1, or other vertex positions in the mesh and in all of its shape keys.
+        Add a shape key with the value 1, or move the vertices of the mesh and of all its shape keys.
     name : str
-        Of the shape key.
+        Name of the shape key.
 
     Returns
     -------
@@ -84,13 +84,13 @@ def apply(sources: Sequence[Source], positions: Sequence[NDArray[np.float32]], h
     Raises
     ------
     AddonError
-        An object is gone, or its mesh has other vertices or faces by now.
+        An object is gone, or its vertices or faces have changed.
     """
     targets = []
     for source in sources:
         obj = _find(source)
         if obj is None:
-            raise AddonError(f"“{source.part.name}” is not there any more.", "Undo, and deform it again.")
+            raise AddonError(f"“{source.part.name}” no longer exists.", "Undo, and deform it again.")
         same = len(obj.data.vertices) == len(source.part.positions)
         if not same or _hash(obj.data) != source.connectivity:
             raise AddonError(
@@ -105,7 +105,7 @@ def apply(sources: Sequence[Source], positions: Sequence[NDArray[np.float32]], h
     for obj, source, moved in zip(targets, sources, positions, strict=True):
         base = _base_positions(obj.data)
         if not np.array_equal(base, source.part.positions):
-            # What was moved meanwhile stays moved.
+            # Keep what the user moved in the meantime.
             moved = (base.astype(np.float64) + moved - source.part.positions).astype(np.float32)
             remarks.append(f"“{obj.name}” was moved while the job ran: the deformation was added to that.")
         if how == "SHAPE_KEY":
@@ -129,7 +129,7 @@ def _add_shape_key(obj: Any, positions: NDArray[np.float32], name: str) -> None:
 def _replace(mesh: Any, base: NDArray[np.float32], positions: NDArray[np.float32]) -> None:
     keys = mesh.shape_keys
     for block in keys.key_blocks if keys else ():
-        # Every key moves along, so that what they add stays the same; the reference key itself becomes the result.
+        # Move every key by the same offsets, to preserve their deltas; the reference key becomes the result.
         others = np.empty_like(base)
         block.data.foreach_get("co", others.reshape(-1))
         there = positions if block == keys.reference_key else others + (positions - base)
@@ -152,7 +152,7 @@ def _triangles(mesh: Any) -> NDArray[np.uint32]:
 
 
 def _hash(mesh: Any) -> str:
-    # Of the faces as they are, not of their triangles: how a quad is cut depends on where its corners are.
+    # Hash the polygons, not their triangles: how a quad is split depends on where its corners are.
     corners, sizes = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
     mesh.loops.foreach_get("vertex_index", corners)
     mesh.polygons.foreach_get("loop_total", sizes)

@@ -1,4 +1,4 @@
-"""The one deformation at a time that this Blender waits for: started, looked after, put into the scene."""
+"""Start the one deformation that this Blender may run at a time, poll it, and apply its result to the scene."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .job import OVER, JobThread, Status
 
 @dataclass
 class Session:
-    """What the panel shows.
+    """The state that the panel shows.
 
     Attributes
     ----------
     job : JobThread or None
-        The one that runs.
+        The running job.
     message, is_error : str, bool
-        How the last one ended.
+        How the last job ended.
     """
 
     job: JobThread | None = None
@@ -36,27 +36,27 @@ class Session:
 
     @property
     def status(self) -> Status | None:
-        """How the running one stands."""
+        """The status of the running job, if any."""
         return self.job.status if self.job else None
 
     def start(self, objects: Sequence[Any], settings: Any, preferences: Any) -> None:
-        """Read the meshes and send them; returns at once.
+        """Read the meshes and start sending them; returns at once.
 
         Raises
         ------
         AddonError
-            What stands in the way.
+            The job cannot be started.
         """
         if self.job:
             raise AddonError("A deformation is running.", "Wait for it, or cancel it.")
-        Client(preferences.url)  # is it an address at all?
+        Client(preferences.url)  # raises if it is not an address
         if not is_loopback(preferences.url) and not bpy.app.online_access:
             raise AddonError(
                 "Blender may not use the network.", "Allow it: Preferences > System > Allow Online Access."
             )
         target_object = settings.target if settings.guidance == "target" else None
         if settings.guidance == "target" and target_object is None:
-            raise AddonError("There is no target.", "Choose the object whose shape is to be taken on.")
+            raise AddonError("There is no target.", "Choose the object to use as the target shape.")
         sources = meshes.gather([obj for obj in objects if obj != target_object])
         target = write_glb([source.part for source in meshes.gather([target_object])]) if target_object else None
         asset = write_glb([source.part for source in sources])
@@ -68,7 +68,7 @@ class Session:
         job.start()
 
     def poll(self) -> str:
-        """Look after it; never waits.
+        """Check the job and apply its result once it is there; never waits.
 
         Returns
         -------
@@ -95,7 +95,7 @@ class Session:
         return self._end("applied", " ".join(remarks) or "Done.")
 
     def cancel(self) -> None:
-        """Forget it and have it canceled; returns at once."""
+        """Cancel the running job and forget it; returns at once."""
         if self.job:
             self.job.cancel()
             self.job = None

@@ -1,4 +1,4 @@
-"""Blender as a module with the add-on in it, and a real service beside it. `scripts/test-blender` runs this."""
+"""Provide Blender as a module with the add-on, and a real service. Run by `scripts/test-blender`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT / "integrations/blender"))
 
 @pytest.fixture(scope="session")
 def server(pytestconfig: pytest.Config) -> Iterator[str]:
-    """The URL of a `meshdeform serve`, which runs in the project's own environment."""
+    """Start `meshdeform serve` in the project's own environment and yield its URL."""
     python = ROOT / ".venv/bin/python"
     with tempfile.TemporaryDirectory() as folder:
         command = [python, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", folder]
@@ -45,7 +45,7 @@ def server(pytestconfig: pytest.Config) -> Iterator[str]:
 
 @pytest.fixture
 def scene(server: str) -> Iterator[Any]:
-    """An empty scene in a Blender that has the add-on, as its archive has it, and knows the server."""
+    """Yield an empty scene in a Blender with the add-on enabled and set to the server."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     _install()
     preferences = bpy.context.preferences.addons["meshdeform_blender"].preferences
@@ -56,7 +56,7 @@ def scene(server: str) -> Iterator[Any]:
 
 
 def _install() -> None:
-    """Enable the package where it lies, as `Install from Disk` does with a copy."""
+    """Enable the package in place, as `Install from Disk` does with a copy."""
     import addon_utils
 
     module = addon_utils.enable("meshdeform_blender", default_set=True, handle_error=_raise)

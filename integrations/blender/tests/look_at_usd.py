@@ -1,4 +1,4 @@
-"""``python look_at_usd.py FILE``: what a USD file holds, as JSON, by Pixar's own library."""
+"""Print a summary of a USD file as JSON, using Pixar's own library: ``python look_at_usd.py FILE``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The add-on in a real Blender with a real service: what it changes in a scene, and what it leaves alone."""
+"""Test the add-on in a real Blender with a real service: what it changes in a scene, and what it leaves alone."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def rig(obj: Any) -> Any:
 
 
 def kept(obj: Any) -> dict[str, Any]:
-    """All that a deformation leaves alone."""
+    """Return everything that a deformation must leave alone."""
     uvs = np.empty(2 * len(obj.data.loops), np.float32)
     obj.data.uv_layers[0].data.foreach_get("uv", uvs)
     corners = np.empty(len(obj.data.loops), np.int32)
@@ -84,7 +84,7 @@ def kept(obj: Any) -> dict[str, Any]:
 
 
 def result_on_the_server(server: str, part: Any) -> np.ndarray:
-    """The last job's result, fetched and read again."""
+    """Download the last job's result and return its positions."""
     from meshdeform_blender.client import Client
     from meshdeform_blender.glb import read_positions
 
@@ -182,7 +182,7 @@ def start(scene: Any) -> Any:
     return current
 
 
-def test_looking_after_it_never_blocks_and_cancel_is_heard_by_the_server(scene: Any, server: str) -> None:
+def test_polling_never_blocks_and_cancel_reaches_the_server(scene: Any, server: str) -> None:
     from meshdeform_blender.client import Client
 
     target, suzanne = ball(), monkey()
@@ -255,7 +255,7 @@ def test_a_mesh_with_other_faces_by_then_is_left_alone(scene: Any) -> None:
         (lambda scene, obj: setattr(_preferences(), "url", "https://example.com"), "may not use the network"),
     ],
 )
-def test_what_is_wrong_is_said(scene: Any, prepare: Any, words: str) -> None:
+def test_errors_are_reported(scene: Any, prepare: Any, words: str) -> None:
     suzanne = monkey()
     scene.meshdeform.prompt = "a mushroom"
     prepare(scene, suzanne)
@@ -274,7 +274,7 @@ def _preferences() -> Any:
 
 
 class Layout:
-    """Takes what a panel draws, looks up every property as Blender does, and notes the words."""
+    """A layout that resolves every property that a panel draws, as Blender does, and records the words."""
 
     def __init__(self, words: list[str]) -> None:
         self.words = words
@@ -308,7 +308,7 @@ def drawn(addon: Any) -> list[str]:
 
 
 def test_the_panel_and_the_timer_as_blender_calls_them(scene: Any) -> None:
-    """Without a window nobody sends events, so they are called as Blender would."""
+    """Without a window there are no events, so call the methods as Blender would."""
     from meshdeform_blender import addon
 
     target, suzanne = ball(), monkey()

@@ -1,4 +1,4 @@
-"""Results of the service in Blender's own importer, and out of its exporter again: counts stay."""
+"""Test that results of the service pass through Blender's importer and exporter with their counts unchanged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.glb")) if os.environ.get("ME
 
 
 def counted() -> dict[str, Any]:
-    """What there is in the scene."""
+    """Count the contents of the scene."""
     objects = [obj for obj in bpy.context.scene.objects if obj.type == "MESH"]
     for obj in objects:
         obj.data.calc_loop_triangles()

@@ -1,4 +1,4 @@
-"""Results as USDZ through Blender: what Pixar's own library and validators say of them."""
+"""Test results converted to USDZ by Blender with Pixar's own library and validators."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import pytest
 from files_seen import FOLDER, document, triangles
 
 SCRIPT = Path(__file__).parents[1] / "to_usdz.py"
-# In a process of its own: Blender has a USD library inside, and two in one process are one too many.
+# In a separate process, because Blender contains a USD library and two in one process conflict.
 LOOK = Path(__file__).with_name("look_at_usd.py")
 NAMES = sorted(path.stem for path in FOLDER.glob("*-result.glb")) if os.environ.get("MESHDEFORM_RESULTS") else []
 
 
 @pytest.fixture(scope="module", params=NAMES)
 def seen(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]]:
-    """The name of a result, and what its USDZ holds."""
+    """Return the name of a result, and the summary of its USDZ."""
     target = tmp_path_factory.mktemp(request.param) / "result.usdz"
     subprocess.run([sys.executable, SCRIPT, FOLDER / f"{request.param}.glb", target], check=True, capture_output=True)
     done = subprocess.run([sys.executable, LOOK, target], capture_output=True, text=True, check=False)
@@ -48,7 +48,7 @@ def test_everything_is_there_in_metres_with_y_up(seen: tuple[str, dict[str, Any]
     assert found["joints"] == (bones or found["joints"])
     assert found["moves"] == bool(root.get("animations"))
     assert found["shapes"] == sum(len(p.get("targets", [])) for mesh in root["meshes"] for p in mesh["primitives"])
-    if name == "extended-result":  # without transforms, skin and weights the bounds stand in the file
+    if name == "extended-result":  # without transforms, skin and weights the bounds are those in the file
         (primitive,) = root["meshes"][0]["primitives"]
         accessor = root["accessors"][primitive["attributes"]["POSITION"]]
         for mine, theirs in zip(found["box"], (accessor["min"], accessor["max"]), strict=True):
