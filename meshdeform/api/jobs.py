@@ -194,8 +194,8 @@ class EventView(_Document):
     seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without gaps.", examples=[3])
     job_id: str = Field(description="The job.", examples=[_JOB_ID])
     type: EventType = Field(
-        description="What happened. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job, and "
-        "no event follows it.",
+        description="What happened. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job; no "
+        "event follows it.",
         examples=["progress"],
     )
     at: datetime = Field(description="When it happened, UTC.", examples=[_TIME])

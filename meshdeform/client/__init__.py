@@ -1,4 +1,4 @@
-"""A client of the HTTP API, for threads and for event loops. Needs nothing but the base install.
+"""Provide clients of the HTTP API, for threads and for event loops. They need only the base install.
 
 >>> client = Client("http://127.0.0.1:8765")                          # doctest: +SKIP
 >>> result = client.deform("examples/sphere.glb", "a mushroom")       # doctest: +SKIP

@@ -1,4 +1,4 @@
-"""The client for event loops."""
+"""Provide the client for event loops."""
 
 from __future__ import annotations
 
@@ -43,31 +43,31 @@ Output = OutputOptions | Mapping[str, Any]
 
 
 class AsyncClient:
-    """One service. An async context manager; safe to share between tasks of an event loop.
+    """A client of one service. An async context manager; safe to share between tasks of an event loop.
 
     Callbacks may be functions or coroutine functions.
 
     Parameters
     ----------
     base_url : str, optional
-        For example `https://meshdeform.example`; a path in it is kept. Default: `MESHDEFORM_URL`, else
+        For example `https://meshdeform.example`, optionally with a path. Default: `MESHDEFORM_URL`, else
         `http://127.0.0.1:8765`.
     api_key : str, optional
-        Default: `MESHDEFORM_API_KEY`, else none. An empty one: none.
+        Default: `MESHDEFORM_API_KEY`, else none. An empty key means none.
     timeout_s : float
-        Seconds that one answer may be silent, and for which a request that failed is sent again.
+        Seconds to wait for data of a response, and for which to retry a failed request.
     max_retries : int
-        How often a request is sent again that got no answer, 408, 429, 502, 503 or 504. 0: never.
+        How often to retry a request that got no response, or 408, 429, 502, 503 or 504. 0: never.
     http : httpx.AsyncClient, optional
-        Used instead of an own one (proxies, certificates, tests), and left open.
+        Used instead of a new one (for proxies, certificates, tests), and not closed.
 
     Raises
     ------
     MeshdeformError
-        Every method raises the class of `meshdeform.errors` whose code the service answered; `UnavailableError` where
-        it did not answer.
+        Every method raises the class of `meshdeform.errors` for the code in the service's response, or
+        `UnavailableError` if there was no response.
     ValueError
-        The address, the key or a time cannot be right.
+        The address, the key or a time is invalid.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class AsyncClient:
         self._endpoint = Endpoint.of(base_url, api_key, timeout_s)
         self._policy = Policy.of(timeout_s, max_retries)
         self._owned = http is None
-        # As many connections as there are tasks: a stream of events keeps one.
+        # No limit on connections: each task that follows events keeps one open.
         self._http = http or httpx.AsyncClient(limits=httpx.Limits(max_connections=None))
         self._driver = AsyncDriver(self._http, self._endpoint)
 
@@ -129,27 +129,27 @@ class AsyncClient:
         timeout_s: float | None = None,
         cancel_on_interrupt: bool = True,
     ) -> AsyncResult:
-        """Post a job, wait until it is over, and return its result.
+        """Post a job, wait until it has finished, and return its result.
 
         Parameters
         ----------
         asset, prompt, params, output, target, metadata, priority, deadline_s, retention_s, kind
             As for `submit`.
         filename, upload, idempotency_key
-            Likewise.
+            As for `submit`.
         on_event : callable, optional
-            Gets every event as it happens.
+            Called with every event as it happens.
         timeout_s : float, optional
-            No limit unless given.
+            Default: no limit.
         cancel_on_interrupt : bool
-            Ask for the job to be canceled where this task is: nobody would wait for it any more.
+            Cancel the job if this task is canceled.
 
         Raises
         ------
         WaitTimeoutError
-            It is not over in time. It goes on: the error's `extra["job_id"]` says which.
+            The job has not finished in time. It continues: the error's `extra["job_id"]` has its id.
         MeshdeformError
-            What was wrong with the request, or what the job failed with.
+            The request was refused, or the job failed.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
@@ -175,33 +175,34 @@ class AsyncClient:
         upload: bool | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
-        """Post a job. It is made once, however often the request had to be sent.
+        """Post a job. It is created only once, even if the request is retried.
 
         Parameters
         ----------
         asset : path, bytes, binary stream, UploadView or mapping
-            GLB, OBJ, PLY or STL. A mapping names what the service has: `{"job_id": ..., "artifact": "result.glb"}`.
+            GLB, OBJ, PLY or STL. A mapping names a file of the service: `{"job_id": ..., "artifact": "result.glb"}`.
         prompt : str
-            What it shall become.
+            What the asset should become.
         params : DeformParams or mapping, optional
             For example `{"preset": "preview", "seed": 7}`.
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
-            A second mesh, where `params` says `{"guidance": "target"}`.
+            A second mesh, for `params` with `{"guidance": "target"}`.
         metadata : mapping, optional
             Your own labels.
         priority : int, optional
-            The greater, the sooner.
+            Jobs with higher priority run first.
         deadline_s, retention_s : float, optional
-            Seconds after which it expires unless it is over; and after its end, after which it is deleted.
+            Seconds until the job expires unless finished, and seconds from its end until it is deleted.
         kind : str, optional
             What the job does.
         filename : str, optional
-            The name to send with bytes or a stream; its ending tells OBJ, PLY and STL apart.
+            The file name to send with bytes or a stream; its extension identifies OBJ, PLY and STL.
         upload : bool, optional
-            Whether files are sent ahead, in pieces. Default: those above 16 MiB are.
+            Whether to upload files in pieces before posting the job. Default: only files above 16 MiB.
         idempotency_key : str, optional
-            A name of this request of your own: the same within a day is done once, also by different processes.
+            Your own key for this request: requests with the same key within a day, also from other processes, create
+            only one job.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
@@ -223,7 +224,7 @@ class AsyncClient:
         filename: str | None = None,
         upload: bool | None = None,
     ) -> Validation:
-        """Check a job without posting it: what the asset holds, every parameter, how long it would take.
+        """Check a job without posting it, and return the asset's contents, all parameters and a time estimate.
 
         Parameters and errors are those of `submit`.
         """
@@ -234,11 +235,11 @@ class AsyncClient:
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
-        """Send a file ahead of its jobs; any number of them may name it."""
+        """Upload a file for use in any number of jobs."""
         return await self._driver.run(creating.sent_ahead(asset, filename, idempotency_key, self._policy))
 
     async def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
-        """Try a job again that did not succeed: a new job that goes on from its last checkpoint."""
+        """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
         return await self._driver.run(creating.retried(job, idempotency_key, self._policy))
 
     async def branch(
@@ -257,33 +258,33 @@ class AsyncClient:
         kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
-        """Post a job on the same asset that begins with the shape of a checkpoint; see `checkpoints`."""
+        """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         return await self._driver.run(creating.branched(job, step, order, target, idempotency_key, self._policy))
 
     async def get(self, job: JobLike) -> JobView:
-        """Look at a job."""
+        """Return a job's current state."""
         return await self._driver.run(looking.got(job, self._policy))
 
     def jobs(
         self, *, state: JobState | str | None = None, metadata: Mapping[str, str] | None = None, limit: int = 50
     ) -> AsyncIterator[JobView]:
-        """Go through the jobs, newest first, a page of `limit` at a time."""
+        """Iterate over the jobs, newest first, requesting pages of `limit`."""
         return self._driver.iterate(looking.listed(state, dict(metadata or {}), limit, self._policy))
 
     def watch(self, job: JobLike, *, after: int | None = None) -> AsyncIterator[EventView]:
-        """Follow a job: every event once and in order, over any number of connections, until the one that ends it.
+        """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.
 
         Parameters
         ----------
         job : JobView or str
         after : int, optional
-            `seq` of the last event that you have. Default: from the first one on.
+            `seq` of the last event that you have. Default: start with the first event.
 
         Raises
         ------
         UnavailableError
-            The service does not answer for longer than five times `timeout_s`; shorter absences do not show.
+            The service does not answer for longer than five times `timeout_s`. Shorter outages are bridged.
         """
         return self._driver.iterate(events.followed(looking.identity(job), after or 0, self._policy, Emit))
 
@@ -296,49 +297,49 @@ class AsyncClient:
         on_event: Callable[[EventView], Any] | None = None,
         check: bool = True,
     ) -> JobView:
-        """Wait until a job is over. An unchanged job costs a 304; the pace is the service's own.
+        """Wait until a job has finished. An unchanged job costs a 304; the service sets the polling interval.
 
         Parameters
         ----------
         job : JobView or str
         timeout_s : float, optional
-            No limit unless given.
+            Default: no limit.
         on_change : callable, optional
-            Gets the job whenever it has changed.
+            Called with the job whenever it has changed.
         on_event : callable, optional
-            Gets every event as it happens, from the first one on.
+            Called with every event as it happens, from the first one.
         check : bool
-            Raise unless it succeeded.
+            Raise unless the job succeeded.
 
         Raises
         ------
         WaitTimeoutError
-            It is not over in time. It goes on. A `TimeoutError`, too.
+            The job has not finished in time. It continues. Also a `TimeoutError`.
         MeshdeformError
-            With `check`: what the job failed with, or `ConflictError` where it was canceled or has expired.
+            With `check`: the job's error, or `ConflictError` if it was canceled or has expired.
         """
         return await self._driver.run(
             looking.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
         )
 
     async def result(self, job: JobLike, *, timeout_s: float | None = None) -> AsyncResult:
-        """Wait until a job has succeeded, and return its result; errors are those of `wait`."""
+        """Wait until a job has succeeded and return its result; errors are those of `wait`."""
         return AsyncResult(self, await self.wait(job, timeout_s=timeout_s))
 
     async def cancel(self, job: JobLike) -> JobView:
-        """Ask for a job to be canceled."""
+        """Request cancellation of a job."""
         return await self._driver.run(looking.canceled(job, self._policy))
 
     async def delete(self, job: JobLike) -> None:
-        """Delete a job that is over, with its artifacts."""
+        """Delete a finished job with its artifacts."""
         await self._driver.run(looking.deleted(job, self._policy))
 
     async def artifacts(self, job: JobLike) -> list[ArtifactView]:
-        """Return a job's artifacts, by name."""
+        """Return a job's artifacts, sorted by name."""
         return await self._driver.run(looking.artifacts(job, self._policy))
 
     async def checkpoints(self, job: JobLike) -> list[CheckpointView]:
-        """Return where a job can go on from, by step."""
+        """Return the checkpoints from which a job can continue, sorted by step."""
         return await self._driver.run(looking.checkpoints(job, self._policy))
 
     async def signed_url(self, job: JobLike, name: str) -> SignedUrl:
@@ -346,45 +347,45 @@ class AsyncClient:
         return await self._driver.run(looking.signed_url(job, name, self._policy))
 
     async def limits(self) -> Limits:
-        """Return everything that a caller controls, with its limit."""
+        """Return the service's limits on requests."""
         return await self._driver.run(looking.limits(self._policy))
 
     async def models(self) -> ModelList:
-        """Return the models that jobs may name."""
+        """Return the models that jobs may use."""
         return await self._driver.run(looking.models(self._policy))
 
     async def read(self, job: JobLike, name: str) -> bytes:
-        """Return an artifact's bytes, their SHA-256 compared."""
+        """Return an artifact's bytes after verifying their SHA-256."""
         return await self._driver.run(downloads.loaded(job_path(job, "artifacts", name), self._policy))
 
     async def download(self, job: JobLike, name: str, path: str | os.PathLike[str]) -> Path:
-        """Save an artifact. The file appears whole, with its SHA-256 compared, or not at all.
+        """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
 
-        A download that breaks off goes on where it stopped. A file that is there is replaced.
+        An interrupted download resumes where it stopped. An existing file is replaced.
         """
         return await self._driver.run(downloads.saved(job_path(job, "artifacts", name), Path(path), self._policy))
 
     async def fetch(
         self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None
     ) -> list[Path]:
-        """Save a job's artifacts into a folder, which is made. A file that is there and the same is not sent again.
+        """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.
 
         Parameters
         ----------
         job : JobView or str
         folder : path
         names : sequence of str, optional
-            Which of them. Default: all.
+            The artifacts to save. Default: all.
 
         Raises
         ------
         NotFoundError
-            The job has no artifact of such a name.
+            The job has no artifact with such a name.
         """
         return await self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
 
     async def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
-        """Save the asset as it was sent; the job may be in any state."""
+        """Save the asset as it was sent, for a job in any state."""
         return await self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
 
     async def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:

@@ -1,7 +1,8 @@
-"""What the client's logic asks of the world. It is written once, as generators that yield these and get answers.
+"""Define the commands that the client's logic yields to its driver.
 
-`drivers` carries them out, over `httpx.Client` or over `httpx.AsyncClient`; nothing else differs between the two
-clients. A command that fails raises inside the generator, where it was yielded.
+The logic is written once, as generators that yield commands and receive their results. `drivers` executes the commands
+with `httpx.Client` or `httpx.AsyncClient`; nothing else differs between the two clients. A command that fails raises
+inside the generator, where it was yielded.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from meshdeform.errors import UnavailableError
 __all__ = [
     "Answer",
     "Call",
+    "Callback",
     "Command",
     "Emit",
     "Operation",
@@ -26,7 +28,6 @@ __all__ = [
     "Send",
     "Shield",
     "Stream",
-    "Tell",
     "Work",
 ]
 
@@ -35,13 +36,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Part:
-    """A file of a form.
+    """A file in a multipart form.
 
     Attributes
     ----------
     name, filename : str
     file : binary file
-        At its beginning.
+        Positioned at its beginning.
     """
 
     name: str
@@ -51,7 +52,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Piece:
-    """Bytes of a file that are the whole body of a request.
+    """A range of a file that is the whole body of a request.
 
     Attributes
     ----------
@@ -71,19 +72,19 @@ class Call:
     Attributes
     ----------
     method, url : str
-        The URL is absolute, or a path of the service.
+        The URL is absolute or a path of the service.
     query : mapping
     headers : mapping
     document : JSON value, optional
-        The body; with `parts` the form's part `request`.
+        The body; with `parts`, the form's part `request`.
     parts : tuple of Part
-        Files of a form.
+        The files of a form.
     piece : Piece, optional
         The body.
     signed : bool
-        Whether the URL carries its permission by itself: the API key stays here.
+        Whether the URL is signed; then the API key is not sent.
     read_timeout_s : float, optional
-        How long it may be silent.
+        Seconds to wait for data of the response.
     """
 
     method: str
@@ -99,7 +100,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back. Header names are in small letters; of a stream the body comes with `Read`."""
+    """An HTTP response. Header names are in lower case; `Read` returns the body of a stream."""
 
     status: int
     url: str
@@ -108,16 +109,16 @@ class Answer:
 
     @property
     def ok(self) -> bool:
-        """Whether it is what was asked for."""
+        """Whether the request succeeded."""
         return 200 <= self.status < 300 or self.status == 304
 
     def json(self) -> Any:
-        """Return the document.
+        """Return the JSON document.
 
         Raises
         ------
         UnavailableError
-            It is none: something that is not the service has answered.
+            The body is not JSON, so that the response is not from the service.
         """
         try:
             return json.loads(self.content)
@@ -129,40 +130,40 @@ class Answer:
 
 @dataclass(frozen=True)
 class Send:
-    """Send a request; gives an `Answer` with its body."""
+    """Send a request; the result is an `Answer` with its body."""
 
     call: Call
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Send a request and leave its body for `Read`; gives an `Answer`. The stream before this one is closed."""
+    """Send a request, leaving its body for `Read`, and close any previous stream; the result is an `Answer`."""
 
     call: Call
 
 
 @dataclass(frozen=True)
 class Read:
-    """Gives the next bytes of the stream; none at its end."""
+    """Read the next bytes of the stream, empty at its end."""
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Wait so many seconds."""
+    """Wait for a number of seconds."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class Work:
-    """Call a function that may take its time with a disk; gives what it returns."""
+    """Call a function that may block on the disk; the result is its return value."""
 
     function: Callable[[], Any]
 
 
 @dataclass(frozen=True)
-class Tell:
-    """Call the user's function, and wait for it where it is asynchronous."""
+class Callback:
+    """Call the user's function, and await it if it is asynchronous."""
 
     function: Callable[[Any], Any]
     value: Any
@@ -170,7 +171,7 @@ class Tell:
 
 @dataclass(frozen=True)
 class Shield:
-    """Carry out an operation to its end even where the caller is being canceled, in at most so many seconds."""
+    """Complete an operation even if the caller is being canceled, within a number of seconds."""
 
     operation: Generator[Any, Any, Any]
     seconds: float
@@ -178,10 +179,10 @@ class Shield:
 
 @dataclass(frozen=True)
 class Emit:
-    """Give the next item of an iteration."""
+    """Yield the next item of an iteration."""
 
     item: Any
 
 
-Command = Send | Stream | Read | Pause | Work | Tell | Shield | Emit
+Command = Send | Stream | Read | Pause | Work | Callback | Shield | Emit
 Operation = Generator[Command, Any, T]

@@ -1,8 +1,8 @@
-"""What the service tells, as the client reads it: what a newer service says besides is kept, not refused.
+"""Define the documents that the client reads, accepting additions by newer services.
 
-The job's own documents are those of `meshdeform.api.jobs`. Members that this version does not know are in
-`model_extra`; names that it does not know (a state, an event, a kind of job) are members of their enumeration that only
-have a `value`; parameters that it does not know, or finds out of range, are attributes of `params`.
+The documents of jobs are those of `meshdeform.api.jobs`. Unknown members are in `model_extra`; unknown names (of a
+state, an event, a kind of job) are members of their enumeration that only have a `value`; unknown or out-of-range
+parameters are attributes of `params`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _named(names: type[StrEnum]) -> WrapValidator:
 
 
 def _else(wider: type[BaseModel]) -> WrapValidator:
-    """What does not fit the known model becomes one of a class below it, as it is."""
+    """Return a validator that keeps a value unvalidated, as an instance of `wider`, if the known model rejects it."""
 
     def validate(value: Any, known: Callable[[Any], Any]) -> Any:
         try:
@@ -110,7 +110,7 @@ class _OriginView(views.OriginView):
 
 
 class JobView(views.JobView):
-    """One job."""
+    """A job."""
 
     model_config = _OPEN
 
@@ -147,7 +147,7 @@ class ArtifactView(views.ArtifactView):
 
 
 class ArtifactList(_Open):
-    """The results of a job, by name."""
+    """The results of a job, sorted by name."""
 
     artifacts: list[ArtifactView]
 
@@ -159,19 +159,19 @@ class SignedUrl(views.SignedUrl):
 
 
 class CheckpointView(views.CheckpointView):
-    """Where a job can go on from, or be branched."""
+    """A checkpoint from which a job can continue or be branched."""
 
     model_config = _OPEN
 
 
 class CheckpointList(_Open):
-    """The checkpoints of a job, by step."""
+    """The checkpoints of a job, sorted by step."""
 
     checkpoints: list[CheckpointView]
 
 
 class AssetFound(_Open):
-    """What there is to deform in a file."""
+    """The contents of an asset file."""
 
     filename: str
     size: int
@@ -185,7 +185,7 @@ class AssetFound(_Open):
 
 
 class JobEstimate(_Open):
-    """How long a job would take, in seconds; None where that is not known."""
+    """The estimated time of a job in seconds; None if unknown."""
 
     queue_s: float | None = None
     run_s: float | None = None
@@ -193,7 +193,7 @@ class JobEstimate(_Open):
 
 
 class Validation(_Open):
-    """A job that would be accepted."""
+    """The result of checking a valid job."""
 
     valid: bool = True
     asset: AssetFound
@@ -203,7 +203,7 @@ class Validation(_Open):
 
 
 class FileLimits(_Open):
-    """What one file may cost."""
+    """Limits on a file."""
 
     formats: list[str]
     max_bytes: int
@@ -212,14 +212,14 @@ class FileLimits(_Open):
 
 
 class JobLimits(_Open):
-    """What a job may ask for."""
+    """Limits on a job."""
 
     max_steps: int
     max_prompt_characters: int
 
 
 class RequestLimits(_Open):
-    """What requests may do; None: any number."""
+    """Limits on requests; None means unlimited."""
 
     requests_per_minute: int | None = None
     max_active_jobs: int | None = None
@@ -228,14 +228,14 @@ class RequestLimits(_Open):
 
 
 class UploadLimits(_Open):
-    """What uploads may do."""
+    """Limits on uploads."""
 
     max_bytes: int
     ttl_s: float
 
 
 class Limits(_Open):
-    """Everything that a caller controls, with its limit. Those without a field here are in `model_extra`."""
+    """All limits of a service. Those without a field here are in `model_extra`."""
 
     files: FileLimits
     jobs: JobLimits
@@ -252,7 +252,7 @@ class Vocabulary(_Open):
 
 
 class ModelView(_Open):
-    """A model that jobs may name in `params.model`."""
+    """A model that jobs may use in `params.model`."""
 
     id: str
     title: str = ""
@@ -262,14 +262,14 @@ class ModelView(_Open):
 
 
 class ModelList(_Open):
-    """The models, and which of them is used where a job names none."""
+    """The models, and the default one."""
 
     default: str
     models: list[ModelView]
 
 
 class UploadView(_Open):
-    """A file that is uploaded by itself, to be named by jobs."""
+    """A file uploaded separately, for use in jobs."""
 
     id: str
     filename: str
@@ -287,12 +287,12 @@ class UploadView(_Open):
 
 
 def read(model: type[M], document: Any, url: str) -> M:
-    """Return a document of the service.
+    """Parse a document of the service.
 
     Raises
     ------
     UnavailableError
-        It is not what the service is to send: something else has answered, or a version that does not fit.
+        The document does not match: another server answered, or an incompatible version of the service.
     """
     try:
         return model.model_validate(document)
@@ -301,5 +301,5 @@ def read(model: type[M], document: Any, url: str) -> M:
         place = ".".join(str(part) for part in first["loc"])
         raise UnavailableError(
             f"{url} answered with a document that this client does not understand ({place}: {first['msg']}).",
-            advice="Check the service's address, and that client and service are of versions that fit.",
+            advice="Check the service's address, and that client and service have compatible versions.",
         ) from error

@@ -1,4 +1,4 @@
-"""Get files: they appear whole, with their SHA-256 compared, or not at all."""
+"""Download files, which appear complete and with their SHA-256 verified, or not at all."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ _SHA256 = re.compile(r'(?:W/)?"([0-9a-f]{64})"')
 
 
 def loaded(url: str, policy: Policy, sha256: str | None = None) -> Operation[bytes]:
-    """Return a file's bytes."""
+    """Download a file and return its bytes."""
     file = BytesIO()
     yield from _received(url, file, policy, sha256)
     return file.getvalue()
 
 
 def saved(url: str, path: Path, policy: Policy, sha256: str | None = None) -> Operation[Path]:
-    """Save a file.
+    """Download a file to a path.
 
     Parameters
     ----------
     url : str
     path : Path
-        Replaced if it is there.
+        Replaced if it exists.
     policy : Policy
     sha256 : str, optional
-        What it must be; besides what the service says with the bytes.
+        Expected SHA-256, verified in addition to the one that the service sends.
 
     Raises
     ------
     UnavailableError
-        It broke off too often, or its SHA-256 is another one.
+        The download failed too often, or the SHA-256 does not match.
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
     aside = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
     file: IO[bytes] = yield Work(partial(aside.open, "xb"))
@@ -75,7 +75,7 @@ def fetched(job: JobLike, folder: Path, names: Sequence[str] | None, policy: Pol
             had = ", ".join(there) or "none"
             raise NotFoundError(f"The job {identity(job)} has no artifact {name!r}; it has: {had}.")
         if not name or Path(name).name != name or name in (".", "..") or "\\" in name:
-            raise UnavailableError(f"The artifact's name {name!r} is no file name.", advice="Check the service.")
+            raise UnavailableError(f"The artifact's name {name!r} is not a file name.", advice="Check the service.")
     yield Work(partial(folder.mkdir, parents=True, exist_ok=True))
     paths = []
     for name in wanted:
@@ -88,23 +88,23 @@ def fetched(job: JobLike, folder: Path, names: Sequence[str] | None, policy: Pol
 
 def _received(url: str, file: IO[bytes], policy: Policy, sha256: str | None) -> Operation[None]:
     patience = Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
-    taken = _Taken(file)
+    received = _PartialFile(file)
     while True:
-        headers = {"Accept-Encoding": "identity", **taken.headers()}
+        headers = {"Accept-Encoding": "identity", **received.headers()}
         error: MeshdeformError
         try:
             answer: Answer = yield Stream(Call("GET", url, headers=headers))
             if not answer.ok:
                 raise error_of(answer)
             if answer.status != httpx.codes.PARTIAL_CONTENT:
-                yield Work(taken.begin)
-            taken.tag = answer.headers.get("etag", "")
+                yield Work(received.begin)
+            received.tag = answer.headers.get("etag", "")
             while data := (yield Read()):
-                if taken.tag:
-                    patience.renew()  # what has come need not come again
-                if taken.add(data):
-                    yield Work(taken.flush)
-            yield Work(taken.flush)
+                if received.tag:
+                    patience.renew()  # a retry resumes after the received bytes
+                if received.add(data):
+                    yield Work(received.flush)
+            yield Work(received.flush)
             break
         except httpx.HTTPError as failure:
             error = unreachable(failure, url)
@@ -113,21 +113,21 @@ def _received(url: str, file: IO[bytes], policy: Policy, sha256: str | None) -> 
         except MeshdeformError as refused:
             error = refused
             if isinstance(refused, RangeError):
-                taken.tag = ""
+                received.tag = ""
             elif not worth_a_retry(refused):
                 raise
-        yield Work(taken.flush)
-        if not taken.tag:
-            yield Work(taken.begin)
+        yield Work(received.flush)
+        if not received.tag:
+            yield Work(received.begin)
         yield Pause(patience.pause(error))
-    told = _SHA256.fullmatch(taken.tag)
-    for expected in (told[1] if told else None, sha256):
-        if expected is not None and expected != taken.digest:
-            raise UnavailableError("What was received is not what the service says it sent.", advice="Try again.")
+    sent = _SHA256.fullmatch(received.tag)
+    for expected in (sent[1] if sent else None, sha256):
+        if expected is not None and expected != received.digest:
+            raise UnavailableError("The received bytes differ from what the service sent.", advice="Try again.")
 
 
-class _Taken:
-    """What of a file has come so far."""
+class _PartialFile:
+    """The received part of a file, and its digest."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file, self.tag = file, ""
@@ -148,7 +148,7 @@ class _Taken:
         self._waiting, self._waiting_bytes = [], 0
 
     def add(self, data: bytes) -> bool:
-        """Take bytes; whether there are enough to write them."""
+        """Buffer bytes and return whether there are enough to write."""
         self._waiting.append(data)
         self._waiting_bytes += len(data)
         return self._waiting_bytes >= _BATCH
@@ -167,7 +167,7 @@ def _to_disk(file: IO[bytes]) -> None:
 
 
 def _is(path: Path, artifact: ArtifactView) -> bool:
-    """Whether a file is an artifact, byte for byte."""
+    """Return whether a file is identical to an artifact."""
     try:
         if path.stat().st_size != artifact.size:
             return False

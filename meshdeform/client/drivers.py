@@ -1,4 +1,4 @@
-"""Carry out the commands of an operation: one driver for threads, one for event loops."""
+"""Execute the commands of an operation, with one driver for threads and one for event loops."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import httpx
 from meshdeform.client.commands import (
     Answer,
     Call,
+    Callback,
     Command,
     Emit,
     Operation,
@@ -22,7 +23,6 @@ from meshdeform.client.commands import (
     Send,
     Shield,
     Stream,
-    Tell,
     Work,
 )
 from meshdeform.client.requests import Endpoint
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class SyncDriver:
-    """Carries operations out in the calling thread; threads may share it.
+    """Executes operations in the calling thread; threads may share it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SyncDriver:
         self._http, self._endpoint = http, endpoint
 
     def run(self, operation: Operation[T]) -> T:
-        """Carry an operation out and return its result."""
+        """Execute an operation and return its result."""
         steps = self.iterate(operation)
         while True:
             try:
@@ -55,8 +55,8 @@ class SyncDriver:
                 return result
 
     def iterate(self, operation: Operation[T]) -> Generator[Any, None, T]:
-        """Carry an operation out and give the items that it emits."""
-        with _Hands(self._http, self._endpoint) as hands:
+        """Execute an operation, yield the items that it emits, and return its result."""
+        with _Transport(self._http, self._endpoint) as transport:
             try:
                 value, error = None, None
                 while True:
@@ -70,34 +70,34 @@ class SyncDriver:
                         yield command.item
                         continue
                     try:
-                        value = self._perform(command, hands)
+                        value = self._perform(command, transport)
                     except BaseException as raised:
                         error = raised
             finally:
                 operation.close()
 
-    def _perform(self, command: Command, hands: _Hands) -> Any:
+    def _perform(self, command: Command, transport: _Transport) -> Any:
         match command:
             case Send(call):
-                return hands.send(call)
+                return transport.send(call)
             case Stream(call):
-                return hands.open(call)
+                return transport.open(call)
             case Read():
-                return hands.read()
+                return transport.read()
             case Pause(seconds):
                 return time.sleep(seconds)
             case Work(function):
                 return function()
-            case Tell(function, told):
-                return function(told)
+            case Callback(function, argument):
+                return function(argument)
             case Shield(operation, _):
                 return self.run(operation)
             case _:
                 raise TypeError(f"no such command: {command!r}")
 
 
-class _Hands:
-    """The stream that one operation has open."""
+class _Transport:
+    """Sends the requests of one operation and holds its open stream."""
 
     def __init__(self, http: httpx.Client, endpoint: Endpoint) -> None:
         self._http, self._endpoint = http, endpoint
@@ -135,7 +135,7 @@ class _Hands:
 
 
 class AsyncDriver:
-    """Carries operations out in the calling task; tasks may share it.
+    """Executes operations in the calling task; tasks may share it.
 
     Parameters
     ----------
@@ -147,15 +147,15 @@ class AsyncDriver:
         self._http, self._endpoint = http, endpoint
 
     async def run(self, operation: Operation[T]) -> T:
-        """Carry an operation out and return its result."""
+        """Execute an operation and return its result."""
         result: list[T] = []
         async for _ in self.iterate(operation, result):
             pass
         return result[0]
 
     async def iterate(self, operation: Operation[T], result: list[T] | None = None) -> AsyncGenerator[Any, None]:
-        """Carry an operation out and give the items that it emits; its result is put into the list."""
-        hands = _AsyncHands(self._http, self._endpoint)
+        """Execute an operation and yield the items that it emits; its result is appended to the list."""
+        transport = _AsyncTransport(self._http, self._endpoint)
         try:
             value: Any = None
             error: BaseException | None = None
@@ -171,29 +171,29 @@ class AsyncDriver:
                     yield command.item
                     continue
                 try:
-                    value = await self._perform(command, hands)
+                    value = await self._perform(command, transport)
                 except BaseException as raised:
                     error = raised
         finally:
             operation.close()
             with anyio.CancelScope(shield=True):
-                await hands.close()
+                await transport.close()
 
-    async def _perform(self, command: Command, hands: _AsyncHands) -> Any:
+    async def _perform(self, command: Command, transport: _AsyncTransport) -> Any:
         match command:
             case Send(call):
-                return await hands.send(call)
+                return await transport.send(call)
             case Stream(call):
-                return await hands.open(call)
+                return await transport.open(call)
             case Read():
-                return await hands.read()
+                return await transport.read()
             case Pause(seconds):
                 return await anyio.sleep(seconds)
             case Work(function):
                 return await anyio.to_thread.run_sync(function)
-            case Tell(function, told):
-                came = function(told)
-                return await came if inspect.isawaitable(came) else came
+            case Callback(function, argument):
+                returned = function(argument)
+                return await returned if inspect.isawaitable(returned) else returned
             case Shield(operation, seconds):
                 with anyio.move_on_after(seconds, shield=True):
                     return await self.run(operation)
@@ -202,8 +202,8 @@ class AsyncDriver:
                 raise TypeError(f"no such command: {command!r}")
 
 
-class _AsyncHands:
-    """The stream that one operation has open."""
+class _AsyncTransport:
+    """Sends the requests of one operation and holds its open stream."""
 
     def __init__(self, http: httpx.AsyncClient, endpoint: Endpoint) -> None:
         self._http, self._endpoint = http, endpoint
@@ -234,5 +234,5 @@ class _AsyncHands:
 
 
 def _auth(call: Call) -> Any:
-    """The httpx client's own way to identify itself, unless the URL is permission enough."""
+    """Return the httpx client's authentication, or none for a signed URL."""
     return httpx.Auth() if call.signed else httpx.USE_CLIENT_DEFAULT

@@ -1,4 +1,4 @@
-"""Follow a job: its events as they happen, each once and none left out, over any number of connections."""
+"""Follow a job's events as they happen, each exactly once, reconnecting as needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from meshdeform.errors import MeshdeformError, UnavailableError
 
 __all__ = ["followed"]
 
-_LIVED_S = 5.0  # a connection that held for so long was no failure
+_LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
 _STALE = 0.75
 
 
@@ -31,32 +31,32 @@ def followed(
     *,
     deadline: float | None = None,
 ) -> Operation[EventView | None]:
-    """Give the events after a number; the last one is the one that ends the job.
+    """Deliver the events after a number, up to the one that ends the job.
 
     Parameters
     ----------
     job_id : str
     after : int
-        Number of the last event that is known.
+        Number of the last known event.
     policy : Policy
     give : callable
-        Makes the command that hands an event on.
+        Returns the command that delivers an event.
     deadline : float, optional
-        By the monotonic clock.
+        In the time of the monotonic clock.
 
     Returns
     -------
     EventView or None
-        The last one; None where the job was over and nothing was left to come.
+        The last event, or None if the job had finished and no event was left.
 
     Raises
     ------
     NotFoundError
-        There is no such job (any more).
+        The job does not exist, or was deleted.
     WaitTimeoutError
         The deadline has passed.
     MeshdeformError
-        The service refuses; `UnavailableError` where it does not answer for longer than the policy bears.
+        The service refused; `UnavailableError` if it does not answer for longer than the policy allows.
     """
     patience = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.reconnect_s)
     connection: _Connection | None = None
@@ -90,7 +90,7 @@ def followed(
                 if event.seq <= after:
                     continue
                 if event.seq > after + 1 and doubted != after:
-                    # One is missing. Ask again from there, once: where it is gone for good, go on without it.
+                    # An event is missing. Request it once more; if it is gone, continue without it.
                     doubted, connection = after, None
                     break
                 after = event.seq
@@ -106,7 +106,7 @@ def followed(
 
 
 class _Connection:
-    """What comes on one connection."""
+    """The events of one connection."""
 
     def __init__(self, job_id: str, url: str, read_timeout_s: float) -> None:
         self._job_id, self._url, self._read_timeout_s = job_id, url, read_timeout_s
@@ -117,17 +117,17 @@ class _Connection:
         return time.monotonic() - self._since
 
     def stale(self, deadline: float | None) -> bool:
-        """Whether it could be silent for much longer than the caller waits: httpx fixes that when it connects."""
+        """Return whether its read timeout, which httpx fixes when connecting, is much longer than the time left."""
         return deadline is not None and deadline - time.monotonic() < _STALE * self._read_timeout_s
 
     def events(self, data: bytes) -> list[EventView]:
-        told = [self._event(event) for event in self._parser.feed(data)]
-        return [event for event in told if event is not None]
+        found = [self._event(event) for event in self._parser.feed(data)]
+        return [event for event in found if event is not None]
 
-    def _event(self, told: ServerEvent) -> EventView | None:
-        """Return the event; None for something that a newer service tells besides."""
+    def _event(self, received: ServerEvent) -> EventView | None:
+        """Return the event, or None for a type that only newer services send."""
         try:
-            document: Any = json.loads(told.data)
+            document: Any = json.loads(received.data)
         except ValueError:
             return None
         if not isinstance(document, dict) or "seq" not in document:
@@ -146,7 +146,7 @@ def _connected(job_id: str, after: int, policy: Policy, deadline: float | None) 
     if not answer.ok:
         raise error_of(answer)
     if not answer.headers.get("content-type", "").startswith("text/event-stream"):
-        raise MeshdeformError(f"{answer.url} is no stream of events.", advice="Check the service's address.")
+        raise MeshdeformError(f"{answer.url} is not a stream of events.", advice="Check the service's address.")
     return _Connection(job_id, answer.url, silence_s)
 
 
@@ -156,4 +156,4 @@ def _within(seconds: float, deadline: float | None) -> float:
 
 def _check(deadline: float | None, job_id: str) -> None:
     if deadline is not None and time.monotonic() >= deadline:
-        raise WaitTimeoutError(f"The job {job_id} is not over in time.", job_id=job_id)
+        raise WaitTimeoutError(f"The job {job_id} has not finished in time.", job_id=job_id)

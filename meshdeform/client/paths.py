@@ -1,4 +1,4 @@
-"""Paths of the service. What a caller gives is one segment of a path, whatever it holds."""
+"""Build paths of the service, escaping each of the caller's values as one segment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def identity(job: JobLike) -> str:
     Raises
     ------
     ValueError
-        It is empty: the path would name all jobs.
+        It is empty, which would address all jobs.
     """
     found = job.id if isinstance(job, JobView) else job
     if not found:
@@ -27,11 +27,11 @@ def identity(job: JobLike) -> str:
 
 
 def segment(text: str) -> str:
-    """Return a text as one segment of a path."""
+    """Return a text escaped as one segment of a path."""
     quoted = quote(text, safe="")
     return {".": "%2E", "..": "%2E%2E"}.get(quoted, quoted)
 
 
 def job_path(job: JobLike, *rest: str | int) -> str:
-    """Return the path of a job, or of something of it."""
+    """Return the path of a job, or of something below it."""
     return "/".join(["/v1/jobs", *(segment(str(part)) for part in (identity(job), *rest))])

@@ -1,12 +1,12 @@
-"""What the service answers, as the errors of `meshdeform.errors`; and what keeps it from answering.
+"""Convert error responses and failed connections to the errors of `meshdeform.errors`.
 
 ::
 
     MeshdeformError            every code of the service has its class, see meshdeform.errors
-    ├── UnavailableError       503, 502, 504, no connection, a connection that broke, bytes that are not the right ones
-    ├── LimitError             429; retry_after_s says when to come again
+    ├── UnavailableError       503, 502, 504, no connection, a broken connection, wrong bytes
+    ├── LimitError             429; retry_after_s is the delay before the next try
     ├── ...
-    └── WaitTimeoutError       the caller's own time is up; a TimeoutError, too
+    └── WaitTimeoutError       the caller's own timeout has passed; also a TimeoutError
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _BY_STATUS: dict[int, type[MeshdeformError]] = {
 
 
 class WaitTimeoutError(MeshdeformError, TimeoutError):
-    """What was waited for did not happen in time. It goes on all the same."""
+    """The awaited job has not finished in time, but it continues."""
 
     status = 504
     code = "wait_timeout"
@@ -65,7 +65,7 @@ class WaitTimeoutError(MeshdeformError, TimeoutError):
 
 
 def class_of(code: str, status: int) -> type[MeshdeformError]:
-    """Return the class of a code; of one that this version does not know, the class nearest to its status."""
+    """Return the class of a code, or for an unknown code the closest class for its status."""
     todo: list[type[MeshdeformError]] = [MeshdeformError]
     while todo:
         kind = todo.pop()
@@ -78,12 +78,12 @@ def class_of(code: str, status: int) -> type[MeshdeformError]:
 
 
 def error_of(answer: Answer) -> MeshdeformError:
-    """Return the error that a problem document tells of; of something else, for example a proxy, what can be said."""
+    """Return the error of a problem document, or a general error for other responses, for example from a proxy."""
     try:
         problem = json.loads(answer.content)
         code, detail, advice = str(problem["code"]), str(problem["detail"]), str(problem["advice"])
     except (ValueError, KeyError, TypeError):
-        return _of_a_stranger(answer)
+        return _foreign_error(answer)
     extra = {key: value for key, value in problem.items() if key not in _PROBLEM_MEMBERS}
     error = _made(code, answer.status, detail, advice, extra)
     error.request_id = problem.get("request_id") or answer.headers.get("x-request-id")
@@ -92,22 +92,22 @@ def error_of(answer: Answer) -> MeshdeformError:
 
 
 def job_failure(code: str, status: int, detail: str, advice: str, job_id: str) -> MeshdeformError:
-    """Return the error that a job ended with."""
+    """Return the error with which a job failed."""
     return _made(code, status, detail, advice, {"job_id": job_id})
 
 
 def unreachable(error: httpx.HTTPError, url: str) -> UnavailableError:
-    """Return what it means that no answer came."""
+    """Return the error for a request without a response."""
     words = str(error) or "no answer in time" if isinstance(error, httpx.TimeoutException) else str(error)
-    told = f"{type(error).__name__}: {words}" if words else type(error).__name__
-    place = url.partition("?")[0]  # the rest of a signed one is a permission
+    reason = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    place = url.partition("?")[0]  # the query of a signed URL is secret
     return UnavailableError(
-        f"{place} does not answer ({told}).", advice="Check the service's address, and that it runs."
+        f"{place} does not answer ({reason}).", advice="Check the service's address, and that it is running."
     )
 
 
 def retry_after_s(answer: Answer) -> float | None:
-    """Return how many seconds from now the service wants to be left alone; None where it does not say."""
+    """Return the seconds to wait according to `Retry-After`, or None if there is none."""
     value = answer.headers.get("retry-after", "").strip()
     if not value:
         return None
@@ -123,19 +123,19 @@ def retry_after_s(answer: Answer) -> float | None:
 
 def _made(code: str, status: int, detail: str, advice: str, extra: dict[str, Any]) -> MeshdeformError:
     kind = class_of(code, status)
-    # A member of a newer server's document must not collide with the constructor's own arguments.
+    # Set the members afterwards, so that they cannot collide with the constructor's arguments.
     error = kind(detail, advice=advice)
     error.extra = extra
-    # The words of this occurrence go before those of the class, and so do a code and a status that it does not have.
+    # The document's code, status and advice take precedence over those of the class.
     vars(error).update(code=code, status=status, advice=advice)
     return error
 
 
-def _of_a_stranger(answer: Answer) -> MeshdeformError:
+def _foreign_error(answer: Answer) -> MeshdeformError:
     kind = class_of("", answer.status)
-    advice = "Check the service's address, and what stands in front of it."
+    advice = "Check the service's address and any proxy in front of it."
     if "location" in answer.headers and 300 <= answer.status < 400:
-        advice = f"It leads to {answer.headers['location']}: give that address instead."
+        advice = f"It redirects to {answer.headers['location']}: use that address instead."
     error = kind(f"{answer.url} answered {answer.status}.", advice=advice)
     vars(error).update(status=answer.status, advice=advice)
     error.request_id = answer.headers.get("x-request-id")

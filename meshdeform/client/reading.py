@@ -1,4 +1,4 @@
-"""Look at what the service has: jobs, their results and checkpoints, limits, models. And wait, cancel, delete."""
+"""Read jobs, their results and checkpoints, limits and models; wait for, cancel and delete jobs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from meshdeform.client.commands import Answer, Call, Emit, Operation, Pause, Tell
+from meshdeform.client.commands import Answer, Call, Callback, Emit, Operation, Pause
 from meshdeform.client.documents import (
     ArtifactList,
     ArtifactView,
@@ -48,13 +48,13 @@ _LEAST_PACE_S, _MOST_PACE_S = 0.05, 30.0
 
 
 def got(job: JobLike, policy: Policy) -> Operation[JobView]:
-    """A job as it is now."""
+    """Return a job's current state."""
     answer = yield from answered(Call("GET", job_path(job)), policy)
     return read(JobView, answer.json(), answer.url)
 
 
 def listed(state: str | None, metadata: dict[str, str], limit: int, policy: Policy) -> Operation[None]:
-    """Emit jobs, newest first, a page at a time."""
+    """Emit jobs, newest first, requesting a page at a time."""
     query: dict[str, str | int] = {"limit": limit} | {f"metadata[{name}]": text for name, text in metadata.items()}
     if state is not None:
         query["state"] = str(state)
@@ -69,42 +69,42 @@ def listed(state: str | None, metadata: dict[str, str], limit: int, policy: Poli
 
 
 def canceled(job: JobLike, policy: Policy) -> Operation[JobView]:
-    """Ask for a job to be canceled."""
+    """Request cancellation of a job."""
     answer = yield from answered(Call("POST", job_path(job, "cancel")), policy)
     return read(JobView, answer.json(), answer.url)
 
 
 def deleted(job: JobLike, policy: Policy) -> Operation[None]:
-    """Delete a job that is over."""
+    """Delete a finished job."""
     yield from answered(Call("DELETE", job_path(job)), policy)
 
 
 def artifacts(job: JobLike, policy: Policy) -> Operation[list[ArtifactView]]:
-    """A job's results."""
+    """Return a job's artifacts."""
     answer = yield from answered(Call("GET", job_path(job, "artifacts")), policy)
     return read(ArtifactList, answer.json(), answer.url).artifacts
 
 
 def checkpoints(job: JobLike, policy: Policy) -> Operation[list[CheckpointView]]:
-    """Where a job can go on from."""
+    """Return the checkpoints from which a job can continue."""
     answer = yield from answered(Call("GET", job_path(job, "checkpoints")), policy)
     return read(CheckpointList, answer.json(), answer.url).checkpoints
 
 
 def signed_url(job: JobLike, name: str, policy: Policy) -> Operation[SignedUrl]:
-    """A URL of an artifact that needs no key."""
+    """Return a URL of an artifact that needs no key."""
     answer = yield from answered(Call("POST", job_path(job, "artifacts", name, "url")), policy)
     return read(SignedUrl, answer.json(), answer.url)
 
 
 def limits(policy: Policy) -> Operation[Limits]:
-    """Everything that a caller controls, with its limit."""
+    """Return the service's limits on requests."""
     answer = yield from answered(Call("GET", "/v1/limits"), policy)
     return read(Limits, answer.json(), answer.url)
 
 
 def models(policy: Policy) -> Operation[ModelList]:
-    """The models that jobs may name."""
+    """Return the models that jobs may use."""
     answer = yield from answered(Call("GET", "/v1/models"), policy)
     return read(ModelList, answer.json(), answer.url)
 
@@ -118,12 +118,12 @@ def waited(
     on_event: Callable[[EventView], Any] | None = None,
     check: bool = True,
 ) -> Operation[JobView]:
-    """Wait until a job is over; see `Client.wait`."""
+    """Wait until a job has finished; see `Client.wait`."""
     deadline = None if timeout_s is None else time.monotonic() + timeout_s
     job_id = identity(job)
     if on_event is not None:
-        told = on_event
-        yield from followed(job_id, 0, policy, lambda event: Tell(told, event), deadline=deadline)
+        callback = on_event
+        yield from followed(job_id, 0, policy, lambda event: Callback(callback, event), deadline=deadline)
         if on_change is None:
             found = yield from got(job_id, policy)
             return succeeded(found) if check else found
@@ -132,12 +132,12 @@ def waited(
 
 
 def succeeded(job: JobView) -> JobView:
-    """Return a job that succeeded.
+    """Return the job if it succeeded.
 
     Raises
     ------
     MeshdeformError
-        What it failed with; `ConflictError` where it ended otherwise.
+        The job's error if it failed; `ConflictError` if it ended otherwise.
     """
     if job.state is JobState.SUCCEEDED:
         return job
@@ -149,7 +149,7 @@ def succeeded(job: JobView) -> JobView:
 def _polled(
     job_id: str, policy: Policy, deadline: float | None, on_change: Callable[[JobView], Any] | None
 ) -> Operation[JobView]:
-    """Ask again and again; an unchanged job costs a 304. Without `on_change` the answer is held back."""
+    """Poll a job until it has finished; an unchanged job costs a 304. Without `on_change`, use long polling."""
     tag, retries = "", None if policy.max_retries else 0
     while True:
         left = math.inf if deadline is None else deadline - time.monotonic()
@@ -165,16 +165,16 @@ def _polled(
             job = read(JobView, answer.json(), answer.url)
             tag = answer.headers.get("etag", "")
             if on_change is not None:
-                yield Tell(on_change, job)
+                yield Callback(on_change, job)
             if job.state.terminal:
                 return job
         pause = pace(answer, 1.0, _LEAST_PACE_S, _MOST_PACE_S)
         if held_s and time.monotonic() - asked >= 0.5 * held_s:
-            pause = 0.0  # it was held back: the pause is over
+            pause = 0.0  # the long poll has already waited
         if deadline is not None:
             left = deadline - time.monotonic()
             if left <= 0:
-                raise WaitTimeoutError(f"The job {job_id} is not over in time.", job_id=job_id)
+                raise WaitTimeoutError(f"The job {job_id} has not finished in time.", job_id=job_id)
             pause = min(pause, left)
         if pause:
             yield Pause(pause)

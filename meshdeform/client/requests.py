@@ -1,4 +1,4 @@
-"""The one place that makes httpx requests out of calls: addresses, keys, bodies that are read from files."""
+"""Build httpx requests from calls: addresses, keys, and bodies read from files."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _CHUNK = 256 * 1024
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A service, and what opens it.
+    """The address of a service, and the credentials for it.
 
     Attributes
     ----------
     base_url : str
-        Without a slash at the end.
+        Without a trailing slash.
     api_key : str, optional
     timeout_s : float
     """
@@ -38,29 +38,29 @@ class Endpoint:
 
     @classmethod
     def of(cls, base_url: str | None, api_key: str | None, timeout_s: float) -> Endpoint:
-        """Return what the arguments say, else the environment: MESHDEFORM_URL, MESHDEFORM_API_KEY.
+        """Return the endpoint given by the arguments, else by MESHDEFORM_URL and MESHDEFORM_API_KEY.
 
         Raises
         ------
         ValueError
-            No http or https URL; a key with characters that no header can carry; a time that is not positive.
+            The URL is not http or https, the key has characters not allowed in a header, or the time is not positive.
         """
         where = base_url or os.environ.get("MESHDEFORM_URL") or DEFAULT_URL
         try:
             url = httpx.URL(where)
         except httpx.InvalidURL as error:
-            raise ValueError(f"The service's address {where!r} is no URL ({error}).") from None
+            raise ValueError(f"The service's address {where!r} is not a URL ({error}).") from None
         if url.scheme not in ("http", "https") or not url.host:
-            raise ValueError(f"The service's address {where!r} is no URL such as {DEFAULT_URL}.")
+            raise ValueError(f"The service's address {where!r} is not a URL such as {DEFAULT_URL}.")
         key = api_key if api_key is not None else os.environ.get("MESHDEFORM_API_KEY")
         if key and not (key.isascii() and key.isprintable() and " " not in key):
-            raise ValueError("The API key holds characters that no key has: give it as it was made, without a newline.")
+            raise ValueError("The API key has invalid characters: use it as it was created, without a newline.")
         if not timeout_s > 0:
             raise ValueError(f"timeout_s must be above 0, not {timeout_s!r}.")
         return cls(where.rstrip("/"), key or None, timeout_s)
 
     def request(self, http: httpx.Client | httpx.AsyncClient, call: Call) -> httpx.Request:
-        """Return the request that a call means."""
+        """Return the httpx request for a call."""
         url = call.url if "://" in call.url else self.base_url + call.url
         headers = {"User-Agent": f"meshdeform/{meshdeform.__version__}", **call.headers}
         if self.api_key and not call.signed:
@@ -76,26 +76,26 @@ class Endpoint:
             body = {"json": call.document}
         timeout = httpx.Timeout(self.timeout_s, read=call.read_timeout_s or self.timeout_s)
         if call.piece is not None:
-            # Made by itself: what the caller's httpx client adds to each request is for the service, not for a bucket.
+            # Not built by the caller's httpx client, whose default headers are for the service, not for a bucket.
             headers |= {"Host": httpx.URL(url).netloc.decode("ascii"), "Content-Length": str(call.piece.size)}
-            told = {"timeout": timeout.as_dict()}
-            return httpx.Request(call.method, url, headers=headers, stream=_PieceStream(call.piece), extensions=told)
+            options = {"timeout": timeout.as_dict()}
+            return httpx.Request(call.method, url, headers=headers, stream=_PieceStream(call.piece), extensions=options)
         return http.build_request(
             call.method, url, params=dict(call.query) or None, headers=headers, timeout=timeout, **body
         )
 
     def answer(self, response: httpx.Response, content: bytes) -> Answer:
-        """Return what came back."""
+        """Return the answer for an httpx response."""
         return Answer(response.status_code, _shown(response.request.url), response.headers, content)
 
 
 def _shown(url: httpx.URL) -> str:
-    """A URL as messages tell it: the query of a signed one is a permission."""
+    """Return a URL for messages, without its query, which is secret in a signed URL."""
     return str(url.copy_with(query=None, userinfo=b""))
 
 
 class _PieceStream(httpx.SyncByteStream, httpx.AsyncByteStream):
-    """Part of a file, a little at a time."""
+    """A request body that streams a range of a file."""
 
     def __init__(self, piece: Piece) -> None:
         self._piece = piece

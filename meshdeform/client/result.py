@@ -1,4 +1,4 @@
-"""What a job has made, ready to be saved, read and shown."""
+"""Give access to a job's artifacts, to save, read and show them."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ GLB, REPORT, PREVIEW = "result.glb", "report.json", "preview.png"
 
 
 class Result:
-    """A job that has succeeded, and its artifacts. Each is got when it is first asked for, and kept.
+    """A job that has succeeded, and its artifacts, each downloaded on first use and cached.
 
-    A notebook shows its preview: before and after.
+    A notebook shows its preview, with the asset before and after.
 
     Parameters
     ----------
     client : Client
-        Must be open for what was not got yet.
+        Must be open to download more artifacts.
     job : JobView
     """
 
@@ -39,7 +39,7 @@ class Result:
         self._kept: dict[str, bytes] = {}
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} of {_words(self.job)}>"
+        return f"<{type(self).__name__} of {_label(self.job)}>"
 
     @property
     def id(self) -> str:
@@ -47,11 +47,11 @@ class Result:
         return self.job.id
 
     def artifacts(self) -> list[ArtifactView]:
-        """Return what there is."""
+        """Return the job's artifacts."""
         return self._client.artifacts(self.job)
 
     def read(self, name: str) -> bytes:
-        """Return an artifact's bytes, their SHA-256 compared."""
+        """Return an artifact's bytes after verifying their SHA-256."""
         if name not in self._kept:
             self._kept[name] = self._client.read(self.job, name)
         return self._kept[name]
@@ -61,22 +61,22 @@ class Result:
         return self.read(GLB)
 
     def report(self) -> dict[str, Any]:
-        """Return what was done: parameters, seed, hashes, losses, times, the mesh's quality before and after."""
+        """Return the report: parameters, seed, hashes, losses, times, and the mesh's quality before and after."""
         return dict(json.loads(self.read(REPORT)))
 
     def preview(self) -> bytes:
-        """Return a PNG of before and after."""
+        """Return a PNG of the asset before and after."""
         return self.read(PREVIEW)
 
     def save(self, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
-        """Save every artifact, or those of these names, into a folder; see `Client.fetch`."""
+        """Save all artifacts, or those with the given names, to a folder; see `Client.fetch`."""
         return self._client.fetch(self.job, folder, names)
 
     def _repr_png_(self) -> bytes | None:
         try:
             return self.preview()
         except (MeshdeformError, RuntimeError):
-            # Showing must not fail where the service or the client is gone: then there are only the words.
+            # Showing must not fail if the service or the client is gone: then show only the text.
             return None
 
     def _repr_html_(self) -> str:
@@ -84,14 +84,14 @@ class Result:
 
 
 class AsyncResult:
-    """A job that has succeeded, and its artifacts. Each is got when it is first asked for, and kept.
+    """A job that has succeeded, and its artifacts, each downloaded on first use and cached.
 
-    A notebook shows its preview once `await result.preview()` has got it: showing cannot wait.
+    A notebook shows its preview only after `await result.preview()`, since showing cannot await it.
 
     Parameters
     ----------
     client : AsyncClient
-        Must be open for what was not got yet.
+        Must be open to download more artifacts.
     job : JobView
     """
 
@@ -100,7 +100,7 @@ class AsyncResult:
         self._kept: dict[str, bytes] = {}
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} of {_words(self.job)}>"
+        return f"<{type(self).__name__} of {_label(self.job)}>"
 
     @property
     def id(self) -> str:
@@ -108,11 +108,11 @@ class AsyncResult:
         return self.job.id
 
     async def artifacts(self) -> list[ArtifactView]:
-        """Return what there is."""
+        """Return the job's artifacts."""
         return await self._client.artifacts(self.job)
 
     async def read(self, name: str) -> bytes:
-        """Return an artifact's bytes, their SHA-256 compared."""
+        """Return an artifact's bytes after verifying their SHA-256."""
         if name not in self._kept:
             self._kept[name] = await self._client.read(self.job, name)
         return self._kept[name]
@@ -122,15 +122,15 @@ class AsyncResult:
         return await self.read(GLB)
 
     async def report(self) -> dict[str, Any]:
-        """Return what was done: parameters, seed, hashes, losses, times, the mesh's quality before and after."""
+        """Return the report: parameters, seed, hashes, losses, times, and the mesh's quality before and after."""
         return dict(json.loads(await self.read(REPORT)))
 
     async def preview(self) -> bytes:
-        """Return a PNG of before and after."""
+        """Return a PNG of the asset before and after."""
         return await self.read(PREVIEW)
 
     async def save(self, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
-        """Save every artifact, or those of these names, into a folder; see `AsyncClient.fetch`."""
+        """Save all artifacts, or those with the given names, to a folder; see `AsyncClient.fetch`."""
         return await self._client.fetch(self.job, folder, names)
 
     def _repr_png_(self) -> bytes | None:
@@ -140,12 +140,12 @@ class AsyncResult:
         return _html(self.job, self._repr_png_())
 
 
-def _words(job: JobView) -> str:
+def _label(job: JobView) -> str:
     return f"{job.id}: {job.asset.filename}, {job.prompt or job.kind}"
 
 
 def _html(job: JobView, png: bytes | None) -> str:
-    words = html.escape(_words(job))
+    words = html.escape(_label(job))
     if png is None:
         return f"<p>{words}</p>"
     shown = base64.b64encode(png).decode()

@@ -1,4 +1,4 @@
-"""Which requests are sent again, and when."""
+"""Decide which requests to retry, and when."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ __all__ = ["NOT_WORTH_A_RETRY", "Patience", "Policy", "answered", "pace", "worth
 
 _AGAIN = frozenset({408, 429, 502, 503, 504})
 
-# What will be wrong the next time, too.
+# Errors that a retry cannot fix.
 NOT_WORTH_A_RETRY = (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.DecodingError, httpx.TooManyRedirects)
 
 
 @dataclass(frozen=True)
 class Policy:
-    """How patient a client is.
+    """The timeouts and retries of a client.
 
     Attributes
     ----------
     timeout_s : float
-        How long one answer may be silent, and how long after its first failure a request may be sent again.
+        Seconds to wait for data of a response, and for which to retry a request after its first failure.
     max_retries : int
-        How often a request is sent again. 0: never.
+        How often to retry a request. 0: never.
     reconnect_s : float
-        How long a stream of events, or a wait, puts up with a service that does not answer.
+        Seconds for which a stream of events, or a wait, tolerates a service that does not answer.
     silence_s : float
-        How long a stream of events may be silent; the service says something every 15 seconds.
+        Seconds for which a stream of events may be silent. The service sends something every 15 seconds.
     upload_above : int
-        Files of more bytes are sent ahead of their job, in pieces that can go on where they broke off.
-    held_s : float
-        How long to wait for the first request of a key: a service that died with it gives the key free after that.
+        Files with more bytes are uploaded before their job is posted, in pieces that can be resumed.
+    busy_s : float
+        Seconds to wait for an earlier request with the same key. After a crash, the service releases the key by then.
     first_pause_s, longest_pause_s : float
-        The pauses double from the one to the other.
+        First and longest pause between retries. Pauses double in between.
     chance : callable
-        Gives numbers from 0 to 1: clients that failed together should not come back together.
+        Returns random numbers in 0..1, so that clients that failed together do not retry together.
     """
 
     timeout_s: float = 60.0
     max_retries: int = 4
     reconnect_s: float = 300.0
     silence_s: float = 45.0
-    held_s: float = 150.0
+    busy_s: float = 150.0
     upload_above: int = 16 * 2**20
     first_pause_s: float = 0.25
     longest_pause_s: float = 8.0
@@ -70,15 +70,15 @@ class Policy:
 
 
 class Patience:
-    """Counts failures in a row and says how long to wait after each.
+    """Counts consecutive failures and computes the pause after each.
 
     Parameters
     ----------
     policy : Policy
     retries : int, optional
-        How many failures to bear; None: any number.
+        Number of retries; None: unlimited.
     seconds : float
-        How long after the first of them to go on trying.
+        Seconds after the first failure for which to retry.
     """
 
     def __init__(self, policy: Policy, *, retries: int | None, seconds: float) -> None:
@@ -86,11 +86,11 @@ class Patience:
         self._failures, self._since = 0, 0.0
 
     def renew(self) -> None:
-        """Forget the failures: something came."""
+        """Reset the failures after progress."""
         self._failures = 0
 
     def alive(self) -> None:
-        """Begin the time anew: the service answers, though it is no success yet."""
+        """Restart the time limit: the service answers, though without success yet."""
         self._since = time.monotonic()
 
     def pause(self, error: MeshdeformError) -> float:
@@ -99,7 +99,7 @@ class Patience:
         Raises
         ------
         MeshdeformError
-            The failure: the patience is at its end, or would be before the service wants to be asked again.
+            The given error, if retries or time are exhausted, or the service's `Retry-After` exceeds the time left.
         """
         now = time.monotonic()
         if not self._failures:
@@ -111,7 +111,7 @@ class Patience:
         pause = min(policy.first_pause_s * 2.0 ** min(self._failures - 1, 30), policy.longest_pause_s)
         pause *= 0.5 + 0.5 * policy.chance()
         if error.retry_after_s is not None:
-            # Not before the service said, and not all at that very moment.
+            # Wait at least as long as the service requests, plus jitter.
             pause = error.retry_after_s + 0.25 * pause
         if now + pause > self._since + self._seconds:
             raise error
@@ -119,20 +119,20 @@ class Patience:
 
 
 def worth_a_retry(error: MeshdeformError) -> bool:
-    """Whether the same request may well succeed a little later."""
+    """Return whether the same request may succeed later."""
     return error.status in _AGAIN or isinstance(error, IdempotencyBusyError)
 
 
 def answered(call: Call, policy: Policy, patience: Patience | None = None) -> Operation[Answer]:
-    """Send a request until there is an answer to it. It must be one that may be sent twice.
+    """Send a request, with retries, and return the response. It must be safe to send more than once.
 
     Raises
     ------
     MeshdeformError
-        What the service answered; `UnavailableError` where it did not.
+        The service's error; `UnavailableError` if it did not answer.
     """
     patience = patience or Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
-    busy = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.held_s)
+    busy = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.busy_s)
     lost = False
     while True:
         error: MeshdeformError
@@ -146,7 +146,7 @@ def answered(call: Call, policy: Policy, patience: Patience | None = None) -> Op
             if answer.ok:
                 return answer
             if lost and call.method == "DELETE" and answer.status == 404:
-                return answer  # the first one came through, its answer did not
+                return answer  # the first request succeeded, but its response was lost
             error = error_of(answer)
             if not worth_a_retry(error):
                 raise error
@@ -154,6 +154,6 @@ def answered(call: Call, policy: Policy, patience: Patience | None = None) -> Op
 
 
 def pace(answer: Answer, default: float, least: float, most: float) -> float:
-    """Return the seconds after which an answer wants to be asked for again."""
+    """Return the seconds until the next poll, within bounds."""
     wanted = retry_after_s(answer)
     return min(max(default if wanted is None else wanted, least), most)

@@ -1,4 +1,4 @@
-"""A job from its beginning to its end."""
+"""Run a job from submission to success."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def deformed(
     *,
     cancel: bool,
 ) -> Operation[JobView]:
-    """Post a job and wait for its success; see `Client.deform`."""
+    """Post a job and wait until it has succeeded; see `Client.deform`."""
     job = yield from submitted(order, files, policy)
     try:
         done = yield from waited(job, policy, timeout_s=timeout_s, on_event=on_event)
@@ -37,11 +37,11 @@ def deformed(
     except BaseException:
         # KeyboardInterrupt, SystemExit, a canceled task.
         if cancel:
-            yield Shield(_let_go(job, replace(policy, timeout_s=_FAREWELL_S, max_retries=1)), _FAREWELL_S)
+            yield Shield(_abandon(job, replace(policy, timeout_s=_FAREWELL_S, max_retries=1)), _FAREWELL_S)
         raise
     return done
 
 
-def _let_go(job: JobView, policy: Policy) -> Operation[None]:
+def _abandon(job: JobView, policy: Policy) -> Operation[None]:
     with contextlib.suppress(MeshdeformError):
         yield from canceled(job, policy)

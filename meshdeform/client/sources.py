@@ -1,4 +1,4 @@
-"""Where an asset comes from: a file, bytes, an open stream, or something that the service has by now."""
+"""Open an asset given as a file, bytes, an open stream, or a reference to a file of the service."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from meshdeform.client.documents import UploadView
 __all__ = ["AssetLike", "LocalFile", "open_source"]
 
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
-"""A path; the bytes; a binary stream, read from where it stands; an upload; or a reference such as
+"""A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
 `{"job_id": "job_...", "artifact": "result.glb"}`."""
 
 _IN_MEMORY = 2**20
@@ -26,7 +26,7 @@ _IN_MEMORY = 2**20
 
 @dataclass(frozen=True)
 class LocalFile:
-    """A file of this side, open and seekable.
+    """A local file, open and seekable.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class LocalFile:
     file : binary file
     size : int
     sha256 : str
-        Of its bytes, hexadecimal.
+        SHA-256 of its bytes, hexadecimal.
     """
 
     filename: str
@@ -46,22 +46,22 @@ class LocalFile:
 def open_source(
     asset: AssetLike, files: contextlib.ExitStack, filename: str | None = None
 ) -> LocalFile | dict[str, str]:
-    """Open an asset; what the service has is returned as the reference to it.
+    """Open a local asset, or return the reference to a file of the service.
 
     Parameters
     ----------
     asset : AssetLike
     files : ExitStack
-        Closes what was opened here. The caller's own stream stays open.
+        Closes the files opened here. The caller's own stream stays open.
     filename : str, optional
-        The name to send; its ending tells OBJ, PLY and STL apart.
+        The file name to send; its extension identifies OBJ, PLY and STL.
 
     Raises
     ------
     OSError
         The file cannot be read.
     TypeError
-        It is none of these.
+        The asset has another type.
     """
     if isinstance(asset, UploadView):
         return {"upload_id": asset.id}
@@ -73,16 +73,16 @@ def open_source(
         path = Path(asset)
         return _measured(files.enter_context(path.open("rb")), filename or path.name)
     if hasattr(asset, "read"):
-        told = getattr(asset, "name", None)
-        name = filename or (Path(told).name if isinstance(told, str) else "asset.glb")
+        stream_name = getattr(asset, "name", None)
+        name = filename or (Path(stream_name).name if isinstance(stream_name, str) else "asset.glb")
         return _measured(_copied(asset, files), name)
     raise TypeError(
-        f"An asset is a path, bytes, a binary stream, an upload or a reference, not {type(asset).__name__}."
+        f"An asset must be a path, bytes, a binary stream, an upload or a reference, not {type(asset).__name__}."
     )
 
 
 def _copied(stream: IO[bytes], files: contextlib.ExitStack) -> IO[bytes]:
-    # A request may have to be sent again, and the stream may be one that cannot be read twice.
+    # A request may have to be retried, and the stream may not be seekable.
     copy = cast("IO[bytes]", files.enter_context(tempfile.SpooledTemporaryFile(_IN_MEMORY)))  # noqa: SIM115
     shutil.copyfileobj(cast("Any", stream), copy, 256 * 1024)
     return copy

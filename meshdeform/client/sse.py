@@ -1,4 +1,4 @@
-"""Server-sent events out of bytes that come in any pieces.
+"""Parse server-sent events from bytes that arrive in pieces.
 
 Source: the HTML standard, "Interpreting an event stream".
 """
@@ -18,15 +18,15 @@ _LONGEST = 16 * 2**20
 
 @dataclass(frozen=True)
 class ServerEvent:
-    """One event.
+    """A server-sent event.
 
     Attributes
     ----------
     type : str
-        `message` where the stream does not say.
+        `message` if the stream names none.
     data : str
     id : str
-        The last id that the stream told; empty before the first.
+        The last id that the stream sent; empty before the first.
     """
 
     type: str
@@ -35,7 +35,7 @@ class ServerEvent:
 
 
 class Parser:
-    """Takes bytes, gives events. What the stream breaks off in the middle of is no event."""
+    """Converts bytes to events. An event that is cut off is discarded."""
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8-sig")("replace")
@@ -44,16 +44,16 @@ class Parser:
         self._type, self._data, self._id = "", list[str](), ""
 
     def feed(self, data: bytes) -> Iterator[ServerEvent]:
-        """Give the events that are complete with these bytes.
+        """Yield the events that these bytes complete.
 
         Raises
         ------
         UnavailableError
-            An event does not end: this is no stream of events.
+            An event is too long, so that this is not a stream of events.
         """
         text = self._decoder.decode(data)
         if self._after_return and text:
-            # The line before ended with the first half of CR LF.
+            # The previous line ended with the CR of this CR LF.
             text = text.removeprefix("\n")
             self._after_return = False
         if text.endswith("\r"):
@@ -68,7 +68,7 @@ class Parser:
             self._line.append(lines[-1])
             self._pending += len(lines[-1])
         if self._pending > _LONGEST:
-            raise UnavailableError("The stream of events holds an event without an end.", advice="Report this.")
+            raise UnavailableError("The stream of events has an event without an end.", advice="Report this.")
 
     def _take(self, line: str) -> ServerEvent | None:
         if not line:

@@ -1,4 +1,4 @@
-"""Make jobs: each request carries a key of its own, so that it can be sent again and is done once."""
+"""Create jobs. Each request has its own idempotency key, so that a retry does not create a second job."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["Files", "Order", "branched", "checked_key", "retried", "sent_ahead",
 
 @dataclass(frozen=True)
 class Order:
-    """What a job is to do; members that are None are left to the service. See `Client.submit`."""
+    """The description of a job; for members that are None the service chooses. See `Client.submit`."""
 
     prompt: str = ""
     params: DeformParams | Mapping[str, Any] | None = None
@@ -46,7 +46,7 @@ class Order:
         Raises
         ------
         TypeError, ValueError
-            It cannot be written as JSON: something else than texts, numbers, lists and mappings; or no finite number.
+            It cannot be written as JSON: a value of another type, or a number that is not finite.
         """
         members = {
             "kind": self.kind,
@@ -58,15 +58,15 @@ class Order:
             "deadline_s": self.deadline_s,
             "retention_s": self.retention_s,
         }
-        told = {name: value for name, value in members.items() if value is not None}
-        # Not checked here: the service knows what it takes, and says so in full.
-        document: dict[str, Any] = json.loads(json.dumps(told, default=_plain, allow_nan=False))
+        given = {name: value for name, value in members.items() if value is not None}
+        # Not validated here: the service validates and reports all errors.
+        document: dict[str, Any] = json.loads(json.dumps(given, default=_plain, allow_nan=False))
         return document
 
 
 @dataclass(frozen=True)
 class Files:
-    """The files of a job, and how they go. See `Client.submit`."""
+    """The files of a job, and how to send them. See `Client.submit`."""
 
     asset: AssetLike
     target: AssetLike | None = None
@@ -78,28 +78,28 @@ class Files:
     def of(
         cls, asset: AssetLike, target: AssetLike | None, filename: str | None, upload: bool | None, key: str | None
     ) -> Files:
-        """Return them with a key, a new one unless one is given.
+        """Return the files with the given key, or a new one.
 
         Raises
         ------
         ValueError
-            The key is none that a header can carry.
+            The key is not valid in a header.
         """
         return cls(asset, target, filename, upload, checked_key(key))
 
 
 def checked_key(key: str | None) -> str:
-    """Return a key for a request: a new one unless one is given.
+    """Return the given key for a request, or a new one.
 
     Raises
     ------
     ValueError
-        It is empty, longer than 255 characters, or not of visible ASCII characters.
+        The key is empty, longer than 255 characters, or has other than visible ASCII characters.
     """
     if key is None:
         return uuid.uuid4().hex
     if not re.fullmatch(r"[\x21-\x7e]{1,255}", key):
-        raise ValueError("An idempotency key has 1 to 255 visible ASCII characters.")
+        raise ValueError("An idempotency key must have 1 to 255 visible ASCII characters.")
     return key
 
 
@@ -116,8 +116,8 @@ def submitted(order: Order, files: Files, policy: Policy) -> Operation[JobView]:
             with contextlib.suppress(MeshdeformError):
                 yield from canceled(job, policy)
             raise ChecksumError(
-                f"The {name} that arrived is not the one that was sent; the job {job.id} is canceled.",
-                advice="Was the file written to meanwhile? Post it again.",
+                f"The {name} that arrived differs from the one that was sent; the job {job.id} is canceled.",
+                advice="The file may have changed while it was sent. Post it again.",
                 job_id=job.id,
             )
     return job
@@ -132,7 +132,7 @@ def validated(order: Order, files: Files, policy: Policy) -> Operation[Validatio
 
 
 def retried(job: JobLike, key: str | None, policy: Policy) -> Operation[JobView]:
-    """Try a job again; see `Client.retry`."""
+    """Retry a job; see `Client.retry`."""
     call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(key)})
     answer = yield from answered(call, policy)
     return read(JobView, answer.json(), answer.url)
@@ -141,14 +141,14 @@ def retried(job: JobLike, key: str | None, policy: Policy) -> Operation[JobView]
 def branched(
     job: JobLike, step: int, order: Order, target: AssetLike | None, key: str | None, policy: Policy
 ) -> Operation[JobView]:
-    """Go another way from a checkpoint; see `Client.branch`."""
+    """Branch a job from a checkpoint; see `Client.branch`."""
     key = checked_key(key)
     document = order.document()
     if target is not None:
         with contextlib.ExitStack() as opened:
             source = yield Work(partial(open_source, target, opened))
-            # A branch takes no form: what it needs besides is sent ahead.
-            document["target"] = yield from _ahead(source, f"{key}/target", policy)
+            # The route takes no form, so that the target must be uploaded first.
+            document["target"] = yield from _reference(source, f"{key}/target", policy)
     call = Call(
         "POST", job_path(job, "checkpoints", step, "branch"), headers={"Idempotency-Key": key}, document=document
     )
@@ -162,19 +162,19 @@ def sent_ahead(asset: AssetLike, filename: str | None, key: str | None, policy: 
     Raises
     ------
     ValueError
-        The service has it by now.
+        The service already has the file.
     """
     with contextlib.ExitStack() as opened:
         source: LocalFile | dict[str, str] = yield Work(partial(open_source, asset, opened, filename))
         if isinstance(source, dict):
-            raise ValueError("The service has this file by now: name it as it is.")  # noqa: TRY004 - the type is right
+            raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004 - type is right
         return (yield from uploaded(source, checked_key(key), policy))
 
 
 def _prepared(
     url: str, order: Order, files: Files, policy: Policy, opened: contextlib.ExitStack
 ) -> Operation[tuple[Call, dict[str, LocalFile]]]:
-    """Return the request, and the files of this side that belong to it."""
+    """Return the request and its local files."""
     document = order.document()
     sent: dict[str, LocalFile] = {}
     parts: list[Part] = []
@@ -185,7 +185,7 @@ def _prepared(
         source: LocalFile | dict[str, str] = yield Work(partial(open_source, asset, opened, filename))
         if isinstance(source, LocalFile):
             sent[name] = source
-            if not (yield from _goes_ahead(source, files.upload, f"{files.key}/{name}", document, name, policy)):
+            if not (yield from _uploaded_ahead(source, files.upload, f"{files.key}/{name}", document, name, policy)):
                 parts.append(Part(name, source.filename, source.file))
         else:
             document[name] = source
@@ -193,22 +193,22 @@ def _prepared(
     return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), sent
 
 
-def _goes_ahead(
+def _uploaded_ahead(
     source: LocalFile, wanted: bool | None, key: str, document: dict[str, Any], name: str, policy: Policy
 ) -> Operation[bool]:
-    """Whether a file was sent ahead of its job; the document then names it."""
+    """Upload a file before its job if needed, refer to it in the document, and return whether it was uploaded."""
     if not (source.size > policy.upload_above if wanted is None else wanted) or not source.size:
         return False
     try:
-        document[name] = yield from _ahead(source, key, policy)
+        document[name] = yield from _reference(source, key, policy)
     except NotFoundError:
         if wanted:
             raise
-        return False  # a service without uploads
+        return False  # the service has no uploads
     return True
 
 
-def _ahead(source: LocalFile | dict[str, str], key: str, policy: Policy) -> Operation[dict[str, str]]:
+def _reference(source: LocalFile | dict[str, str], key: str, policy: Policy) -> Operation[dict[str, str]]:
     if not isinstance(source, LocalFile):
         return source
     upload = yield from uploaded(source, key, policy)
@@ -222,4 +222,4 @@ def _plain(value: Any) -> Any:
         return dict(value)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    raise TypeError(f"{type(value).__name__} is no JSON value")
+    raise TypeError(f"{type(value).__name__} is not a JSON value")

@@ -1,4 +1,4 @@
-"""Send a file ahead of its jobs, in pieces, going on where it broke off."""
+"""Upload a file for jobs, in pieces that can be resumed."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _PIECE = 8 * 2**20
 
 
 def uploaded(file: LocalFile, key: str, policy: Policy) -> Operation[UploadView]:
-    """Upload a file and return it complete, its SHA-256 compared by the service.
+    """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
 
     Parameters
     ----------
     file : LocalFile
     key : str
-        Names this upload: the same file with the same key goes on where it broke off, also in another process.
+        Identifies this upload: the same file with the same key resumes where it stopped, also in another process.
     policy : Policy
 
     Raises
     ------
     ChecksumError
-        What came is not what was sent.
+        The received bytes differ from the file.
     MeshdeformError
-        The service refuses.
+        The service refused the upload.
     """
     asked = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
     named = hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()
@@ -43,8 +43,8 @@ def uploaded(file: LocalFile, key: str, policy: Policy) -> Operation[UploadView]
     )
     upload = read(UploadView, answer.json(), answer.url)
     if "idempotency-replayed" in answer.headers:
-        # As it was at first; meanwhile bytes may have come, and the URL may be over its time.
-        upload = yield from _looked_at(upload.id, policy)
+        # This is the upload's first state: bytes may have arrived since, and its URL may have expired.
+        upload = yield from _current_state(upload.id, policy)
     if upload.state == "complete":
         return upload
     if upload.resumable:
@@ -57,7 +57,7 @@ def uploaded(file: LocalFile, key: str, policy: Policy) -> Operation[UploadView]
     return read(UploadView, done.json(), done.url)
 
 
-def _looked_at(upload_id: str, policy: Policy) -> Operation[UploadView]:
+def _current_state(upload_id: str, policy: Policy) -> Operation[UploadView]:
     answer = yield from answered(Call("GET", f"/v1/uploads/{upload_id}"), policy)
     return read(UploadView, answer.json(), answer.url)
 
@@ -85,12 +85,12 @@ def _pieces(file: LocalFile, upload: UploadView, policy: Policy) -> Operation[No
                 patience.renew()
                 continue
             error = error_of(answer)
-            # It stands elsewhere than we think; or the URL is over its time.
+            # The offset is not the one expected, or the URL has expired.
             astray = isinstance(error, ConflictError | ForbiddenError)
             if not astray and not worth_a_retry(error):
                 raise error
         yield Pause(patience.pause(error))
-        upload = yield from _looked_at(upload.id, policy)
+        upload = yield from _current_state(upload.id, policy)
         if upload.state == "complete":
             return
         if upload.offset > offset:

@@ -96,10 +96,10 @@ def test_address_and_key_come_from_the_environment(monkeypatch: pytest.MonkeyPat
 @each_case(
     ("options", "words"),
     [
-        ({"base_url": "127.0.0.1:8765"}, "no URL"),
-        ({"base_url": "ftp://x"}, "no URL"),
-        ({"base_url": "http://"}, "no URL"),
-        ({"api_key": "md_a\n"}, "characters that no key has"),
+        ({"base_url": "127.0.0.1:8765"}, "not a URL"),
+        ({"base_url": "ftp://x"}, "not a URL"),
+        ({"base_url": "http://"}, "not a URL"),
+        ({"api_key": "md_a\n"}, "invalid characters"),
         ({"timeout_s": 0}, "timeout_s"),
         ({"max_retries": -1}, "max_retries"),
     ],

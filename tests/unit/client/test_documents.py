@@ -139,7 +139,7 @@ def test_nothing_left_to_come_ends_it() -> None:
 
 
 def test_what_is_no_stream_is_told() -> None:
-    with pytest.raises(MeshdeformError, match="no stream"):
+    with pytest.raises(MeshdeformError, match="not a stream"):
         watched(answer(200, "<html>", content_type="text/html"))
     with pytest.raises(MeshdeformError):
         watched(answer(404, ""))

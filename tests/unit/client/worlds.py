@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import httpx
 
-from meshdeform.client.commands import Answer, Emit, Operation, Pause, Read, Send, Shield, Stream, Tell, Work
+from meshdeform.client.commands import Answer, Callback, Emit, Operation, Pause, Read, Send, Shield, Stream, Work
 
 T = TypeVar("T")
 Reply = Answer | Exception | Callable[[Any], Any]
@@ -86,8 +86,8 @@ class World:
                 return None
             case Work(function):
                 return function()
-            case Tell(function, told):
-                return function(told)
+            case Callback(function, argument):
+                return function(argument)
             case Shield(operation, _):
                 return self.run(operation)[1]
         raise AssertionError(command)
