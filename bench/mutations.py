@@ -31,12 +31,10 @@ def corpus() -> list[tuple[str, bytes]]:
     from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
     from tests.unit.assets.test_convert import OBJ, PLY, stl
     from tests.unit.assets.test_fuzz import kitchen_sink
-    from tests.unit.assets.test_images import asset, picture
     from tests.unit.assets.test_morph import with_targets
     from tests.unit.assets.test_replace import rich
 
     examples = [(path.name, path.read_bytes()) for path in sorted((ROOT / "examples").glob("*.glb"))[:1]]
-    textured = asset(picture("PNG"), picture("JPEG"), picture("WEBP"))
     embedded = load_asset(quad())
     made = [
         ("quad.glb", quad()),
@@ -46,7 +44,6 @@ def corpus() -> list[tuple[str, bytes]]:
         ("morphed.glb", embedded.replace(embedded.surface.positions * 2.0, morph=True)),
         ("meshopt.glb", meshopt_asset().glb()),
         ("draco.glb", draco_asset(draco_stream()).glb()),
-        ("textured.glb", textured),
         ("data-uris.gltf", _as_gltf(kitchen_sink())),
         ("mesh.obj", OBJ),
         ("mesh.ply", PLY),

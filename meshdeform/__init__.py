@@ -1,15 +1,15 @@
-"""Meshdeform: deform 3D assets by text, and give the asset back whole.
+"""Deform 3D assets by text and preserve everything else in the asset.
 
-This package imports nothing heavy: ``import meshdeform`` needs neither torch nor a web framework. The client of the
-HTTP service and the errors are here, and loaded when they are first named. The numerical core lives in modules that
-are imported by name, e.g. ``meshdeform.deformation.loop``.
+``import meshdeform`` is fast and needs neither torch nor a web framework. It exports the client of the HTTP service and
+the errors, which are imported on first use. Import the modules of the numerical core by name, for example
+``meshdeform.deformation.loop``.
 """
 
 from __future__ import annotations
 
 __all__ = ["AsyncClient", "AsyncResult", "Client", "Result", "WaitTimeoutError", "__version__"]
 
-TYPE_CHECKING = False  # as type checkers read it; `typing` would cost more than all the rest of this module
+TYPE_CHECKING = False  # type checkers treat it as True; importing `typing` would be slower than this whole module
 if TYPE_CHECKING:
     from typing import Any
 
@@ -23,7 +23,7 @@ __version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:
-    # Loaded when they are named: whoever imports the numerical core needs no httpx.
+    # Imported on first use, so that the numerical core does not need httpx.
     from importlib import import_module
 
     if name in __all__:

@@ -1,40 +1,40 @@
-"""Every error that Meshdeform raises on purpose, with its HTTP status, its stable code and its advice.
+"""Define every error that Meshdeform raises on purpose, with its HTTP status, stable code and advice.
 
 ::
 
     MeshdeformError                    500  internal
     ├── AssetError                     422  asset_invalid          the uploaded file
     │   ├── AssetFormatError           415  asset_format           not a GLB, OBJ, PLY or STL
-    │   ├── AssetTruncatedError        422  asset_truncated        bytes are missing, or a length lies
-    │   ├── AssetTooLargeError         413  asset_too_large        over a limit of this server
+    │   ├── AssetTruncatedError        422  asset_truncated        bytes are missing, or a length is wrong
+    │   ├── AssetTooLargeError         413  asset_too_large        exceeds a limit of this server
     │   ├── AssetExternalError         422  asset_external_uri     refers to a file that was not sent
-    │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension we cannot decode
+    │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension that we cannot decode
     │   ├── AssetNotFiniteError        422  asset_not_finite       NaN or infinite positions
     │   └── AssetEmptyError            422  asset_no_triangles     nothing to deform
     ├── RequestError                   422  request_invalid        the request document
     │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
     │   ├── PromptError                422  prompt_invalid         empty or too long
     │   ├── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
-    │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key comes again with another request
-    │   ├── ChecksumError              422  checksum_mismatch      an upload is not what its sender says it is
-    │   └── WebhookAddressError        422  webhook_address        a webhook's address is not one that may be called
+    │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key was reused for another request
+    │   ├── ChecksumError              422  checksum_mismatch      an upload has another size or digest than announced
+    │   └── WebhookAddressError        422  webhook_address        a webhook's address is not allowed
     ├── ModelError                     422  model_unavailable      a diffusion model cannot be loaded
-    ├── UnauthorizedError              401  unauthorized           no API key, or one that is not valid
-    ├── ForbiddenError                 403  forbidden              a signed URL that is altered or over its time
+    ├── UnauthorizedError              401  unauthorized           no valid API key
+    ├── ForbiddenError                 403  forbidden              a signed URL is invalid or has expired
     ├── NotFoundError                  404  not_found              no such job, artifact or route
-    ├── MethodNotAllowedError          405  method_not_allowed     the route has no such method
-    ├── RequestTimeoutError            408  request_timeout        the body does not come
-    ├── RangeError                     416  range_not_satisfiable  asks for bytes past the end
-    ├── ConflictError                  409  conflict               the state of what it names forbids it
-    │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request of this key is under way
-    │   └── StaleAttemptError          409  stale_attempt          a worker writes after it lost its lease
-    ├── LimitError                     429  rate_limited           more requests than the key may make
-    │   └── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key may have
-    ├── CheckpointError                500  checkpoint_invalid     torn, or of other parameters
+    ├── MethodNotAllowedError          405  method_not_allowed     the route does not support this method
+    ├── RequestTimeoutError            408  request_timeout        the body arrives too slowly
+    ├── RangeError                     416  range_not_satisfiable  the range begins past the end
+    ├── ConflictError                  409  conflict               the resource's state does not allow it
+    │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request with this key is still running
+    │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
+    ├── LimitError                     429  rate_limited           more requests than the key is allowed
+    │   └── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key is allowed
+    ├── CheckpointError                500  checkpoint_invalid     damaged, or made with other parameters
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
-    ├── UnavailableError               503  unavailable            Redis, the record or the store does not answer
+    ├── UnavailableError               503  unavailable            Redis, the record or the store does not respond
     └── DependencyError                500  dependency_missing     an optional package or program is not installed
 
 `ShapeError` is a plain `ValueError` for programming mistakes inside the numerical core.
@@ -90,21 +90,21 @@ class MeshdeformError(Exception):
     code: ClassVar[str] = "internal"
     advice: ClassVar[str] = "Report this with the job's report.json."
 
-    # Of errors that a service has answered with: the request's id there, and when it may be sent again.
+    # Set on errors received from a service: the request's id, and the delay before it may be sent again.
     request_id: str | None = None
     retry_after_s: float | None = None
 
     def __init__(self, detail: str, *, advice: str | None = None, **extra: Any) -> None:
-        """Say what happened.
+        """Initialise the error.
 
         Parameters
         ----------
         detail : str
             One sentence about this occurrence.
         advice : str, optional
-            What to do about it; the class's own advice unless given.
+            What to do about it. Default: the class's advice.
         **extra
-            Members that the problem document carries besides the standard ones (JSON values).
+            Further members of the problem document (JSON values).
         """
         super().__init__(detail)
         self.detail = detail
@@ -126,7 +126,7 @@ class AssetError(MeshdeformError):
 
 
 class AssetFormatError(AssetError):
-    """The file's format is not one that Meshdeform reads."""
+    """Meshdeform cannot read the file's format."""
 
     status = 415
     code = "asset_format"
@@ -134,14 +134,14 @@ class AssetFormatError(AssetError):
 
 
 class AssetTruncatedError(AssetError):
-    """The file ends before its own lengths say so."""
+    """The file is truncated."""
 
     code = "asset_truncated"
-    advice = "Send the whole file; export it again if it is like this on disk."
+    advice = "Send the whole file, or export it again if it is damaged on disk."
 
 
 class AssetTooLargeError(AssetError):
-    """The asset is over a limit of this server."""
+    """The asset exceeds a limit of this server."""
 
     status = 413
     code = "asset_too_large"
@@ -195,7 +195,7 @@ class PromptError(RequestError):
     """The prompt is empty or too long."""
 
     code = "prompt_invalid"
-    advice = "Say in a few words what the asset shall become, for example: a mushroom."
+    advice = "Describe in a few words what the asset should become, for example: a mushroom."
 
 
 class VocabularyError(RequestError):
@@ -216,19 +216,19 @@ class IdempotencyMismatchError(RequestError):
 
 
 class ChecksumError(RequestError):
-    """The bytes are not those that the sender announced."""
+    """The bytes differ from what the sender announced."""
 
     code = "checksum_mismatch"
     advice = "Send the file again; compare its size and its SHA-256 with what you announced."
 
 
 class WebhookAddressError(RequestError):
-    """The webhook's address is not one that may be called."""
+    """The webhook's address is not allowed."""
 
     code = "webhook_address"
     advice = (
-        "Give an https URL whose host has only public addresses; "
-        "who runs the server can allow others in MESHDEFORM_WEBHOOK_NETWORKS."
+        "Use an https URL whose host has only public addresses; "
+        "the server's operator can allow others in MESHDEFORM_WEBHOOK_NETWORKS."
     )
 
 
@@ -238,49 +238,51 @@ class ModelError(MeshdeformError):
     status = 422
     code = "model_unavailable"
     advice = (
-        "Download it once where there is a network (hf download ID --local-dir FOLDER) "
+        "Download it once on a machine with internet access (hf download ID --local-dir FOLDER) "
         "and set MESHDEFORM_MODEL to the folder, or use the builtin demonstration prior (model: builtin)."
     )
 
 
 class UnauthorizedError(MeshdeformError):
-    """The request carries no API key that is valid."""
+    """The request has no valid API key."""
 
     status = 401
     code = "unauthorized"
-    advice = "Send the header: Authorization: Bearer KEY. Who runs the server makes keys: meshdeform keys create."
+    advice = (
+        "Send the header: Authorization: Bearer KEY. The server's operator creates keys with: meshdeform keys create."
+    )
 
 
 class ForbiddenError(MeshdeformError):
-    """The signed URL is not valid, or its time is over."""
+    """The signed URL is invalid or has expired."""
 
     status = 403
     code = "forbidden"
-    advice = "Ask for a new URL."
+    advice = "Request a new URL."
 
 
 class NotFoundError(MeshdeformError):
-    """There is no such thing."""
+    """The requested resource does not exist."""
 
     status = 404
     code = "not_found"
-    advice = "Check the id; a deleted job is gone with its artifacts."
+    advice = "Check the id; deleting a job also deletes its artifacts."
 
 
 class MethodNotAllowedError(MeshdeformError):
-    """The route does not know this method."""
+    """The route does not support this method."""
 
     status = 405
     code = "method_not_allowed"
-    advice = "Use a method that the header Allow names."
+    advice = "Use a method listed in the Allow header."
 
 
 class RequestTimeoutError(MeshdeformError):
-    """The request's body came too slowly."""
+    """The request's body arrived too slowly."""
 
     status = 408
     code = "request_timeout"
-    advice = "Send it again; a large file over a slow line goes on where it broke off with POST /v1/uploads."
+    advice = "Send it again; for a large file on a slow connection, use a resumable upload: POST /v1/uploads."
 
 
 class RangeError(MeshdeformError):
@@ -288,7 +290,7 @@ class RangeError(MeshdeformError):
 
     status = 416
     code = "range_not_satisfiable"
-    advice = "Ask for a range within the size that Content-Range names; if all bytes are there, nothing is left to get."
+    advice = "Request a range within the size given in Content-Range; if you have all bytes, the download is complete."
 
 
 class ConflictError(MeshdeformError):
@@ -296,43 +298,43 @@ class ConflictError(MeshdeformError):
 
     status = 409
     code = "conflict"
-    advice = "Read its state first; a job that is over never changes."
+    advice = "Check its state first; a finished job never changes."
 
 
 class IdempotencyBusyError(ConflictError):
-    """The first request with this Idempotency-Key is still under way."""
+    """The first request with this Idempotency-Key is still in progress."""
 
     code = "idempotency_in_flight"
     advice = "Wait a moment and send the request again with the same key."
 
 
 class StaleAttemptError(ConflictError):
-    """A worker wrote for an attempt that is no longer its own."""
+    """A worker wrote for an attempt that it no longer owns."""
 
     code = "stale_attempt"
     advice = "Nothing to do: another attempt has taken the job over."
 
 
 class LimitError(MeshdeformError):
-    """The API key makes more requests than it may."""
+    """The API key has made too many requests."""
 
     status = 429
     code = "rate_limited"
-    advice = "Wait for as many seconds as Retry-After says."
+    advice = "Wait for the number of seconds in Retry-After."
 
 
 class TooManyJobsError(LimitError):
-    """The API key has as many unfinished jobs as it may."""
+    """The API key has too many unfinished jobs."""
 
     code = "too_many_jobs"
-    advice = "Wait until a job is over, or cancel one."
+    advice = "Wait until a job has finished, or cancel one."
 
 
 class CheckpointError(MeshdeformError):
     """The checkpoint cannot be used."""
 
     code = "checkpoint_invalid"
-    advice = "Start again from an older checkpoint or from step 0."
+    advice = "Start again from an older checkpoint or from the beginning."
 
 
 class NumericalError(MeshdeformError):
@@ -346,7 +348,7 @@ class WorkerLostError(MeshdeformError):
     """Every attempt at the job lost its worker."""
 
     code = "worker_lost"
-    advice = "See the workers' logs (often: out of memory), then post the job again."
+    advice = "Check the workers' logs (a common cause is lack of memory), then post the job again."
 
 
 class DeviceMemoryError(MeshdeformError):
@@ -357,15 +359,15 @@ class DeviceMemoryError(MeshdeformError):
 
 
 class UnavailableError(MeshdeformError):
-    """A service that Meshdeform needs does not answer."""
+    """A service that Meshdeform needs does not respond."""
 
     status = 503
     code = "unavailable"
-    advice = "Try again in a moment; /readyz says which part is missing."
+    advice = "Try again in a moment; /readyz shows which part is unavailable."
 
 
 class DependencyError(MeshdeformError):
-    """Something that must be installed is missing."""
+    """A required program or package is not installed."""
 
     code = "dependency_missing"
     advice = "Install what the message names."

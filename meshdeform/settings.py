@@ -1,6 +1,6 @@
-"""Settings of a deployment, read from the environment (prefix ``MESHDEFORM_``). None is needed to run.
+"""Read the settings of a deployment from the environment (prefix ``MESHDEFORM_``). None is required.
 
-Torch-free. `docs/configuration.md` has a heading for every field; a test says so.
+Torch-free. A test checks that `docs/configuration.md` has a heading for every field.
 """
 
 from __future__ import annotations
@@ -19,23 +19,22 @@ __all__ = ["Settings"]
 
 
 class Settings(BaseSettings):
-    """Where things lie and what is allowed."""
+    """The settings of a deployment: locations, devices and limits."""
 
     model_config = SettingsConfigDict(env_prefix="MESHDEFORM_", env_ignore_empty=True, frozen=True, extra="ignore")
 
-    data_dir: Path = Field(Path("meshdeform-data"), description="Folder for everything that `serve` keeps.")
+    data_dir: Path = Field(Path("meshdeform-data"), description="Folder for all data of `serve`.")
     database_url: str = Field("", description="SQLAlchemy URL of the record. Default: SQLite in the data directory.")
-    redis_url: str = Field("", description="Redis of the queue. Default: `serve` starts one of its own.")
+    redis_url: str = Field("", description="Redis of the queue. Default: `serve` starts its own.")
     storage_url: str = Field(
         "",
         description="Object store: a folder, or s3://bucket/prefix. Default: a folder in the data directory.",
     )
     storage_public_url: str = Field(
         "",
-        description="URL under which clients reach an S3 store, for signed URLs, where it is not the one of "
-        "AWS_ENDPOINT_URL.",
+        description="URL at which clients reach an S3 store, for signed URLs, if it differs from AWS_ENDPOINT_URL.",
     )
-    model: str = Field(BUILTIN_MODEL, min_length=1, description="The diffusion prior where a job names none.")
+    model: str = Field(BUILTIN_MODEL, min_length=1, description="The diffusion prior of jobs that name none.")
     allowed_models: list[str] = Field(
         default_factory=list,
         description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, as a JSON list.",
@@ -43,46 +42,46 @@ class Settings(BaseSettings):
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
         "auto",
-        description="Precision of a Stable Diffusion model. `auto`: float32 on the CPU, bfloat16 on a GPU that has it, "
-        "else float16.",
+        description="Precision of a Stable Diffusion model. `auto`: float32 on the CPU, bfloat16 on a GPU that "
+        "supports it, else float16.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
-    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: as many as there are cores.")
+    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per core.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
-    lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for so long has lost its job.")
+    lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for this long loses its job.")
     max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
     step_timeout_s: float = Field(
-        600.0, ge=1.0, description="A worker that does no step for so long is taken for hung, killed and started again."
+        600.0, ge=1.0, description="A worker that completes no step for this long is killed and restarted."
     )
     checkpoints_kept: int = Field(
-        10, ge=2, le=10_000, description="Checkpoints that a job keeps, the newest ones; older ones give way."
+        10, ge=2, le=10_000, description="How many checkpoints a job keeps; older ones are deleted."
     )
     retention_s: float = Field(
-        0.0, ge=0.0, description="Seconds after its end when a job is deleted, where it says nothing. 0: never."
+        0.0, ge=0.0, description="Seconds after its end when a job is deleted, unless it sets its own. 0: never."
     )
     auth: Literal["auto", "on", "off"] = Field(
         "auto",
-        description="Whether requests need an API key. `auto`: only where the API listens on more than loopback.",
+        description="Whether requests need an API key. `auto`: only if the API listens on more than loopback.",
     )
     web: Literal["on", "off"] = Field("on", description="Whether the API serves the web page at `/`.")
     requests_per_minute: int = Field(
-        600, ge=0, description="Requests that an API key may make in a minute, where the key says nothing. 0: any."
+        600, ge=0, description="Requests per minute of an API key that sets no limit itself. 0: unlimited."
     )
     max_active_jobs: int = Field(
-        1000, ge=0, description="Unfinished jobs that an API key may have, where the key says nothing. 0: any number."
+        1000, ge=0, description="Unfinished jobs of an API key that sets no limit itself. 0: unlimited."
     )
-    upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an upload is kept that no job has used.")
+    upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
     webhook_networks: list[str] = Field(
         default_factory=list,
-        description="Networks besides the public internet that webhooks may reach, as a JSON list of CIDR blocks; "
-        "there plain http is allowed too.",
+        description="Networks besides the public internet that webhooks may reach, as a JSON list of CIDR blocks. "
+        "Plain http is allowed there.",
     )
     usd: Literal["auto", "on", "off"] = Field(
         "auto",
-        description="Whether jobs may ask for `output.usd`. `auto`: where usd-core is installed beside the API.",
+        description="Whether jobs may request `output.usd`. `auto`: if usd-core is installed with the API.",
     )
-    log_format: Literal["text", "json"] = Field("text", description="`text`: lines to read. `json`: one object a line.")
+    log_format: Literal["text", "json"] = Field("text", description="`text`: plain lines. `json`: one object per line.")
     max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS, description="Largest number of steps of a job.")
     max_upload_bytes: int = Field(100 * 2**20, ge=1024, description="Largest request body.")
     max_accessor_elements: int = Field(
@@ -98,7 +97,7 @@ class Settings(BaseSettings):
 
     @cached_property
     def writes_usd(self) -> bool:
-        """Whether the workers of this deployment can write USDZ, as far as the settings tell."""
+        """Whether the workers of this deployment can write USDZ, according to the settings."""
         return self.usd == "on" or (self.usd == "auto" and find_spec("pxr") is not None)
 
     @cached_property

@@ -1,7 +1,7 @@
-"""Fakes for tests, of Meshdeform and of programs built on it.
+"""Provide fakes for tests of Meshdeform and of programs built on it.
 
-`FakePrior` is a diffusion prior that costs next to nothing and whose optimum is known.
-`build_tiny_stable_diffusion` writes a Stable Diffusion checkpoint of the real classes with random weights.
+`FakePrior` is a fast diffusion prior whose optimum is known. `build_tiny_stable_diffusion` writes a Stable Diffusion
+checkpoint of the real classes with random weights.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ __all__ = ["FakePrior", "build_tiny_stable_diffusion"]
 
 
 class FakePrior:
-    """A pixel prior that knows exactly one picture a camera: the ideal denoiser of a distribution with one member.
+    """A pixel prior with one picture per camera: the ideal denoiser of a distribution with a single member.
 
     For the picture x (scaled to [-1, 1]) the best noise prediction is ``(z_t - sqrt(abar) x) / sqrt(1 - abar)``. The
-    gradient of score distillation is then ``sqrt(abar (1 - abar)) (z0 - x)``, whatever noise was drawn: it vanishes at
-    x alone and points away from it everywhere, so a loop that descends reaches x. The prompt and the guidance scale
-    change nothing (both branches know the same picture).
+    gradient of score distillation is then ``sqrt(abar (1 - abar)) (z0 - x)`` for any noise: it vanishes only at x and
+    points away from it everywhere else, so that descent reaches x. The prompt and the guidance scale have no effect
+    (both branches predict the same).
 
     Parameters
     ----------
     optimum : TriangleMesh, or (1, 3, S, S) float32 in [0, 1], optional
         A mesh, whose renders are the pictures, in the frame where the cameras see the unit sphere; or one picture for
-        every camera. Unless given, an upright spheroid, 0.5 wide and 1 tall.
+        all cameras. Default: an upright spheroid, 0.5 wide and 1 tall.
     view_size : int
-        Side of a view in pixels, for a mesh.
+        Side of a mesh's renders in pixels.
 
     Attributes
     ----------
     prompts : list of tuple of str
-        Every call of `encode_texts`: the prompt, and the other texts.
+        The texts of every call of `encode_texts`: the prompt and the others.
     timesteps : list of int
         The timestep of every call of `predict_noise`.
     """
@@ -70,7 +70,7 @@ class FakePrior:
         self.timesteps: list[int] = []
 
     def picture(self, cameras: Cameras) -> Tensor:
-        """The optimum as the cameras see it: (1, 3, S, S) float32 in [0, 1]."""
+        """Return the optimum as the cameras see it, (1, 3, S, S) float32 in [0, 1]."""
         if isinstance(self._optimum, Tensor):
             return self._optimum
         renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.style)
@@ -78,7 +78,7 @@ class FakePrior:
             return combine_views(renderer.render(self._optimum.verts, cameras))
 
     def singles(self, cameras: Cameras) -> Tensor:
-        """Return the optimum as each camera sees it by itself, as large as the four together: (B, 3, S, S) float32."""
+        """Return the optimum as seen by each camera, at the size of the 2x2 grid, (B, 3, S, S) float32."""
         if isinstance(self._optimum, Tensor):
             return self._optimum.expand(len(cameras.azimuths_deg), -1, -1, -1)
         style = replace(self.style, view_size=2 * self.style.view_size)
@@ -87,7 +87,7 @@ class FakePrior:
             return renderer.render(self._optimum.verts, cameras).permute(0, 3, 1, 2)
 
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
-        """Note the call; a row (1,) for each text, which changes nothing."""
+        """Record the call and return one dummy row (1,) per text."""
         self.prompts.append((prompt, *others))
         return torch.zeros(1 + len(others), 1)
 
@@ -103,7 +103,7 @@ class FakePrior:
         embedding: Tensor,
         cameras: Cameras,
     ) -> tuple[Tensor, ...]:
-        """The noise that leads back to the optimum, the same for every text."""
+        """Return the noise that leads back to the optimum, the same for every text."""
         self.timesteps += timestep.tolist()
         level = self.alphas_cumprod[timestep].view(-1, 1, 1, 1)
         picture = self.picture(cameras) if len(z_t) == 1 and len(cameras.azimuths_deg) > 1 else self.singles(cameras)
@@ -120,19 +120,19 @@ def build_tiny_stable_diffusion(
 ) -> Path:
     """Write a checkpoint of Stable Diffusion's own classes with random weights, about 4 MB.
 
-    Needs the extra `sd`. The tokenizer is CLIP's, over single bytes. Encoding and prediction cost milliseconds; what it
-    predicts means nothing.
+    Needs the extra `sd`. The tokenizer is CLIP's, over single bytes. Encoding and prediction take milliseconds; the
+    predictions are meaningless.
 
     Parameters
     ----------
     folder : str or pathlib.Path
-        Where to write, in diffusers' layout with safetensors weights.
+        The folder to write, in diffusers' layout with safetensors weights.
     prediction_type : "epsilon" or "v_prediction"
-        What the scheduler says that the U-Net predicts; the weights are the same.
+        The scheduler's `prediction_type`. The weights do not depend on it.
     sample_size : int
-        Side of the latents; pictures have eight times that (Stable Diffusion: 64 and 512).
+        Side of the latents. Pictures have eight times that (Stable Diffusion: 64 and 512).
     seed : int
-        Of the weights. The caller's random state stays as it is.
+        Seed of the weights. The caller's random state does not change.
     """
     from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
     from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
@@ -179,7 +179,7 @@ _START, _END = "<|startoftext|>", "<|endoftext|>"
 
 
 def _write_byte_tokenizer(folder: Path) -> dict[str, int]:
-    """Write CLIP's vocabulary of single bytes, within and at the end of a word, without merges."""
+    """Write CLIP's vocabulary of single bytes, inside and at the end of a word, without merges."""
     printable = [*range(33, 127), *range(161, 173), *range(174, 256)]
     others = [byte for byte in range(256) if byte not in printable]
     letters = [chr(byte) for byte in printable] + [chr(256 + n) for n in range(len(others))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
 
 from meshdeform.requests.document import ResolvedParams
 
@@ -112,7 +112,10 @@ class Validation(BaseModel):
     valid: Literal[True] = Field(True, description="Always true: anything else is a problem.", examples=[True])
     asset: AssetFound = Field(description="What there is to deform.")
     target: AssetFound | None = Field(None, description="The second mesh of `target` guidance.")
-    params: ResolvedParams = Field(description="Every parameter with the value that it would have.")
+    # Of the job's kind: only those of `text_deform` are `ResolvedParams`.
+    params: SkipValidation[SerializeAsAny[ResolvedParams]] = Field(
+        description="Every parameter with the value that it would have."
+    )
     estimate: JobEstimate = Field(description="How long it would take.")
 
 

@@ -67,7 +67,7 @@ def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:
     """Bring two of three jobs to their end; the third runs until somebody cancels it."""
     taken = 0
     while not over.is_set():
-        job = record.claim_next("worker", 3600.0)
+        job = record.leases.claim_next("worker", 3600.0)
         if job is None:
             over.wait(0.05)
             continue
@@ -75,9 +75,9 @@ def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:
         with suppress(MeshdeformError):  # canceled meanwhile
             key = f"jobs/{job.id}/{job.attempt}/result.glb"
             result = _stored(store, job, key)
-            record.set_checkpoint(job.id, job.attempt, key, 5, result.sha256, size=result.size, mesh=result)
+            record.leases.set_checkpoint(job.id, job.attempt, key, 5, result.sha256, size=result.size, mesh=result)
             if taken % 3:
-                record.finish(job.id, job.attempt, JobState.SUCCEEDED, results=[result])
+                record.leases.finish(job.id, job.attempt, JobState.SUCCEEDED, results=[result])
 
 
 def _stored(store: ObjectStore, job: Job, key: str) -> Artifact:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from typing import Any
 
 from meshdeform.errors import CheckpointError
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import ArtifactData, StepReport
+from meshdeform.requests.document import GuidanceKind
+from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 
 __all__ = ["FakeKind", "OutOfMemoryError"]
 
@@ -30,7 +29,7 @@ class _FakeRun:
             self._on_step(self._step + 1)
             self._step += 1
             self.value = self.value * 3 + self._step
-            yield StepReport(self._step, self.total_steps, "optimizing", {"total": 1.0 / self._step})
+            yield StepReport(self._step, self.total_steps, {"total": 1.0 / self._step})
 
     def checkpoint(self) -> bytes:
         return json.dumps({"step": self._step, "value": self.value}).encode()
@@ -49,7 +48,7 @@ class FakeKind:
     ----------
     on_step : callable
         Called in every step with its number, before anything is changed; may raise, cancel, or stop the worker.
-    started : list of dict
+    started : list of RunInput
         What each start was given.
     started_at : list of int
         The step at which each run began.
@@ -57,21 +56,22 @@ class FakeKind:
 
     def __init__(self) -> None:
         self.on_step: Callable[[int], None] = lambda step: None
-        self.started: list[dict[str, Any]] = []
+        self.started: list[RunInput] = []
         self.started_at: list[int] = []
 
-    def start(
-        self, *, request: JobRequest, checkpoint: bytes | None, initial: bytes | None = None, **others: Any
-    ) -> _FakeRun:
-        """Take the place of `meshdeform.runs.text_deform.start`."""
-        self.started.append({"request": request, "checkpoint": checkpoint, "initial": initial, **others})
+    def start(self, given: RunInput) -> _FakeRun:
+        """Take the place of `meshdeform.runs.start_run`."""
+        self.started.append(given)
+        params = given.request.params
+        if params.guidance is not GuidanceKind.TARGET:
+            given.load_prior(params.model or given.default_model)
         state = {"step": 0, "value": 1}
         try:
-            if initial is not None:
-                state = {"step": 0, "value": json.loads(initial)["value"]}
-            if checkpoint is not None:
-                state = json.loads(checkpoint)
+            if given.initial is not None:
+                state = {"step": 0, "value": json.loads(given.initial)["value"]}
+            if given.checkpoint is not None:
+                state = json.loads(given.checkpoint)
         except ValueError as error:
             raise CheckpointError("The checkpoint is torn.") from error
         self.started_at.append(state["step"])
-        return _FakeRun(request.params.steps or 10, state["value"], state["step"], lambda step: self.on_step(step))
+        return _FakeRun(params.steps or 10, state["value"], state["step"], lambda step: self.on_step(step))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import NumericalError
-from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import RunInput
 from meshdeform.settings import Settings
 from tests.fake_kind import FakeKind, OutOfMemoryError
 from worker.__main__ import main as supervise
@@ -31,10 +31,10 @@ class TroubledKind(FakeKind):
         super().__init__()
         self._step_s = step_s
 
-    def start(self, *, request: JobRequest, **others: Any) -> Any:
+    def start(self, given: RunInput) -> Any:
         """Start a run that may run into trouble at its seventh step."""
-        self.on_step = lambda step: self._step(step, request.prompt)
-        return super().start(request=request, **others)
+        self.on_step = lambda step: self._step(step, given.request.prompt)
+        return super().start(given)
 
     def _step(self, step: int, prompt: str) -> None:
         time.sleep(self._step_s)

@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import UnavailableError
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, NewJob, Origin, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
-from worker.context import Workplace
+from worker.context import WorkerContext
 from worker.runner import JobRunner
 
 __all__ = ["EVERY", "STEPS", "World", "away", "fail_for_a_while", "new_world"]
@@ -38,7 +39,7 @@ class World:
         self.stop = False
 
     def runner(self, **changes: Any) -> JobRunner:
-        workplace = Workplace(
+        context = WorkerContext(
             settings=Settings(),
             record=self.record,
             store=self.store,
@@ -47,11 +48,11 @@ class World:
             load_prior=self._load_prior,
             device="cpu",
             stopping=lambda: self.stop,
-            worker_id="a worker",
+            worker=WorkerIdentity("a worker", "meshdeform", "cpu"),
             renew=lambda: self.renewals.append("now"),
-            patience_s=60.0,
+            retry_for_s=60.0,
         )
-        return JobRunner(dataclasses.replace(workplace, **changes))
+        return JobRunner(dataclasses.replace(context, **changes))
 
     def create(
         self, *, origin: Origin | None = None, priority: int = 0, deadline_s: float | None = None, **params: Any
@@ -65,7 +66,7 @@ class World:
 
     def expire(self, job: Job) -> None:
         """Let the lease of whoever has the job be over."""
-        self.record.heartbeat(job.id, self.record.get(job.id).attempt, -1.0)
+        self.record.leases.heartbeat(job.id, self.record.get(job.id).attempt, -1.0)
 
     def run(self, job: Job) -> Job:
         self.runner().run(job.id)
@@ -76,7 +77,7 @@ class World:
         return self.store.get(artifact.key)
 
     def kept(self, job: Job) -> list[int]:
-        return [reference.step for reference in self.record.checkpoints(job.id)]
+        return [reference.step for reference in self.record.leases.checkpoints(job.id)]
 
     def _load_prior(self, model: str) -> Any:
         self.priors.append(model)

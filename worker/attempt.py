@@ -6,24 +6,29 @@ import logging
 import time
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
 from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
 from meshdeform.record.models import Artifact, Job, JobError, OriginMode
-from meshdeform.requests.document import GuidanceKind, resolve
-from meshdeform.runs.base import JobRun
+from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
-from worker.checkpoints import CheckpointStore
-from worker.context import Workplace
-from worker.memory import is_out_of_memory
-from worker.results import store_results
-from worker.retry import Patience
+from worker.context import WorkerContext
+from worker.outputs import CheckpointStore, store_results
+from worker.retry import Retry
 from worker.watch import JobWatch
 
-__all__ = ["Attempt", "Ended", "Outcome"]
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+
+__all__ = ["Attempt", "Ended", "Outcome", "is_out_of_memory"]
 
 _log = logging.getLogger(__name__)
+
+_OUT_OF_MEMORY = "OutOfMemoryError"
+# What CUDA and its libraries say where torch has no class for it.
+_OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED", "CUDNN_STATUS_ALLOC_FAILED")
 
 
 class Outcome(Enum):
@@ -58,7 +63,7 @@ class Ended:
 
 
 class _InterruptedError(Exception):
-    """The job is canceled, or the process shall end, while something is waited for."""
+    """The job is canceled, or the process is to end, while something is waited for."""
 
 
 class Attempt:
@@ -66,16 +71,16 @@ class Attempt:
 
     Parameters
     ----------
-    at : Workplace
+    at : WorkerContext
     job : Job
         As claimed.
     watch : JobWatch
         Running.
     """
 
-    def __init__(self, at: Workplace, job: Job, watch: JobWatch) -> None:
+    def __init__(self, at: WorkerContext, job: Job, watch: JobWatch) -> None:
         self._at, self._job, self._watch = at, job, watch
-        self._patience = Patience(self._go_on, at.patience_s)
+        self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
         self._steps, self._steps_s = 0, 0.0
@@ -121,7 +126,7 @@ class Attempt:
             return self._ended(Outcome.CANCELED)
         self._phase("uploading")
         with span("upload"):
-            results = store_results(self._at.store, self._job, artifacts, self._patience)
+            results = store_results(self._at.store, self._job, artifacts, self._retry)
         failpoint("worker.results.stored")
         if self._watch.canceled:
             return self._ended(Outcome.CANCELED)
@@ -148,31 +153,36 @@ class Attempt:
 
     def _start(self) -> JobRun:
         """Start from the newest checkpoint that can be used, else from what the job begins with."""
-        job, store, insist = self._job, self._at.store, self._patience.insist
-        asset = insist(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
+        job, store, ask = self._job, self._at.store, self._retry.until_answered
+        asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
         given = job.target
-        target = insist(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
-        params = resolve(job.request.params, default_model=self._at.settings.model)
-        self._at.pulse.beat()
-        prior = self._at.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None
+        target = ask(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
+        files = {"asset": InputFile(asset, job.asset.filename, job.asset.sha256)}
+        if given and target is not None:
+            files["target"] = InputFile(target, given.filename, given.sha256)
+
+        def load_prior(model: str) -> Prior:
+            self._at.pulse.beat()
+            prior = self._at.load_prior(model)
+            self._at.pulse.beat()
+            return prior
 
         def start(checkpoint: bytes | None = None, initial: bytes | None = None) -> JobRun:
             self._at.pulse.beat()
-            return self._at.start(
-                asset=asset,
-                filename=job.asset.filename,
+            given = RunInput(
                 request=job.request,
-                prior=prior,
-                target=target,
-                target_filename=job.target.filename if job.target else "",
+                files=files,
+                resolved=job.resolved,
                 checkpoint=checkpoint,
                 initial=initial,
+                load_prior=load_prior,
                 default_model=self._at.settings.model,
                 limits=Limits.from_settings(self._at.settings),
                 device=self._at.device,
             )
+            return self._at.start(given)
 
-        for checkpoint in self._checkpoints.usable(self._patience):
+        for checkpoint in self._checkpoints.usable(self._retry):
             try:
                 run = start(checkpoint)
             except CheckpointError as error:
@@ -182,7 +192,7 @@ class Attempt:
             return run
         if job.origin is None or not job.origin.key:
             return start()
-        origin = self._checkpoints.origin(self._patience)
+        origin = self._checkpoints.origin(self._retry)
         if job.origin.mode is OriginMode.BRANCH:
             if origin is None:
                 raise CheckpointError(f"The checkpoint of job {job.origin.job_id} cannot be read any more.")
@@ -241,3 +251,17 @@ class Attempt:
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
         return Ended(outcome, results or [], error, step_s)
+
+
+def is_out_of_memory(error: BaseException | None) -> bool:
+    """Return whether the error, or the one that it was made of, says that the device ran out of memory.
+
+    Names and words are compared, not classes: that needs no torch, and a fake may raise one as well.
+    """
+    while error is not None:
+        if any(each.__name__ == _OUT_OF_MEMORY for each in type(error).__mro__):
+            return True
+        if isinstance(error, RuntimeError) and any(words in str(error) for words in _OUT_OF_MEMORY_WORDS):
+            return True
+        error = error.__cause__
+    return False

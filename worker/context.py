@@ -1,52 +1,30 @@
-"""What a worker process works with; made once, and shared by all attempts at all jobs."""
+"""What a worker process has at hand; made once, and shared by all attempts at all jobs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from meshdeform.assets import Limits
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import JobRun
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from worker.pulse import Pulse
-from worker.retry import PATIENCE_S
+from worker.retry import RETRY_FOR_S
 from worker.watch import CancelListener
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["StartRun", "Workplace"]
-
-
-class StartRun(Protocol):
-    """How a kind of job starts: `meshdeform.runs.text_deform.start`."""
-
-    def __call__(
-        self,
-        *,
-        asset: bytes,
-        filename: str,
-        request: JobRequest,
-        prior: Prior | None,
-        target: bytes | None,
-        target_filename: str,
-        checkpoint: bytes | None,
-        initial: bytes | None,
-        default_model: str,
-        limits: Limits | None,
-        device: str,
-    ) -> JobRun:
-        """Read the asset and get ready to run."""
+__all__ = ["WorkerContext"]
 
 
 @dataclass(frozen=True)
-class Workplace:
-    """Settings, the places where things lie, and how a run is started.
+class WorkerContext:
+    """Hold the settings, the record, the store, and what starts a run.
 
     Attributes
     ----------
@@ -55,18 +33,19 @@ class Workplace:
     listen : callable
         Opens a listener for the cancel of a job.
     start : StartRun
+        Starts a run of any kind: `meshdeform.runs.start_run`, which imports what the kind needs.
     load_prior : callable
         Gives the prior of a model; keeps it between jobs.
     device : str
     stopping : callable
-        True once this process shall end: the job is then handed back after its step.
-    worker_id : str
-        Who the leases of this process belong to: no other process, ever, has the same.
+        True once this process is to end: the job is then handed back after its step.
+    worker : WorkerIdentity
+        Whose leases those of this process are.
     renew : callable
         Ends this process after the job, because its device ran out of memory; the next one has a clean context.
     pulse : Pulse
         Tells the supervisor that something moves.
-    patience_s : float
+    retry_for_s : float
         How long an outage of the store or the record may last before a job is left to another attempt.
     """
 
@@ -78,7 +57,7 @@ class Workplace:
     load_prior: Callable[[str], Prior]
     device: str
     stopping: Callable[[], bool]
-    worker_id: str
+    worker: WorkerIdentity
     renew: Callable[[], None]
     pulse: Pulse = field(default_factory=Pulse)
-    patience_s: float = PATIENCE_S
+    retry_for_s: float = RETRY_FOR_S

@@ -1,18 +1,22 @@
-"""What computes in a worker process: the kind of job, the device and the prior. The only place that imports torch."""
+"""What computes in a worker process: the kinds of job, the device and the prior. Torch is imported here."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from meshdeform.runs import kinds, start_run
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
-from worker.context import StartRun
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Engine", "torch_engine"]
+__all__ = ["Engine", "PriorCache", "torch_engine"]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -40,15 +44,42 @@ def torch_engine(settings: Settings) -> Engine:
     DependencyError
         The device that the settings name is not there.
     """
-    from meshdeform.runs import text_deform
     from meshdeform.runs.devices import resolve_device, use_threads
-    from worker.priors import PriorCache
 
     use_threads(settings.threads)
     device = resolve_device(settings.device)
     priors = PriorCache()
 
     def load_prior(model: str) -> Prior:
-        return priors.get(model, device=device, revision=settings.model_revision if model == settings.model else "")
+        revision = settings.model_revision if model == settings.model else ""
+        return priors.get(model, device=device, revision=revision, dtype=settings.dtype)
 
-    return Engine(text_deform.start, load_prior, device)
+    for kind in kinds():
+        kind.load()  # now, not when the first job waits
+    return Engine(start_run, load_prior, device)
+
+
+class PriorCache:
+    """Keeps the prior that was used last; another one takes its place, so only one is ever in memory."""
+
+    def __init__(self) -> None:
+        self._key: tuple[str, str, str, str] | None = None
+        self._prior: Prior | None = None
+
+    def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
+        """Return the prior `model`, loaded unless it is the one at hand.
+
+        Raises
+        ------
+        ModelError, DependencyError
+            It cannot be loaded.
+        """
+        key = (model, device, revision, dtype)
+        if self._prior is None or self._key != key:
+            self._prior = None  # before the next one is loaded: two may not fit
+            from meshdeform.priors import load_prior
+
+            _log.info("loading the prior %s on %s", model, device)
+            self._prior = load_prior(model, device=device, revision=revision, dtype=dtype)
+            self._key = key
+        return self._prior

@@ -11,17 +11,17 @@ from collections.abc import Callable
 from redis import Redis
 from redis.exceptions import RedisError
 
+from meshdeform.errors import MeshdeformError
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.logs import configure_logging
 from meshdeform.support.telemetry import start_tracing, stop_tracing
-from worker import tasks
-from worker.context import Workplace
+from worker.context import WorkerContext
 from worker.engine import Engine, torch_engine
-from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
-from worker.pulse import Pulse
+from worker.pulse import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
 from worker.rq_worker import InProcessWorker
 from worker.runner import JobRunner
 
@@ -59,32 +59,41 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(round(STOP_GRACE_S))
 
-    worker = InProcessWorker(settings.queue, Redis.from_url(settings.redis_url), stop)
-
     def renew() -> None:
         nonlocal spent
         _log.warning("this process ends, for a clean context of the device")
         spent = True
-        worker.end_after_job()
+        listener.end_after_job()
 
-    workplace = Workplace(
+    worker = WorkerIdentity(os.environ.get(WORKER_ID) or new_worker_id(), settings.queue, engine.device)
+    record = JobRecord(settings.resolved_database_url)
+    context = WorkerContext(
         settings=settings,
-        record=JobRecord(settings.resolved_database_url),
+        record=record,
         store=ObjectStore(settings.resolved_storage_url),
         listen=JobQueue(settings.redis_url, settings.queue).listen_for_cancel,
         start=engine.start,
         load_prior=engine.load_prior,
         device=engine.device,
         stopping=lambda: stopping,
-        worker_id=os.environ.get(WORKER_ID) or new_worker_id(),
+        worker=worker,
         renew=renew,
         pulse=pulse,
     )
-    tasks.use(JobRunner(workplace))
+
+    def idle() -> None:
+        try:
+            record.leases.idle(worker)
+        except MeshdeformError as error:
+            _log.warning("the record does not know that this worker is alive: %s", error.detail)
+
+    listener = InProcessWorker(
+        settings.queue, Redis.from_url(settings.redis_url), JobRunner(context).run, on_idle=idle, on_stop=stop
+    )
     _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
     pulse.rest()
     try:
-        worker.work(logging_level="WARNING")
+        listener.work(logging_level="WARNING")
     except RedisError:
         if not stopping and not spent:
             raise

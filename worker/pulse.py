@@ -1,25 +1,45 @@
-"""How the supervisor sees that its worker moves: a counter in memory that both share, beaten at each step and phase.
+"""What a supervisor and its worker process share: a name, an exit code, a time to stop, and a pulse.
 
-The lease cannot tell it: a thread of its own renews that, however long a step hangs. A write to shared memory never
-waits, whatever the supervisor does meanwhile.
+The pulse is how the supervisor sees that its worker moves: a counter in shared memory, beaten at each step and phase.
+The lease cannot tell it, for a thread renews that however long a step hangs. A write to shared memory never waits,
+whatever the supervisor does meanwhile.
 """
 
 from __future__ import annotations
 
 import os
+import secrets
+import socket
 import struct
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-__all__ = ["PULSE", "Pulse", "PulseMonitor"]
+__all__ = ["OUT_OF_MEMORY", "PULSE", "STOP_GRACE_S", "WORKER_ID", "Pulse", "PulseMonitor", "new_worker_id"]
+
+WORKER_ID = "MESHDEFORM_WORKER_ID"
+"""The variable that carries it from the supervisor to the process. No setting: nobody else sets it."""
+
+OUT_OF_MEMORY = 75
+"""The exit code of a process whose device ran out of memory: it is started again at once. EX_TEMPFAIL of sysexits.h."""
+
+STOP_GRACE_S = 30.0
+"""What a worker gets after SIGTERM to finish its step and write a checkpoint."""
 
 PULSE = "MESHDEFORM_PULSE"
 """The variable that carries the descriptor from the supervisor to the process. No setting: nobody else sets it."""
 
 _STATE = struct.Struct("<QQ")  # beats, and 1 while the worker is busy
 _LONGEST_LOOK_S = 1.0
+
+
+def new_worker_id() -> str:
+    """Return a name that no other process has or will have.
+
+    The host's name is for whoever reads the record. Host and process id would not do: containers may share both.
+    """
+    return f"{socket.gethostname()[:200]}:{secrets.token_hex(8)}"
 
 
 class Pulse:

@@ -1,4 +1,4 @@
-"""What is done when the store or the record does not answer: it is asked again, for as long as that makes sense."""
+"""Ask the store or the record again when it does not answer, for as long as that makes sense."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import TypeVar
 
 from meshdeform.errors import UnavailableError
 
-__all__ = ["PATIENCE_S", "Patience"]
+__all__ = ["RETRY_FOR_S", "Retry"]
 
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
-PATIENCE_S = 600.0
+RETRY_FOR_S = 600.0
 """How long an outage may last before an attempt leaves its job to another one."""
 
 _FIRST_S, _LONGEST_S = 0.1, 2.0
 
 
-class Patience:
-    """Repeats what failed because something did not answer.
+class Retry:
+    """Repeat what failed because something did not answer.
 
     Parameters
     ----------
@@ -31,10 +31,10 @@ class Patience:
         How long one thing is tried.
     """
 
-    def __init__(self, between: Callable[[], None], limit_s: float = PATIENCE_S) -> None:
+    def __init__(self, between: Callable[[], None], limit_s: float = RETRY_FOR_S) -> None:
         self._between, self._limit_s = between, limit_s
 
-    def insist(self, what: str, action: Callable[[], T]) -> T:
+    def until_answered(self, what: str, action: Callable[[], T]) -> T:
         """Return what `action` returns, once it does.
 
         Parameters

@@ -12,8 +12,8 @@ from meshdeform.support.failpoints import failpoint
 from meshdeform.support.logs import bound
 from meshdeform.support.telemetry import span
 from worker.attempt import Attempt, Ended, Outcome
-from worker.context import Workplace
-from worker.retry import Patience
+from worker.context import WorkerContext
+from worker.retry import Retry
 from worker.watch import JobWatch
 
 __all__ = ["JobRunner"]
@@ -32,10 +32,10 @@ class JobRunner:
 
     Attributes
     ----------
-    at : Workplace
+    at : WorkerContext
     """
 
-    at: Workplace
+    at: WorkerContext
 
     def run(self, job_id: str) -> None:
         """Run a job: the most urgent one, of which the message that named `job_id` only says that there is one.
@@ -51,7 +51,7 @@ class JobRunner:
         failpoint("worker.told")
         self.at.pulse.beat()
         try:
-            job = self.at.record.claim_next(self.at.worker_id, self.at.settings.lease_s)
+            job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s)
             if job is None:
                 _log.info("told of job %s, but no job waits (a duplicate message, or somebody else has it)", job_id)
                 return
@@ -80,7 +80,7 @@ class JobRunner:
 
     def _attempt(self, job: Job) -> Ended:
         at = self.at
-        with JobWatch(at.record, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
+        with JobWatch(at.record.leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
             ended = Attempt(at, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")
@@ -88,21 +88,21 @@ class JobRunner:
 
     def _record(self, job: Job, ended: Ended) -> None:
         """Write how it ended; while the record is away, try again: whoever has taken the job meanwhile is noticed."""
-        patience = Patience(self._between, self.at.patience_s)
+        retry = Retry(self._between, self.at.retry_for_s)
         record, about = self.at.record, f"job {job.id}: its end"
         if ended.outcome is Outcome.OUT_OF_MEMORY:
             attempts = self.at.settings.max_attempts
             try:
-                patience.insist(about, lambda: record.out_of_memory(job.id, job.attempt, attempts))
+                retry.until_answered(about, lambda: record.leases.out_of_memory(job.id, job.attempt, attempts))
             finally:
                 self.at.renew()
         elif ended.outcome is Outcome.HANDED_BACK:
-            patience.insist(about, lambda: record.release(job.id, job.attempt))
+            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt))
         else:
             state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
-            patience.insist(
+            retry.until_answered(
                 about,
-                lambda: record.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
+                lambda: record.leases.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
             )
 
     def _between(self) -> None:
@@ -112,7 +112,7 @@ class JobRunner:
 
     def _leave(self, job: Job) -> None:
         try:
-            self.at.record.release(job.id, job.attempt)
+            self.at.record.leases.release(job.id, job.attempt)
         except MeshdeformError as error:
             _log.warning("job %s: waits for the end of its lease: %s", job.id, error.detail)
 

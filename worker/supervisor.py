@@ -14,13 +14,11 @@ from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
-from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
-from worker.health import SignOfLife
-from worker.identity import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, new_worker_id
-from worker.presence import Presence
-from worker.pulse import PULSE, PulseMonitor
+from worker.health import sign_of_life
+from worker.pulse import OUT_OF_MEMORY, PULSE, STOP_GRACE_S, WORKER_ID, PulseMonitor, new_worker_id
 
 __all__ = ["PROCESS_MODULE", "Supervisor"]
 
@@ -58,33 +56,30 @@ class Supervisor:
         DependencyError
             A URL of the settings cannot be used at all. A record that only does not answer is waited for.
         """
-        with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox, SignOfLife(self._settings) as sign:
-            record = self._open_record(inbox, sign)
+        with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox, sign_of_life(self._settings):
+            record = self._open_record(inbox)
             if record is None:
                 return
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
-            presence = Presence(record.registry, self._settings.queue, self._settings.device)
-            with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s), presence:
-                worker = KeptChild(
-                    lambda: self._start_worker(presence),
+            with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s):
+                worker = SupervisedChild(
+                    self._start_worker,
                     _log.warning,
                     lambda: self._give_up_lease(record),
                     at_once={OUT_OF_MEMORY},
                 )
                 while not inbox.wait(_TEND_EVERY_S) & _STOP:
-                    sign.give()
                     self._kill_if_hung(worker)
-                    worker.tend()
+                    worker.supervise()
                 worker.stop(STOP_GRACE_S)
                 # It has handed its job back, unless it had to be killed.
                 self._give_up_lease(record)
             queue.close()
             record.close()
 
-    def _open_record(self, inbox: SignalInbox, sign: SignOfLife) -> JobRecord | None:
+    def _open_record(self, inbox: SignalInbox) -> JobRecord | None:
         """The record, as soon as it answers: after a power cut its server may be up later than this process."""
         while True:
-            sign.give()
             try:
                 return JobRecord(self._settings.resolved_database_url)
             except UnavailableError as error:
@@ -92,7 +87,7 @@ class Supervisor:
             if inbox.wait(_OPEN_EVERY_S) & _STOP:
                 return None
 
-    def _start_worker(self, presence: Presence) -> Child:
+    def _start_worker(self) -> Child:
         # Read by the libraries below torch and numba when they are loaded, so before the process starts.
         threads = str(self._settings.threads)
         limits = {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads} if self._settings.threads else {}
@@ -103,11 +98,9 @@ class Supervisor:
         descriptor = self._monitor.descriptor
         environment = {**limits, WORKER_ID: self._worker_id, PULSE: str(descriptor)}
         command = python_command(self._process_module)
-        child = Child("worker process", command, env=environment, pass_fds=[descriptor])
-        presence.announce(self._worker_id)
-        return child
+        return Child("worker process", command, env=environment, pass_fds=[descriptor])
 
-    def _kill_if_hung(self, worker: KeptChild) -> None:
+    def _kill_if_hung(self, worker: SupervisedChild) -> None:
         if self._monitor is None or worker.child.exit_code is not None:
             return
         silent_s, limit_s = self._monitor.silent_s(), self._settings.step_timeout_s
@@ -119,9 +112,9 @@ class Supervisor:
             worker.child.kill()
 
     def _give_up_lease(self, record: JobRecord) -> None:
-        """Let the job of the worker that just died be taken back now, not when its lease is over."""
+        """Forget the worker that just ended, so that its job is taken back now, not when its lease is over."""
         try:
-            if record.worker_ended(self._worker_id):
+            if record.leases.worker_ended(self._worker_id):
                 _log.warning("the worker process held a job; it is taken back")
                 failpoint("supervisor.reclaimed")
         except MeshdeformError as error:

@@ -1,7 +1,8 @@
-"""What happens beside the optimisation: the lease is kept, progress is published, a cancel is heard.
+"""Keep the lease, publish progress and hear of a cancel, beside the steps of a job.
 
-One thread does all of it. The loop that runs the steps only leaves its newest report here and looks at flags, so it
-never waits for the record or for Redis; and however long a step takes, the lease is renewed in time.
+One thread writes to the record, another one listens on Redis. The loop that runs the steps only leaves its newest
+report here and looks at flags, so it never waits for the record or for Redis; and however long a step takes, the lease
+is renewed in time.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
+from meshdeform.record.leases import Leases, WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress
-from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import StepReport
 from meshdeform.support.logs import carried
 
@@ -29,6 +30,8 @@ PUBLISH_EVERY_S = 0.5
 """Twice as often as promised, so that a slow write does not make a gap of more than a second."""
 
 _HEARTBEATS_PER_LEASE = 6
+_LONGEST_HEARTBEAT_S = 10.0
+"""However long the lease is: the worker's row, which says that it is alive, is renewed with it."""
 
 _TOLD_PARTS = 200
 _TOLD_EVERY_S = 5.0
@@ -75,13 +78,14 @@ class JobWatch:
 
     Parameters
     ----------
-    record : JobRecord
+    leases : Leases
+    worker : WorkerIdentity
     job : Job
         As claimed.
     listen : callable
         Opens a `CancelListener` for the job.
     lease_s : float
-        Renewed six times as often as it lasts.
+        Renewed six times as often as it lasts, and every ten seconds at least.
 
     Attributes
     ----------
@@ -93,14 +97,15 @@ class JobWatch:
 
     def __init__(
         self,
-        record: JobRecord,
+        leases: Leases,
+        worker: WorkerIdentity,
         job: Job,
         listen: Callable[[], AbstractContextManager[CancelListener]],
         lease_s: float,
     ) -> None:
-        self._record, self._job, self._listen = record, job, listen
+        self._leases, self._worker, self._job, self._listen = leases, worker, job, listen
         self._lease_s = lease_s
-        self._heartbeat_every_s = lease_s / _HEARTBEATS_PER_LEASE
+        self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
         self._latest = self._progress(0, 0, "loading", {})
         self._published: Progress | None = None
@@ -108,13 +113,15 @@ class JobWatch:
         self._told_at = 0.0
         self._done = threading.Event()
         self._thread = threading.Thread(target=carried(self._run), name=f"watch {job.id}", daemon=True)
-        self._ear = threading.Thread(target=carried(self._hear), name=f"cancel {job.id}", daemon=True)
+        self._cancel_listener = threading.Thread(
+            target=carried(self._listen_for_cancel), name=f"cancel {job.id}", daemon=True
+        )
         self.canceled = job.state is JobState.CANCELING
         self.lost = False
 
     def __enter__(self) -> Self:
         self._thread.start()
-        self._ear.start()
+        self._cancel_listener.start()
         return self
 
     def __exit__(
@@ -122,7 +129,7 @@ class JobWatch:
     ) -> None:
         self._done.set()
         self._thread.join()
-        # The ear ends by itself within half a second: nothing wakes it, and the job's end is not to wait for that.
+        # The cancel listener ends within half a second. Nothing wakes it, and the end of the job need not wait for it.
 
     def phase(self, name: str, *, step: int | None = None, total_steps: int | None = None) -> None:
         """A phase begins that has no steps of its own."""
@@ -135,7 +142,7 @@ class JobWatch:
     def step(self, report: StepReport) -> None:
         """A step is done. Costs microseconds: it is published from the thread."""
         self._timer.tick()
-        self._latest = self._progress(report.step, report.total_steps, report.phase, report.losses)
+        self._latest = self._progress(report.step, report.total_steps, self._latest.phase, report.losses)
 
     def _progress(self, step: int, total_steps: int, phase: str, losses: dict[str, float]) -> Progress:
         return Progress(
@@ -164,7 +171,7 @@ class JobWatch:
             _log.exception("job %s: the watch ended", self._job.id)
             self.lost = True
 
-    def _hear(self) -> None:
+    def _listen_for_cancel(self) -> None:
         try:
             with self._listen() as listener:
                 while not (self._done.is_set() or self.lost or self.canceled):
@@ -185,14 +192,15 @@ class JobWatch:
             _log.warning("job %s: %s", self._job.id, error)
 
     def _beat(self) -> None:
-        if self._record.heartbeat(self._job.id, self._job.attempt, self._lease_s) is JobState.CANCELING:
+        state = self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=self._worker)
+        if state is JobState.CANCELING:
             self.canceled = True
 
     def _publish(self) -> None:
         latest = self._latest
         if latest is not self._published:
             tell = self._worth_telling(latest)
-            self._record.save_progress(self._job.id, self._job.attempt, latest, tell=tell)
+            self._leases.save_progress(self._job.id, self._job.attempt, latest, tell=tell)
             self._published = latest
             if tell:
                 self._told, self._told_at = latest, time.monotonic()

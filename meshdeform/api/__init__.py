@@ -1,1 +1,1 @@
-"""The documents of the HTTP API that the service writes and the client reads."""
+"""Define the documents of the HTTP API, which the service writes and the client reads."""

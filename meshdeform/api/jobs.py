@@ -1,11 +1,11 @@
-"""Jobs and artifacts as the HTTP API shows them: the service writes these documents, the client reads them."""
+"""Define the HTTP API's documents of jobs and artifacts, which the service writes and the client reads."""
 
 from __future__ import annotations
 
 from datetime import datetime
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
 
 from meshdeform.record.models import (
     Artifact,
@@ -46,42 +46,42 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 
 class _Document(BaseModel):
-    # A newer server may say more than this client knows.
+    # A newer server may send members that this client does not know.
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class FileView(_Document):
-    """A file that was sent."""
+    """An uploaded file."""
 
-    filename: str = Field(description="Its name, as it was sent.", examples=["sphere.glb"])
+    filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
     size: int = Field(ge=0, description="Bytes.", examples=[30720])
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
 
     @classmethod
     def of(cls, file: StoredFile) -> Self:
-        """Return what is told about a stored file."""
+        """Return the document of a stored file."""
         return cls(filename=file.filename, size=file.size, sha256=file.sha256)
 
 
 class OriginView(_Document):
-    """What a job begins from that continues another one."""
+    """The job and step from which a job continues."""
 
-    job_id: str = Field(description="The other job; it may be deleted since.", examples=[_JOB_ID])
-    step: int = Field(ge=0, description="Steps that the other job had done.", examples=[500])
+    job_id: str = Field(description="The other job, which may have been deleted since.", examples=[_JOB_ID])
+    step: int = Field(ge=0, description="Steps that the other job had completed.", examples=[500])
     mode: OriginMode = Field(
-        description="`retry`: the same request goes on as if never interrupted. `branch`: another request begins with "
-        "the shape of that step.",
+        description="`retry`: the same request continues as if never interrupted. `branch`: another request starts "
+        "from the shape of that step.",
         examples=["branch"],
     )
 
     @classmethod
     def of(cls, origin: Origin) -> Self:
-        """Return what is told about an origin."""
+        """Return the document of an origin."""
         return cls(job_id=origin.job_id, step=origin.step, mode=origin.mode)
 
 
 class JobView(_Document):
-    """One job."""
+    """A job."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_JOB_ID])
     kind: JobKind = Field(description="What the job does.", examples=["text_deform"])
@@ -89,29 +89,31 @@ class JobView(_Document):
         description="`succeeded`, `failed`, `canceled` and `expired` are terminal: such a job never changes again.",
         examples=["running"],
     )
-    prompt: str = Field(description="What the asset shall become.", examples=["a mushroom"])
-    params: DeformParams = Field(description="The parameters as they were written.", examples=[{"preset": "preview"}])
+    prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
+    params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
+        description="The parameters as given in the request.", examples=[{"preset": "preview"}]
+    )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
-    priority: int = Field(0, description="Workers take the job with the greatest one first.", examples=[0])
-    asset: FileView = Field(description="The asset that is deformed.")
+    priority: int = Field(0, description="Workers take the job with the highest priority first.", examples=[0])
+    asset: FileView = Field(description="The asset to deform.")
     target: FileView | None = Field(None, description="The second mesh of `target` guidance.")
-    origin: OriginView | None = Field(None, description="What it begins from; null where it begins with its asset.")
+    origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its asset.")
     error: JobError | None = Field(None, description="Why the job failed; else null.")
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
     started_at: datetime | None = Field(None, description="When its first attempt began, UTC.", examples=[_TIME])
     finished_at: datetime | None = Field(None, description="When it became terminal, UTC.", examples=[_TIME])
     deadline_at: datetime | None = Field(
-        None, description="When it becomes `expired` unless it is over, UTC; null: never.", examples=[_TIME]
+        None, description="When it becomes `expired` unless finished, UTC; null: never.", examples=[_TIME]
     )
     retain_until: datetime | None = Field(
-        None, description="When it is deleted with its artifacts, UTC; null: never, or not over yet.", examples=[_TIME]
+        None, description="When it is deleted with its artifacts, UTC; null: never, or not finished.", examples=[_TIME]
     )
-    progress: Progress = Field(description="How far it is.")
+    progress: Progress = Field(description="The job's progress.")
 
     @classmethod
     def of(cls, job: Job) -> Self:
-        """Return what is told about a job."""
+        """Return the document of a job."""
         return cls(
             id=job.id,
             kind=job.kind,
@@ -134,7 +136,7 @@ class JobView(_Document):
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the document: everything, but of the parameters only what was written."""
+        """Return the JSON document, with only those parameters that the request set."""
         return {
             **self.model_dump(mode="json"),
             "params": self.params.model_dump(mode="json", exclude_unset=True),
@@ -146,11 +148,11 @@ class JobList(_Document):
 
     jobs: list[JobView] = Field(description="The jobs of this page.")
     next_cursor: str | None = Field(
-        None, description="Give it as `cursor` to get the next page; null on the last one.", examples=["am9iXzAxa2c5"]
+        None, description="Pass it as `cursor` to get the next page; null on the last one.", examples=["am9iXzAxa2c5"]
     )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the document."""
+        """Return the JSON document."""
         return {"jobs": [job.as_json() for job in self.jobs], "next_cursor": self.next_cursor}
 
 
@@ -162,51 +164,51 @@ class ArtifactView(_Document):
     size: int = Field(ge=0, description="Bytes.", examples=[30720])
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
-    href: str = Field(description="Where its bytes are.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
+    href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
 
     @classmethod
     def of(cls, artifact: Artifact, job_id: str) -> Self:
-        """Return what is told about an artifact."""
+        """Return the document of an artifact."""
         return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
 
 
 class ArtifactList(_Document):
     """The results of a job."""
 
-    artifacts: list[ArtifactView] = Field(description="By name.")
+    artifacts: list[ArtifactView] = Field(description="The artifacts, sorted by name.")
 
 
 class SignedUrl(_Document):
     """A URL that needs no API key."""
 
     url: str = Field(
-        description="Where the bytes are: absolute, or a path of this server. Whoever has it may read them.",
+        description="URL of the bytes, absolute or a path of this server. Anyone who has it can read them.",
         examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb?expires=1769864400&signature=3b1f"],
     )
-    expires_at: datetime = Field(description="From when on it is refused, UTC.", examples=["2026-01-31T13:00:00Z"])
+    expires_at: datetime = Field(description="When it expires, UTC.", examples=["2026-01-31T13:00:00Z"])
 
 
 class EventView(_Document):
     """Something that happened to a job."""
 
-    seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without a gap.", examples=[3])
+    seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without gaps.", examples=[3])
     job_id: str = Field(description="The job.", examples=[_JOB_ID])
     type: EventType = Field(
-        description="What happened. `succeeded`, `failed`, `canceled` and `expired` end the job; exactly one of them "
-        "comes, and nothing after it.",
+        description="What happened. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job, and "
+        "no event follows it.",
         examples=["progress"],
     )
-    at: datetime = Field(description="When, UTC.", examples=[_TIME])
-    attempt: int = Field(ge=0, description="Of which attempt; 0 before the first.", examples=[1])
+    at: datetime = Field(description="When it happened, UTC.", examples=[_TIME])
+    attempt: int = Field(ge=0, description="Number of the attempt; 0 before the first.", examples=[1])
     data: dict[str, Any] = Field(
-        description="More about it: of `progress` the job's progress, of `checkpoint` its step, of `failed` the error, "
-        "of `succeeded` the artifacts' names, of `queued` and `recovered` the reason.",
+        description="Details: for `progress` the job's progress, for `checkpoint` its step, for `failed` the error, "
+        "for `succeeded` the artifacts' names, for `queued` and `recovered` the reason.",
         examples=[{"step": 120, "total_steps": 300, "fraction": 0.4, "phase": "optimizing"}],
     )
 
     @classmethod
     def of(cls, event: Event) -> Self:
-        """Return what is told about an event."""
+        """Return the document of an event."""
         return cls(**event.model_dump())
 
 
@@ -214,29 +216,29 @@ class EventList(_Document):
     """Events of a job."""
 
     events: list[EventView] = Field(description="Oldest first.")
-    next_after: int = Field(ge=0, description="Give it as `after` to get what follows.", examples=[3])
+    next_after: int = Field(ge=0, description="Pass it as `after` to get the following events.", examples=[3])
 
 
 class MeshView(_Document):
     """The mesh of a checkpoint."""
 
-    href: str = Field(description="Where its bytes are.", examples=[f"/v1/jobs/{_JOB_ID}/checkpoints/500/mesh.glb"])
+    href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/checkpoints/500/mesh.glb"])
     size: int = Field(ge=0, description="Bytes.", examples=[30720])
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
 
 
 class CheckpointView(_Document):
-    """Where a job can go on from, or be branched."""
+    """A checkpoint from which a job can continue or be branched."""
 
-    step: int = Field(ge=0, description="Optimiser steps done.", examples=[500])
+    step: int = Field(ge=0, description="Completed optimiser steps.", examples=[500])
     attempt: int = Field(ge=1, description="The attempt that stored it.", examples=[1])
     size: int = Field(ge=0, description="Bytes.", examples=[184320])
-    created_at: datetime | None = Field(None, description="UTC; null where it is not known.", examples=[_TIME])
-    mesh: MeshView | None = Field(None, description="The asset with its shape at that step; null where it is not kept.")
+    created_at: datetime | None = Field(None, description="UTC; null if unknown.", examples=[_TIME])
+    mesh: MeshView | None = Field(None, description="The asset with its shape at that step; null if it was not kept.")
 
     @classmethod
     def of(cls, found: CheckpointRef, job_id: str) -> Self:
-        """Return what is told about a checkpoint."""
+        """Return the document of a checkpoint."""
         mesh = None
         if found.mesh_key is not None:
             href = f"/v1/jobs/{job_id}/checkpoints/{found.step}/mesh.glb"
@@ -247,16 +249,18 @@ class CheckpointView(_Document):
 class CheckpointList(_Document):
     """The checkpoints of a job."""
 
-    checkpoints: list[CheckpointView] = Field(description="By step; of equal steps that of the newest attempt.")
+    checkpoints: list[CheckpointView] = Field(
+        description="Sorted by step. For equal steps, only that of the newest attempt."
+    )
 
 
 def job_headers(job: Job) -> dict[str, str]:
-    """Return the headers of every answer that shows a job."""
+    """Return the headers of every response with a job."""
     retry = {} if job.state.terminal else {"Retry-After": _POLL_S}
     return {"ETag": f'W/"{job.version}"', "Cache-Control": "no-cache", **retry}
 
 
 def accepted(job: Job) -> dict[str, Any]:
-    """Return the answer to the request that made a job: `status`, `body` and `headers`."""
+    """Return the response to the request that created a job: `status`, `body` and `headers`."""
     headers = {**job_headers(job), "Location": f"/v1/jobs/{job.id}"}
     return {"status": 202, "body": JobView.of(job).as_json(), "headers": headers}

@@ -1,4 +1,4 @@
-"""Webhooks as the HTTP API shows them, and the messages as receivers get them."""
+"""Define the HTTP API's documents of webhooks, and the messages that receivers get."""
 
 from __future__ import annotations
 
@@ -46,37 +46,37 @@ class _Document(BaseModel):
 
 
 class NewWebhook(_Body):
-    """A webhook to be."""
+    """A webhook to create."""
 
     url: str = Field(
         min_length=1,
         max_length=MAX_URL,
-        description="Where messages go: an https URL whose host has only public addresses.",
+        description="Where to send messages: an https URL whose host has only public addresses.",
         examples=[_URL],
     )
     events: list[WebhookEvent] = Field(
         default_factory=list,
         max_length=len(WebhookEvent),
-        description="Types to send. Default: every one.",
+        description="Event types to send. Default: all.",
         examples=[["job.succeeded", "job.failed"]],
     )
 
 
 class WebhookChange(_Body):
-    """What to change; the rest stays."""
+    """The changes to a webhook; members left out do not change."""
 
     url: str | None = Field(
-        None, min_length=1, max_length=MAX_URL, description="Where messages go from now on.", examples=[_URL]
+        None, min_length=1, max_length=MAX_URL, description="Where to send messages from now on.", examples=[_URL]
     )
     events: list[WebhookEvent] | None = Field(
         None,
         max_length=len(WebhookEvent),
-        description="Types to send; an empty list means every one.",
+        description="Event types to send; an empty list means all.",
         examples=[["job.succeeded"]],
     )
     enabled: bool | None = Field(
         None,
-        description="`false`: it is told of nothing, and what is pending fails. `true`: it is told of events again.",
+        description="`false`: it gets no events, and pending deliveries fail. `true`: it gets events again.",
         examples=[True],
     )
 
@@ -85,21 +85,23 @@ class WebhookView(_Document):
     """A webhook."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_WEBHOOK])
-    url: str = Field(description="Where messages go.", examples=[_URL])
+    url: str = Field(description="Where messages are sent.", examples=[_URL])
     events: list[WebhookEvent] = Field(
-        description="Types that are sent; an empty list means every one.", examples=[["job.succeeded"]]
+        description="Event types to send; an empty list means all.", examples=[["job.succeeded"]]
     )
-    enabled: bool = Field(description="Whether it is told of events.", examples=[True])
-    disabled_at: datetime | None = Field(None, description="Since when it is not, UTC.", examples=[_TIME])
-    disabled_reason: str | None = Field(None, description="Why it is not.", examples=["the receiver answered 410 Gone"])
+    enabled: bool = Field(description="Whether it gets events.", examples=[True])
+    disabled_at: datetime | None = Field(None, description="When it was disabled, UTC.", examples=[_TIME])
+    disabled_reason: str | None = Field(
+        None, description="Why it was disabled.", examples=["the receiver answered 410 Gone"]
+    )
     rotation_ends_at: datetime | None = Field(
-        None, description="Until when the secret before the newest signs too, UTC.", examples=[_TIME]
+        None, description="Until when the previous secret also signs messages, UTC.", examples=[_TIME]
     )
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
 
     @classmethod
     def of(cls, webhook: Webhook, **more: Any) -> Self:
-        """Return what is told about a webhook."""
+        """Return the document of a webhook."""
         return cls(
             id=webhook.id,
             url=webhook.url,
@@ -114,10 +116,10 @@ class WebhookView(_Document):
 
 
 class WebhookWithSecret(WebhookView):
-    """A webhook with its secret, which no other answer tells."""
+    """A webhook with its secret, which no other response contains."""
 
     secret: str = Field(
-        description="Verifies the messages' signatures. Keep it: it is not told again.", examples=[_SECRET]
+        description="Verifies the messages' signatures. Store it: it is not shown again.", examples=[_SECRET]
     )
 
 
@@ -128,30 +130,30 @@ class WebhookList(_Document):
 
 
 class DeliveryView(_Document):
-    """One message to a webhook."""
+    """The delivery of a message to a webhook."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_DELIVERY])
-    webhook_id: str = Field(description="To whom.", examples=[_WEBHOOK])
+    webhook_id: str = Field(description="The receiving webhook.", examples=[_WEBHOOK])
     message_id: str = Field(
         description="The header `webhook-id`: the same for every attempt and every replay.", examples=[_DELIVERY]
     )
     replay_of: str | None = Field(
-        None, description="The first delivery of the message, where this one sends it again.", examples=[_DELIVERY]
+        None, description="The first delivery of the message, if this one repeats it.", examples=[_DELIVERY]
     )
     type: str = Field(description="The message's type.", examples=["job.succeeded"])
-    job_id: str | None = Field(None, description="The job that it tells of.", examples=[_JOB])
+    job_id: str | None = Field(None, description="The job that the message is about.", examples=[_JOB])
     state: DeliveryState = Field(
-        description="`delivered` and `failed` never change; `replay` makes a new delivery.", examples=["delivered"]
+        description="`delivered` and `failed` never change; `replay` creates a new delivery.", examples=["delivered"]
     )
-    attempt_count: int = Field(ge=0, description="How often it was tried.", examples=[1])
+    attempt_count: int = Field(ge=0, description="Number of attempts so far.", examples=[1])
     next_at: datetime | None = Field(
-        None, description="When it is tried (again), UTC; null once it is over.", examples=[_TIME]
+        None, description="When the next attempt is due, UTC; null once it is delivered or failed.", examples=[_TIME]
     )
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
 
     @classmethod
     def of(cls, delivery: Delivery, **more: Any) -> Self:
-        """Return what is told about a delivery."""
+        """Return the document of a delivery."""
         return cls(
             id=delivery.id,
             webhook_id=delivery.webhook_id,
@@ -172,24 +174,24 @@ class DeliveryList(_Document):
 
     deliveries: list[DeliveryView] = Field(description="The deliveries of this page.")
     next_cursor: str | None = Field(
-        None, description="Give it as `cursor` to get the next page; null on the last one.", examples=["bXNnXzAxa2c5"]
+        None, description="Pass it as `cursor` to get the next page; null on the last one.", examples=["bXNnXzAxa2c5"]
     )
 
 
 class AttemptView(_Document):
-    """One try at a delivery."""
+    """An attempt at a delivery."""
 
-    number: int = Field(ge=1, description="Which try.", examples=[1])
+    number: int = Field(ge=1, description="Number of the attempt.", examples=[1])
     at: datetime = Field(description="When it began, UTC.", examples=[_TIME])
-    status: int | None = Field(None, description="The status of the answer; null where there was none.", examples=[500])
+    status: int | None = Field(None, description="The response's status; null if there was none.", examples=[500])
     error: str | None = Field(
-        None, description="Why it does not count as delivered; else null.", examples=["The receiver answered 500."]
+        None, description="Why the attempt failed; else null.", examples=["The receiver answered 500."]
     )
     seconds: float = Field(ge=0.0, description="How long it took.", examples=[0.12])
 
     @classmethod
     def of(cls, attempt: DeliveryAttempt) -> Self:
-        """Return what is told about an attempt."""
+        """Return the document of an attempt."""
         return cls(
             number=attempt.number,
             at=attempt.at,
@@ -200,7 +202,7 @@ class AttemptView(_Document):
 
 
 class DeliveryDetail(DeliveryView):
-    """One message to a webhook: what is sent, and every attempt."""
+    """The delivery of a message to a webhook, with the message and all attempts."""
 
     payload: dict[str, Any] = Field(
         description="The message's body.",
@@ -210,23 +212,23 @@ class DeliveryDetail(DeliveryView):
 
     @classmethod
     def of_log(cls, delivery: Delivery) -> Self:
-        """Return everything about a delivery."""
+        """Return the detailed document of a delivery."""
         log = [AttemptView.of(attempt) for attempt in delivery.log]
         return cls.of(delivery, payload=delivery.payload, attempts=log)
 
 
 class JobMessageData(_Document):
-    """What a message tells of a job. More members may follow."""
+    """The data of a message about a job. More members may be added."""
 
     model_config = ConfigDict(extra="allow")
 
     seq: int = Field(ge=1, description="The event's number within the job: 1, 2, 3 ...", examples=[4])
-    job: JobView = Field(description="The job as the event left it.")
+    job: JobView = Field(description="The job after the event.")
     error: JobError | None = Field(None, description="Why the job failed, in `job.failed`.")
 
 
 class JobMessage(_Document):
-    """The body of a message, by the Standard Webhooks specification."""
+    """The body of a message, following the Standard Webhooks specification."""
 
     type: WebhookEvent = Field(description="What happened.", examples=["job.succeeded"])
     timestamp: datetime = Field(description="When it happened, UTC.", examples=[_TIME])

@@ -1,6 +1,6 @@
-"""Read a 3D asset losslessly and write it back with a new shape: the only place that knows glTF.
+"""Read a 3D asset losslessly and write it back with a new shape. All handling of glTF is here.
 
-Names load when they are first used, so that the API process can inspect an upload without numpy.
+Names are imported on first use, so that the API process can inspect an upload without numpy.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Accessors as arrays: strided, sparse, quantized and normalized ones alike.
+"""Read accessors as arrays, including strided, sparse, quantized and normalized ones.
 
-Every length has been checked against the file by `storage.check_storage` before.
+`storage.check_storage` has already checked every length against the file.
 Source: glTF 2.0 specification, sections 3.6.2 and 3.11 (normalized integers); KHR_mesh_quantization.
 """
 
@@ -61,13 +61,13 @@ def _with_sparse(document: Document, sparse: Json, values: NDArray[Any], where: 
     index_type = np.dtype(DTYPES[sparse["indices"]["componentType"]])
     rows = _packed(document, sparse["indices"], (count, 1), index_type)[:, 0]
     if rows.max() >= len(values):
-        raise AssetError(f"{where} names element {rows.max()}, the accessor has {len(values)}.")
+        raise AssetError(f"{where} uses element {rows.max()}, but the accessor has only {len(values)}.")
     values[rows] = _packed(document, sparse["values"], (count, values.shape[1]), values.dtype)
     return values
 
 
 def refresh_bounds(document: Document, accessor: int) -> None:
-    """Set an accessor's `min` and `max`, where it has them, to those of its data: what lossy decoding gives differs."""
+    """Recompute an accessor's `min` and `max`, if present, from its data, which lossy decoding has changed."""
     description = document.root["accessors"][accessor]
     if not {"min", "max"} & description.keys():
         return
@@ -82,12 +82,12 @@ def read_floats(document: Document, accessor: int) -> NDArray[np.float32]:
 
     Returns
     -------
-    (count, components) float32, an array of its own.
+    (count, components) float32, always a new array.
     """
     values = read_accessor(document, accessor)
     floats = values.astype(np.float32)
     if values.dtype.kind != "f" and document.root["accessors"][accessor].get("normalized", False):
-        # Divide in float64: 1/127 and its like are not exact in float32.
+        # Divide in float64: values such as 1/127 are not exact in float32.
         floats = np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0).astype(np.float32)
     return floats
 
@@ -98,7 +98,7 @@ def read_indices(document: Document, accessor: int) -> NDArray[np.int64]:
 
 
 def read_triangles(document: Document, primitive: Json, count: int, where: str) -> NDArray[np.int64]:
-    """Return the triangles of a primitive of `count` vertices, (T, 3) int64.
+    """Return the triangles of a primitive with `count` vertices, (T, 3) int64.
 
     Raises
     ------
@@ -114,5 +114,5 @@ def read_triangles(document: Document, primitive: Json, count: int, where: str) 
             restart = int(np.iinfo(DTYPES[component]).max)
     triangles = triangle_list(corners, mode, restart)
     if len(triangles) and triangles.max() >= count:
-        raise AssetError(f"{where} uses vertex {triangles.max()}, it has {count}.")
+        raise AssetError(f"{where} uses vertex {triangles.max()} but has only {count} vertices.")
     return triangles

@@ -1,4 +1,4 @@
-"""An asset: read once, its surface handed out in the world, its new shape written back where it came from."""
+"""Load an asset, expose its surface in world space, and write a new shape back into it."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Asset:
     Attributes
     ----------
     surface : Surface
-        What there is to deform, in the world.
+        The surface to deform, in world space.
     summary : AssetSummary
-        Counts, extensions and the format it came in.
+        Counts, extensions and the source format.
     """
 
     def __init__(self, document: Document, summary: AssetSummary, source: bytes) -> None:
@@ -48,11 +48,11 @@ class Asset:
         )
 
     def to_bytes(self) -> bytes:
-        """Return the untouched asset as a GLB: the very bytes that were loaded where these were one."""
+        """Return the unchanged asset as a GLB: the loaded bytes themselves if they were a GLB."""
         return self._source if self._source.startswith(GLB_MAGIC) else self._document.to_bytes()
 
     def scene(self) -> SceneView:
-        """Return a read-only view of the default scene, for those who write another format.
+        """Return a read-only view of the default scene, for writing other formats.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Asset:
         return SceneView(self._document)
 
     def texture_coordinates(self) -> dict[str, str]:
-        """SHA-256 of every texture coordinate set as decoded, by where it is used: proof that UVs are the same."""
+        """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""
         found: dict[str, str] = {}
         for number, block in enumerate(self._blocks):
             for p in block.primitives:
@@ -80,19 +80,19 @@ class Asset:
         *,
         morph: bool = False,
     ) -> bytes:
-        """Write the asset with a new shape; everything else comes back as it was.
+        """Write the asset with a new shape and everything else unchanged.
 
         Parameters
         ----------
         positions : (N, 3) float64
-            New positions of `surface.positions`, in the world.
+            New values of `surface.positions`, in world space.
         normals : (N, 3) float64, optional
-            New normals; rows without one in the source are ignored, NaN rows keep the source's. None keeps all.
+            New normals. Rows without a normal in the source are ignored; NaN rows keep the source's. None keeps all.
         tangents : (N, 4) float64, optional
-            New tangents, in the same way.
+            New tangents, with the same rules.
         morph : bool
-            Keep the source as the base and add the new shape as a morph target, of weight 1, with an animation
-            named "deform" from the source to the result in one second.
+            Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
+            animation named "deform" from the source to the result.
 
         Returns
         -------
@@ -103,7 +103,7 @@ class Asset:
         NumericalError
             A new position is not finite, or too large for a 32-bit float.
         ShapeError
-            An array has another number of rows than the surface.
+            An array does not have as many rows as the surface.
         """
         shape = Deformation.checked(self.surface, positions, normals, tangents)
         return write_shape(self._document.fork(), self._blocks, shape, morph=morph)
@@ -117,14 +117,14 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     data : bytes
         A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL.
     filename : str
-        Its name; the ending decides where the content does not.
+        Its name. The extension decides the format where the content does not.
     limits : Limits, optional
-        What is allowed.
+        Upper bounds on the asset.
 
     Raises
     ------
     AssetError
-        One of its subclasses says what is wrong and what to do.
+        The asset cannot be used; the subclass and message say why and what to do.
     """
     limits = limits or Limits()
     if len(data) > limits.max_bytes:

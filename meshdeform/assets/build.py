@@ -32,9 +32,9 @@ class Primitive:
         glTF's convention: v grows downwards.
     colors : (V, 3) or (V, 4) array of uint8, or of floats in 0..1, optional
     name : str
-        Of the node and the mesh.
+        Name of the node and the mesh.
     material : str
-        Name of its material; none is written where it is empty.
+        Name of the material. If empty, no material is written.
     base_color : tuple of 4 floats, optional
         Linear RGBA of the material.
     """
@@ -60,16 +60,16 @@ def build_glb(
     material: str = "",
     base_color: tuple[float, float, float, float] | None = None,
 ) -> bytes:
-    """Write a GLB of one mesh, or of several `Primitive`s, each on a node of its own.
+    """Write a GLB of one mesh, or of several `Primitive`s on separate nodes.
 
     Parameters
     ----------
     verts, faces, normals, uvs, colors, name, material, base_color
-        The fields of `Primitive`; `verts` may also be a sequence of these, and then stands alone.
+        The fields of `Primitive`. Alternatively, `verts` alone: a sequence of `Primitive`s.
 
     Returns
     -------
-    A valid GLB: float32 attributes, 16-bit indices where they are enough.
+    A valid GLB with float32 attributes, and 16-bit indices where they suffice.
     """
     if faces is None:
         primitives = list(verts)
@@ -125,7 +125,7 @@ def _write(document: Document, primitive: Primitive) -> Json:
 
 
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
-    """Return colours as floats; bytes are sRGB and glTF's vertex colours are linear."""
+    """Return colours as linear floats, as glTF requires; bytes are taken as sRGB."""
     if colors.dtype.kind == "f":
         return colors.astype(np.float32)
     values = colors / 255.0

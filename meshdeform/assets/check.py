@@ -1,7 +1,7 @@
-"""Decode an asset in a child process with bounded memory and time, and tell whether it can be deformed.
+"""Decode an asset in a child process with bounded memory and time, to check that it can be deformed.
 
 The API calls `check_asset_subprocess`, which needs no numpy; the child is `python -m meshdeform.assets.check FILE`.
-What a broken file does to a decoder then costs a child, and nothing else.
+A file that crashes a decoder therefore takes down only the child.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ _REMEMBERED = 512
 def check_asset_subprocess(
     path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float | None = None
 ) -> AssetSummary:
-    """Check a stored file from its JSON to its last vertex.
+    """Check a stored file completely, in a child process.
 
     Parameters
     ----------
     path : path
         The file.
     filename : str
-        The name that the user gave it; its own unless given.
+        The name that the user gave the file. Default: the name in `path`.
     limits : Limits, optional
-        What is allowed.
+        Upper bounds on the asset.
     timeout_s : float, optional
-        Seconds after which the file counts as too large; `limits.max_check_s` unless given.
+        Seconds after which the file counts as too large. Default: `limits.max_check_s`.
 
     Returns
     -------
@@ -63,17 +63,17 @@ def check_asset_subprocess(
     Raises
     ------
     AssetError
-        One of its subclasses says what is wrong and what to do. A decoder that crashed is one, too.
+        The asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do.
     DependencyError
         A decoder is not installed.
     UnavailableError
-        The machine cannot start a process now.
+        The machine cannot start a process at the moment.
     """
     path = Path(path)
     limits = limits or Limits()
     timeout_s = limits.max_check_s if timeout_s is None else timeout_s
     kind = _inspect_file(path, filename or path.name, limits).format
-    # The name may hold what no command line can; the child only has to know the format that was found.
+    # The name may contain characters that a command line cannot pass; the child only needs the format.
     command = [sys.executable, "-m", "meshdeform.assets.check", str(path.absolute()), "--filename", f"asset.{kind}"]
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     try:
@@ -101,9 +101,9 @@ def check_asset_subprocess(
 
 
 class CheckedAssets:
-    """Check files, each once: a studio posts one asset with many prompts.
+    """Check each file once, since one asset is often posted with many prompts.
 
-    Only what passed is remembered, by the SHA-256 of the bytes: neither the file nor the limits of a process change.
+    Only files that passed are remembered, by SHA-256 and format. The limits of a process never change.
 
     Parameters
     ----------
@@ -116,14 +116,14 @@ class CheckedAssets:
         self._lock = threading.Lock()
 
     def check(self, path: Path, filename: str, sha256: str) -> AssetSummary:
-        """Check a file from its JSON to its last vertex, or remember that it passed.
+        """Return the summary of a file that passed before, or check it completely.
 
         Raises
         ------
         AssetError, DependencyError
             What is wrong with it.
         """
-        # The name's ending says how some formats are read.
+        # Some formats are recognised only by the file's extension.
         known = (sha256, PurePath(filename).suffix.lower())
         with self._lock:
             if known in self._passed:
@@ -138,7 +138,7 @@ class CheckedAssets:
 
 
 def _verdict(stdout: bytes) -> dict[str, Any] | None:
-    """Return what the child said, on its last line: a decoder may have printed something before it."""
+    """Return the child's verdict from its last line; a decoder may have printed something before it."""
     try:
         verdict = json.loads((stdout.splitlines() or [b""])[-1])
     except ValueError:
@@ -156,7 +156,7 @@ def _inspect_file(path: Path, filename: str, limits: Limits) -> AssetSummary:
 
 def _crash(returncode: int, path: Path) -> AssetError:
     if returncode == -signal.SIGKILL or returncode == 0:
-        return AssetTooLargeError("Checking the file took more memory than there is.")
+        return AssetTooLargeError("Checking the file took more memory than is available.")
     name = signal.Signals(-returncode).name if returncode < 0 else f"exit status {returncode}"
     return AssetError(f"The decoder crashed on this file of {path.stat().st_size} bytes ({name}).")
 
@@ -199,7 +199,7 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def has_area(surface: Surface) -> bool:
-    """Return whether any triangle is one that the solve can use; it drops those that have collapsed."""
+    """Return whether the solve can use any triangle; it drops those without area."""
     import numpy as np
 
     corners = surface.positions[surface.triangles]
@@ -209,10 +209,10 @@ def has_area(surface: Surface) -> bool:
 
 
 def bound_memory(wanted: int) -> None:
-    """Bound this process's address space to so many bytes, and let it write no core file."""
+    """Limit this process's address space to `wanted` bytes and disable core dumps."""
     try:
         import resource
-    except ImportError:  # not on Windows; the limits on counts hold there all the same
+    except ImportError:  # Windows has no rlimits; the limits on counts still apply there
         return
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     if hard == resource.RLIM_INFINITY or hard > wanted:

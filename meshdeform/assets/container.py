@@ -1,4 +1,4 @@
-"""The GLB container: a header, a JSON chunk, a binary chunk and whatever follows. Pure Python.
+"""Read and write the GLB container: a header, a JSON chunk, a binary chunk and any further chunks. Pure Python.
 
 Source: glTF 2.0 specification, section 4 (GLB File Format Specification).
 """
@@ -23,15 +23,15 @@ Data = bytes | bytearray | memoryview | mmap
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the parts of a GLB lie in the file; the ends are exclusive."""
+    """The byte ranges of a GLB's chunks in the file."""
 
     json: slice
     binary: slice | None
-    rest: slice  # unknown chunks with their headers, kept as they are
+    rest: slice  # unknown chunks with their headers, preserved unchanged
 
 
 def glb_layout(data: Data, limits: Limits) -> Layout:
-    """Find the chunks of a GLB and check every length on the way.
+    """Find the chunks of a GLB and check every length.
 
     Raises
     ------
@@ -50,10 +50,10 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
         raise AssetFormatError("The file does not start with 'glTF'.")
     if version != 2:
         raise AssetFormatError(
-            f"The GLB is of version {version}; version 2 is read.", advice="Export it again as glTF 2.0."
+            f"The GLB has version {version}; only version 2 is supported.", advice="Export it again as glTF 2.0."
         )
     if total != size:
-        raise AssetTruncatedError(f"The GLB's header says {total} bytes, the file has {size}.")
+        raise AssetTruncatedError(f"The GLB's header declares {total} bytes, but the file has {size}.")
 
     chunks: list[tuple[int, int, int]] = []
     offset = 12
@@ -64,7 +64,7 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
         start = offset + 8
         if length > size - start:
             raise AssetTruncatedError(
-                f"Chunk {len(chunks)} of the GLB says {length} bytes, {size - start} are left in the file."
+                f"Chunk {len(chunks)} of the GLB declares {length} bytes, but only {size - start} are left in the file."
             )
         if len(chunks) == 1 and kind != _BINARY:
             break
@@ -83,7 +83,7 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
 
 
 def _check_rest(data: Data, offset: int, limits: Limits) -> None:
-    """Check the lengths of the chunks that nobody reads: a file that lies there may be cut anywhere."""
+    """Check the lengths of the chunks that are not read: a wrong one means that the file is truncated."""
     size, chunks = len(data), 2
     while offset < size:
         chunks += 1
@@ -93,12 +93,14 @@ def _check_rest(data: Data, offset: int, limits: Limits) -> None:
             raise AssetTruncatedError("The GLB ends inside a chunk's header.")
         (length,) = struct.unpack("<I", bytes(data[offset : offset + 4]))
         if length > size - offset - 8:
-            raise AssetTruncatedError(f"A chunk of the GLB says {length} bytes, {size - offset - 8} are left.")
+            raise AssetTruncatedError(
+                f"A chunk of the GLB declares {length} bytes, but only {size - offset - 8} are left."
+            )
         offset += 8 + length
 
 
 def padded(length: int) -> int:
-    """Return how many bytes a chunk of this length takes: a multiple of four."""
+    """Return the length of a chunk after padding to a multiple of four."""
     return length + (-length % 4)
 
 
@@ -108,11 +110,11 @@ def pack_glb(json_text: bytes, binary: list[bytes | memoryview], rest: bytes) ->
     Parameters
     ----------
     json_text : bytes
-        The JSON chunk, UTF-8; padded with spaces here.
+        The JSON chunk in UTF-8. Padded with spaces.
     binary : list of bytes-like
-        The pieces of the binary chunk, in order; padded with zeros here. No chunk is written when there is none.
+        The pieces of the binary chunk, in order. Padded with zeros; without pieces no chunk is written.
     rest : bytes
-        Further chunks with their headers, written as they are.
+        Further chunks with their headers, written unchanged.
     """
     json_text += b" " * (-len(json_text) % 4)
     parts: list[bytes | memoryview] = [struct.pack("<II", len(json_text), _JSON), json_text]

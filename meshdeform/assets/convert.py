@@ -1,4 +1,4 @@
-"""OBJ, PLY and STL become a GLB through trimesh: same vertices and faces, with UVs and colours where there are any."""
+"""Convert OBJ, PLY and STL to GLB with trimesh: same vertices and faces, with UVs and colours if present."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits) -> bytes:
     kind : str
         `obj`, `ply` or `stl`.
     limits : Limits
-        What is allowed.
+        Upper bounds on the asset.
 
     Returns
     -------
-    A GLB with one mesh per object. Vertices are not merged. Normals are written only where the file has them, and
-    materials by name and colour; what lies in other files (MTL libraries, textures) is not.
+    A GLB with one mesh per object. Vertices are not merged. Normals are written only where the file has them.
+    Materials and textures in other files (MTL libraries, images) are left out.
 
     Raises
     ------
     AssetError
-        It cannot be parsed, holds nothing, or too much.
+        The file cannot be parsed, is empty, or exceeds a limit.
     """
     inspect_foreign(data, kind, limits)
     primitives = [found for mesh in _parse(data, kind) if (found := _primitive(mesh)) is not None]
@@ -60,14 +60,14 @@ def _parse(data: bytes, kind: str) -> list[Any]:
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True}  # the material library was not sent
     try:
-        # numpy's and trimesh's remarks about odd numbers; the numbers themselves are checked below.
+        # Silence warnings about odd numbers; the numbers are checked below.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             scene = trimesh.load_scene(io.BytesIO(data), file_type=file_type, **options)
             return list(scene.geometry.items())
     except MemoryError:
         raise
-    except Exception as error:  # trimesh raises whatever its parsers stumble on
+    except Exception as error:  # trimesh's parsers raise exceptions of any type
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise AssetError(
             f"The {kind.upper()} file cannot be parsed: {reason}.", advice="Export it again, best as .glb."
@@ -83,7 +83,7 @@ def _primitive(named: tuple[str, Any]) -> Primitive | None:
     if not (np.abs(verts) <= np.finfo(np.float32).max).all():  # NaN compares false
         raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
     if faces.min() < 0 or faces.max() >= len(verts):
-        raise AssetError(f"A face uses vertex {faces.max()}, the file has {len(verts)}.")
+        raise AssetError(f"A face uses a vertex that the file does not have; it has {len(verts)}.")
     uvs = getattr(mesh.visual, "uv", None) if mesh.visual.kind == "texture" else None
     colors = mesh.visual.vertex_colors if mesh.visual.kind == "vertex" else None
     return Primitive(
@@ -98,10 +98,10 @@ def _primitive(named: tuple[str, Any]) -> Primitive | None:
 
 
 def _given_normals(mesh: Any, count: int) -> Any:
-    """Return the normals that the file gave; asking the mesh itself would make them up."""
+    """Return the file's own normals; `mesh.vertex_normals` would compute missing ones."""
     normals = mesh._cache["vertex_normals"]
     if normals is None or np.shape(normals) != (count, 3):
         return None
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    # One that has no direction would make the file invalid: let every viewer compute them.
+    # A zero-length normal would make the file invalid; without normals, viewers compute their own.
     return normals / length if (length > 1e-12).all() else None

@@ -1,7 +1,7 @@
-"""A glTF document in memory: JSON that keeps its order and values, buffers that are read and never changed.
+"""Hold a glTF document in memory: JSON that keeps its order and values, and buffers that are never changed.
 
-New data is only ever appended to the binary chunk, so what the file held is its exact prefix afterwards. Old
-accessors stay as they are: other primitives, morph bases and instances may share them.
+New data is only appended to the binary chunk, so that the original chunk remains an exact prefix of the new one. Old
+accessors are not changed, since other primitives, morph bases and instances may share them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 class Document:
-    """One glTF document. `fork` gives an independent one to edit; `to_bytes` writes a GLB."""
+    """A glTF document. `fork` returns an independent copy to edit; `to_bytes` writes a GLB."""
 
     def __init__(self, root: Json, binary: memoryview | None, rest: bytes) -> None:
         self.root = root
@@ -39,7 +39,7 @@ class Document:
 
     @classmethod
     def parse(cls, data: bytes, limits: Limits, *, glb: bool) -> Self:
-        """Read a GLB, or glTF's JSON with embedded buffers; the caller checks the JSON's content."""
+        """Read a GLB, or a glTF JSON with embedded buffers; the caller checks the JSON's content."""
         if not glb:
             text = data
             binary, rest = None, b""
@@ -51,23 +51,23 @@ class Document:
 
     @property
     def binary_length(self) -> int | None:
-        """Length of the binary chunk as it was read, or None where there was none."""
+        """Length of the binary chunk as read, or None if there was none."""
         return None if self._binary is None else len(self._binary)
 
     def fork(self) -> Document:
-        """Return a document that can be edited without changing this one; the bytes are shared."""
+        """Return a copy that can be edited without changing this document; the buffers' bytes are shared."""
         fork = Document(clone(self.root), self._binary, self._rest)
         fork._appended, fork._end = dict(self._appended), self._end
         fork._decoded = self._decoded
         return fork
 
     def items(self, key: str) -> list[Any]:
-        """Return a top-level array, made where it was absent."""
+        """Return a top-level array, creating it if absent."""
         items: list[Any] = self.root.setdefault(key, [])
         return items
 
     def buffer_bytes(self, buffer: int) -> memoryview:
-        """Return the data of a buffer that the file holds."""
+        """Return the data of a buffer that is embedded in the file."""
         description = self.root["buffers"][buffer]
         if "uri" not in description:
             if buffer != 0 or self._binary is None:
@@ -88,7 +88,7 @@ class Document:
         return self.buffer_bytes(description["buffer"])[start : start + description["byteLength"]]
 
     def append_bytes(self, data: bytes) -> int:
-        """Append to the binary chunk; return the offset, a multiple of four."""
+        """Append to the binary chunk and return the offset, a multiple of four."""
         if not self._appended:
             self._own_buffer_zero()
         offset = padded(self._end)
@@ -98,7 +98,7 @@ class Document:
         return offset
 
     def _own_buffer_zero(self) -> None:
-        """Make buffer 0 the one that the binary chunk holds: an embedded one moves there, bytes unchanged."""
+        """Make buffer 0 the binary chunk; an embedded buffer 0 moves there with its bytes unchanged."""
         buffers = self.items("buffers")
         if not buffers:
             buffers.append({"byteLength": 0})
@@ -108,7 +108,7 @@ class Document:
             self._end = len(self._binary)
 
     def append_view(self, data: bytes, target: int | None = None) -> int:
-        """Append a buffer view; return its index."""
+        """Append a buffer view and return its index."""
         offset = self.append_bytes(data)
         view: Json = {"buffer": 0, "byteOffset": offset, "byteLength": len(data)}
         if target is not None:
@@ -120,18 +120,18 @@ class Document:
     def append_accessor(
         self, values: NDArray[np.float32], *, like: Json | None = None, bounds: bool = False, vertex: bool = True
     ) -> int:
-        """Append an accessor of floats; return its index.
+        """Append an accessor of floats and return its index.
 
         Parameters
         ----------
         values : (N,) or (N, 1..4) float32
             The elements.
         like : dict, optional
-            The accessor it replaces: name, extras and extensions are kept.
+            The accessor to replace, whose name, extras and extensions are copied.
         bounds : bool
             Whether to write `min` and `max`.
         vertex : bool
-            Whether it holds vertex attributes.
+            Whether the accessor holds vertex attributes.
         """
         rows = np.ascontiguousarray(values, dtype="<f4").reshape(len(values), -1)
         kept = {key: clone(value) for key, value in (like or {}).items() if key in {"name", "extras", "extensions"}}
@@ -149,7 +149,7 @@ class Document:
         return len(accessors) - 1
 
     def append_zeros(self, count: int) -> int:
-        """Append an accessor of `count` zero vectors without data: its elements are zeros by definition."""
+        """Append an accessor of `count` zero vectors; glTF defines an accessor without data as zeros."""
         accessors = self.items("accessors")
         zero = [0.0, 0.0, 0.0]
         accessors.append({"componentType": FLOAT, "count": count, "type": "VEC3", "min": zero, "max": list(zero)})

@@ -1,4 +1,4 @@
-"""KHR_draco_mesh_compression: decode the primitives that are deformed into plain accessors.
+"""Decode Draco-compressed primitives (KHR_draco_mesh_compression) into plain accessors.
 
 Source: the extension's specification (Khronos, ratified), sections "Conformance" and "Restrictions on geometry type".
 """
@@ -23,15 +23,15 @@ _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"
 
 
 def decode_draco(document: Document) -> None:
-    """Replace the Draco streams of the default scene's triangle primitives by plain data, in place.
+    """Replace the Draco streams of the default scene's triangle primitives with plain data, in place.
 
-    Accessors keep their indices, counts and bounds; they only gain the data they stand for. The extension is dropped
+    Accessors keep their indices and counts and gain the decoded data; bounds are recomputed. The extension is removed
     from these primitives, and from the document once no primitive uses it.
 
     Raises
     ------
     AssetError
-        A stream is broken, or holds something else than the accessors say.
+        A stream is broken or does not match its accessors.
     DependencyError
         DracoPy is not installed.
     """
@@ -46,7 +46,7 @@ def decode_draco(document: Document) -> None:
 
 
 def drop_extension(root: Json, name: str) -> None:
-    """Take a name out of `extensionsUsed` and `extensionsRequired`; an empty list goes, too."""
+    """Remove a name from `extensionsUsed` and `extensionsRequired`, and remove a list that becomes empty."""
     for key in ("extensionsUsed", "extensionsRequired"):
         if name in root.get(key, []):
             root[key] = [other for other in root[key] if other != name]
@@ -63,7 +63,7 @@ def _decode_primitive(document: Document, primitive: Json, where: str) -> None:
     if "indices" in primitive:
         needed.append(primitive["indices"])
     if "indices" in primitive and all("bufferView" in accessors[at] for at in needed):
-        return  # the file carries the plain data as well
+        return  # the file also contains the plain data
     stream = _decode_stream(bytes(document.view_bytes(draco["bufferView"])), where)
     for name, unique_id in draco.get("attributes", {}).items():
         if name not in attributes:
@@ -80,10 +80,10 @@ def _decode_stream(data: bytes, where: str) -> Any:
     try:
         import DracoPy
     except ImportError as error:
-        raise DependencyError("The asset is compressed with Draco and DracoPy is not installed.") from error
+        raise DependencyError("The asset is compressed with Draco, and DracoPy is not installed.") from error
     try:
         stream = DracoPy.decode(data)
-    except Exception as error:  # DracoPy raises its own classes, straight from Exception, and ValueError
+    except Exception as error:  # DracoPy raises ValueError, and classes that derive directly from Exception
         raise AssetError(f"{where}: the Draco stream cannot be decoded: {error}.") from error
     if getattr(stream, "faces", None) is None:
         raise AssetError(f"{where}: the Draco stream holds no triangles.")
@@ -91,7 +91,7 @@ def _decode_stream(data: bytes, where: str) -> Any:
 
 
 def _fillable(document: Document, accessor: int) -> int:
-    """Return the accessor itself where it has no data yet, else a copy of it for other data."""
+    """Return the accessor itself if it has no data yet, else a copy of it without data."""
     accessors = document.root["accessors"]
     if not {"bufferView", "sparse"} & accessors[accessor].keys():
         return accessor
@@ -110,7 +110,7 @@ def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> 
     dtype = np.dtype(DTYPES[accessor["componentType"]])
     if rows.shape != (accessor["count"], TYPE_COMPONENTS[accessor["type"]]):
         raise AssetError(
-            f"{where}: the Draco stream holds {rows.shape}, the accessor says {accessor['count']} {accessor['type']}."
+            f"{where}: the Draco stream holds {rows.shape}, but the accessor {accessor['count']} {accessor['type']}."
         )
     if (rows.dtype.kind == "f") != (dtype.kind == "f"):
         raise AssetUnsupportedError(f"{where}: the Draco stream holds {rows.dtype}, not {dtype}.", advice=_ADVICE)
@@ -118,7 +118,7 @@ def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> 
 
 
 def _append_vertex_rows(document: Document, rows: NDArray[Any], accessor: Json) -> int:
-    """Append vertex data; rows are padded to four bytes, which glTF asks of vertex attributes."""
+    """Append vertex data, with rows padded to four bytes as glTF requires of vertex attributes."""
     size = rows.dtype.itemsize * rows.shape[1]
     padded = np.zeros((len(rows), size + -size % 4), np.uint8)
     padded[:, :size] = np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), size)
@@ -133,13 +133,13 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
     accessors = document.root["accessors"]
     count = accessors[primitive["attributes"]["POSITION"]]["count"] if "POSITION" in primitive["attributes"] else 0
     if len(corners) and corners.max() >= max(count, 1):
-        raise AssetError(f"{where}: the Draco stream uses vertex {corners.max()}, there are {count}.")
+        raise AssetError(f"{where}: the Draco stream uses vertex {corners.max()}, but there are only {count}.")
     strip = primitive.get("mode", TRIANGLES) == TRIANGLE_STRIP
     if "indices" in primitive and not strip:
         at = _fillable(document, primitive["indices"])
         if accessors[at]["count"] != len(corners):
             raise AssetError(f"{where}: the Draco stream has {len(corners)} indices, not {accessors[at]['count']}.")
-    else:  # the stream holds a triangle list, whatever the mode was before compression
+    else:  # the stream always holds a triangle list, even for a strip
         accessors.append({"componentType": UNSIGNED_INT, "count": len(corners), "type": "SCALAR"})
         at = len(accessors) - 1
         primitive["mode"] = TRIANGLES

@@ -1,4 +1,4 @@
-"""Typed reading of glTF's JSON: a wrong type or an index out of range is an `AssetError` that names the place."""
+"""Read typed fields of glTF's JSON; a wrong type or an index out of range raises an `AssetError` naming the field."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["extension", "index", "integer", "member", "numbers", "objects", "tex
 
 
 def objects(parent: Json, key: str, where: str = "") -> list[Json]:
-    """Return an array of objects; an absent one is empty."""
+    """Return an array of objects, empty if absent."""
     value = parent.get(key, [])
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         raise AssetError(f"{where}{key} must be an array of objects.")
@@ -19,7 +19,7 @@ def objects(parent: Json, key: str, where: str = "") -> list[Json]:
 
 
 def member(parent: Json, key: str, where: str) -> Json:
-    """Return an object; an absent one is empty."""
+    """Return an object, empty if absent."""
     value = parent.get(key, {})
     if not isinstance(value, dict):
         raise AssetError(f"{where}.{key} must be an object.")
@@ -27,7 +27,7 @@ def member(parent: Json, key: str, where: str) -> Json:
 
 
 def extension(parent: Json, name: str, where: str) -> Json | None:
-    """Return an extension's object, or None."""
+    """Return an extension's object, or None if absent."""
     extensions = member(parent, "extensions", where)
     return member(extensions, name, f"{where}.extensions") if name in extensions else None
 
@@ -35,7 +35,7 @@ def extension(parent: Json, name: str, where: str) -> Json | None:
 def integer(
     parent: Json, key: str, where: str, *, default: int | None = None, minimum: int = 0, maximum: int = 2**53
 ) -> int:
-    """Return an integer within bounds; it is required unless it has a default."""
+    """Return an integer within bounds; without a default it is required."""
     value: Any = parent.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or not minimum <= value <= maximum:
         bounds = f"at least {minimum}" if maximum == 2**53 else f"{minimum} to {maximum}"
@@ -44,7 +44,7 @@ def integer(
 
 
 def index(parent: Json, key: str, count: int, where: str) -> int | None:
-    """Return an index into an array of `count` elements, or None where the member is absent."""
+    """Return an index into an array of `count` elements, or None if absent."""
     if key not in parent:
         return None
     value = parent[key]
@@ -54,7 +54,7 @@ def index(parent: Json, key: str, count: int, where: str) -> int | None:
 
 
 def indices(parent: Json, key: str, count: int, where: str) -> list[int]:
-    """Return an array of indices into an array of `count` elements; an absent one is empty."""
+    """Return an array of indices into an array of `count` elements, empty if absent."""
     value = parent.get(key, [])
     if not isinstance(value, list):
         raise AssetError(f"{where}.{key} must be an array of indices.")
@@ -64,7 +64,7 @@ def indices(parent: Json, key: str, count: int, where: str) -> list[int]:
 
 
 def numbers(parent: Json, key: str, length: int | None, where: str) -> list[float] | None:
-    """Return an array of finite numbers, or None where the member is absent."""
+    """Return an array of finite numbers, or None if absent."""
     if key not in parent:
         return None
     value = parent[key]
@@ -77,7 +77,7 @@ def numbers(parent: Json, key: str, length: int | None, where: str) -> list[floa
 
 
 def text(parent: Json, key: str, where: str) -> str | None:
-    """Return a string, or None where the member is absent."""
+    """Return a string, or None if absent."""
     value = parent.get(key)
     if value is not None and not isinstance(value, str):
         raise AssetError(f"{where}.{key} must be a string.")

@@ -1,6 +1,6 @@
-"""What an asset is, told from its JSON alone: the first gate, run inside the API process. Pure Python.
+"""Inspect an asset from its JSON alone: the first check, run inside the API process. Pure Python.
 
-Nothing is allocated by a number that the file only declares. `meshdeform.assets.check` decodes the rest in a child.
+No allocation depends on a size that the file merely declares. `meshdeform.assets.check` decodes the rest in a child.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ __all__ = ["AssetSummary", "asset_format", "check_document", "inspect_asset"]
 
 @dataclass(frozen=True)
 class AssetSummary:
-    """What there is to deform.
+    """The size and contents of an asset.
 
     Attributes
     ----------
     format : str
         `glb`, `gltf`, `obj`, `ply` or `stl`.
     vertices, triangles : int
-        In the default scene, every instance counted. For OBJ, PLY and STL an estimate until the file is decoded.
+        Counts in the default scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded.
     meshes : int
-        Instances of meshes in the default scene.
+        Number of mesh instances in the default scene.
     extensions : tuple of str
         `extensionsUsed`.
     skipped : tuple of dict
-        What is left as it is, and why.
+        Parts that are not deformed, and why.
     """
 
     format: str
@@ -64,14 +64,14 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
     data : bytes or mmap
         The file.
     filename : str
-        Its name; the ending decides where the content does not.
+        Its name. The extension decides the format where the content does not.
     limits : Limits, optional
-        What is allowed.
+        Upper bounds on the asset.
 
     Raises
     ------
     AssetError
-        One of its subclasses says what is wrong and what to do.
+        The asset cannot be used; the subclass and message say why and what to do.
     """
     limits = limits or Limits()
     if len(data) > limits.max_bytes:
@@ -92,12 +92,12 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
 
 
 def asset_format(data: Data, filename: str) -> str:
-    """Tell the format from the first bytes, else from the file's name.
+    """Return the format according to the first bytes, else to the file's name.
 
     Raises
     ------
     AssetFormatError
-        Neither says glTF, OBJ, PLY or STL.
+        Neither indicates glTF, OBJ, PLY or STL.
     """
     head = bytes(data[:64])
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
@@ -110,17 +110,18 @@ def asset_format(data: Data, filename: str) -> str:
     if ending in {"obj", "stl"} and head:
         return ending
     if ending in {"glb", "ply"}:
-        raise AssetFormatError(f"The file is named .{ending}, its content is something else.")
+        raise AssetFormatError(f"The file is named .{ending}, but its content is something else.")
     raise AssetFormatError("The file is neither glTF (.glb) nor an OBJ, PLY or STL mesh.")
 
 
 def check_document(root: Json, binary_length: int | None, limits: Limits, kind: str) -> AssetSummary:
-    """Check a parsed glTF document from end to end and count what there is to deform."""
+    """Check a parsed glTF document and return its summary."""
     asset = member(root, "asset", "the document")
     version = text(asset, "version", "asset") or ""
     if not version.startswith("2."):
         raise AssetFormatError(
-            f"The asset is of glTF version {version[:20]!r}; 2.0 is read.", advice="Export it again as glTF 2.0."
+            f"The asset has glTF version {version[:20]!r}; only 2.0 is supported.",
+            advice="Export it again as glTF 2.0.",
         )
     minimum = text(asset, "minVersion", "asset")
     if minimum is not None and minimum != "2.0":
@@ -132,7 +133,7 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
     check_storage(root, binary_length, limits, *check_meshes(root))
     check_nodes(root)
     check_geometry(root)
-    objects(root, "animations")  # theirs are kept as they are; one of ours comes behind them
+    objects(root, "animations")  # not read, but one may be appended
     return _summary(root, limits, kind, tuple(used))
 
 
@@ -168,14 +169,14 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
 
 
 def _weight(mesh: Json) -> int:
-    """Count what one instance of a mesh costs: each of its primitives gets as many targets as any of them has."""
+    """Return the cost of one instance of a mesh; every primitive gets as many targets as the one with the most."""
     primitives = objects(mesh, "primitives")
     targets = max((len(primitive.get("targets", [])) for primitive in primitives), default=0)
     return max(1, len(primitives) * (1 + targets), len(mesh.get("weights", [])))
 
 
 def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, list[dict[str, Any]]]:
-    """Count a mesh's vertices, each set of accessors once, and its triangles; tell what is left out."""
+    """Return a mesh's vertices (counting each set of accessors once), its triangles, and the skipped primitives."""
     blocks: dict[tuple[int | None, ...], int] = {}
     triangles, skipped = 0, []
     for p, primitive in enumerate(objects(mesh, "primitives")):

@@ -1,4 +1,4 @@
-"""glTF's JSON, read under limits and written so that what nobody touched keeps its value. Pure Python."""
+"""Parse glTF's JSON under limits, and write it with unedited values unchanged. Pure Python."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def parse_json(text: bytes, limits: Limits) -> Json:
     Parameters
     ----------
     text : bytes
-        UTF-8; trailing padding is ignored.
+        UTF-8. Trailing padding is ignored.
     limits : Limits
         `max_json_values` and `max_json_depth` are checked before the parser runs.
 
     Raises
     ------
     AssetError
-        Not UTF-8, not JSON, not an object, nested too deeply, or with a number that no double holds.
+        Not UTF-8, not JSON, not an object, nested too deeply, or with a number too large for a double.
     AssetTooLargeError
         Too many values.
     """
@@ -61,7 +61,7 @@ def _check_shape(text: bytes, limits: Limits) -> None:
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text[:20]} is larger than any number that is read")
+        raise ValueError(f"{text[:20]} is too large for a double")
     return number
 
 
@@ -70,7 +70,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def clone(value: Any) -> Any:
-    """Return a copy of a JSON value that shares no list and no object with it."""
+    """Return a deep copy of a JSON value."""
     if isinstance(value, dict):
         return {key: clone(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -79,7 +79,7 @@ def clone(value: Any) -> Any:
 
 
 def dump_json(root: Json) -> bytes:
-    """Write JSON: what nobody touched keeps its value and its place.
+    """Write JSON, keeping values and their order.
 
     Integers are exact, and a float is the shortest text that reads as the same double.
     """

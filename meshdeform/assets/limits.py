@@ -1,4 +1,4 @@
-"""What an asset may cost: limits that are checked on the JSON before anything is allocated. Pure Python."""
+"""Define the limits on an asset, which are checked on its JSON before anything is allocated. Pure Python."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ if TYPE_CHECKING:
 
 __all__ = ["CHECK_BASE_BYTES", "CHECK_BYTES_PER_BYTE", "Limits"]
 
-# Address space of a check: what Python, numpy and trimesh map, and a multiple of the file for its arrays.
+# Address space of a check: what Python, numpy and trimesh map, plus a multiple of the file's size for its arrays.
 CHECK_BASE_BYTES = 512 * 2**20
 CHECK_BYTES_PER_BYTE = 16
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Upper bounds on one asset; those that `from_settings` names are settings of a deployment.
+    """Upper bounds on one asset. `from_settings` sets those that a deployment can configure.
 
     Attributes
     ----------
     max_bytes : int
-        Size of the file, and of what its compressed parts decode to: a compressed asset may not grow larger than
-        one that is sent plain.
+        Size of the file, and of its compressed parts after decoding: a compressed asset may not become larger than
+        an uncompressed one.
     max_json_bytes : int
         Size of a GLB's JSON chunk.
     max_accessor_elements : int
         `count` of one accessor.
     max_triangles : int
-        Triangles to deform, every instance counted.
+        Triangles to deform, over all instances.
     max_bare_elements : int
         `count` of a vertex or index accessor that has no data in the file (its elements are zeros by definition).
     max_json_values, max_json_depth : int
-        Values in the JSON (Python objects cost up to 100 times their text), and how deep they nest. They bound how
-        many nodes, meshes, materials, images and animations there can be, since each takes two values or more.
+        Values in the JSON (Python objects cost up to 100 times their text) and their nesting depth. They also bound
+        the number of nodes, meshes, materials, images and animations, since each takes at least two values.
     max_primitives : int
-        Primitives and their morph targets in the default scene, every instance counted: a few hundred values of
-        JSON can show a thousand primitives a thousand times.
+        Primitives and their morph targets in the default scene, over all instances: a few hundred values of JSON can
+        describe a thousand instances of a thousand primitives.
     max_chunks : int
-        Chunks of a GLB.
+        Number of chunks in a GLB.
     max_memory_bytes : int
-        Address space of the process that decodes a file for the first time; a small file gets less.
+        Address space of the process that first decodes a file. Small files get less.
     max_check_s : float
-        Seconds that this may take.
+        Seconds that this first decoding may take.
     """
 
     max_bytes: int = 100 * 2**20
@@ -60,12 +60,12 @@ class Limits:
 
     @property
     def max_vertices(self) -> int:
-        """Vertices to deform, every instance counted: three per triangle, and as many again a third unreferenced."""
+        """Vertices to deform, over all instances: four per triangle, to allow for some that no triangle uses."""
         return 4 * self.max_triangles
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Self:
-        """Return the limits that a deployment's settings name."""
+        """Return the limits given by a deployment's settings."""
         return cls(
             max_bytes=settings.max_upload_bytes,
             max_json_bytes=settings.max_json_bytes,
@@ -75,5 +75,5 @@ class Limits:
         )
 
     def memory_bytes(self, size: int) -> int:
-        """Return the address space in which a file of this many bytes is checked."""
+        """Return the address space, in bytes, for checking a file of `size` bytes."""
         return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)

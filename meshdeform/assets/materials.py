@@ -1,4 +1,4 @@
-"""A read-only view of an asset's materials, textures and images: what another format needs to show the same look.
+"""Read an asset's materials, textures and images, for writing them in another format.
 
 Source: glTF 2.0 specification, section 3.9 (Materials) and 5.29 (Texture sampler); the KHR extensions named below.
 """
@@ -21,13 +21,13 @@ _KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KH
 
 @dataclass(frozen=True)
 class Image:
-    """An image as the file holds it.
+    """An encoded image of the file.
 
     Attributes
     ----------
     data : bytes
     kind : str
-        `png`, `jpg` or `webp`, told from the bytes; "" for anything else.
+        `png`, `jpg` or `webp`, detected from the bytes; "" for anything else.
     """
 
     data: bytes
@@ -36,19 +36,19 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """A texture where a material uses it.
+    """A material's use of a texture.
 
     Attributes
     ----------
     image : int
         Index into the document's images.
     texcoord : int
-        The set of texture coordinates.
+        Number of the texture coordinate set.
     wrap : tuple of 2 str
-        `repeat`, `clamp` or `mirror`, along u and v.
+        `repeat`, `clamp` or `mirror`, for u and v.
     offset, scale : tuple of 2 floats
     rotation : float
-        Radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), v downwards.
+        In radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), with v downwards.
     strength : float
         `scale` of a normal texture, `strength` of an occlusion texture.
     """
@@ -64,20 +64,20 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class Material:
-    """A metallic-roughness material; the defaults are those of a primitive that names none.
+    """A metallic-roughness material. The defaults are those of a primitive without a material.
 
     Attributes
     ----------
     base_color : tuple of 4 floats
         Linear RGBA.
     emissive : tuple of 3 floats
-        Linear RGB, times the strength that KHR_materials_emissive_strength gives.
+        Linear RGB, multiplied by the strength from KHR_materials_emissive_strength.
     alpha_mode : str
         `OPAQUE`, `MASK` or `BLEND`.
     textures : dict of str to TextureUse
-        By `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`.
+        Keys: `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`.
     extensions : tuple of str
-        Those that this view does not tell of.
+        Extensions of the material that this class does not represent.
     """
 
     name: str = ""
@@ -174,7 +174,7 @@ def _wrap(sampler: Json, key: str, where: str) -> str:
 
 
 def _source(root: Json, texture: Json, where: str) -> int | None:
-    """Return a texture's image: the plain one that all can read where there is one, else what an extension names."""
+    """Return a texture's image: the core glTF one if present, else the one from an extension."""
     images = objects(root, "images")
     plain = index(texture, "source", len(images), where)
     if plain is not None:
@@ -192,7 +192,7 @@ def read_image(document: Document, at: int) -> Image:
     Raises
     ------
     AssetError
-        It has no data.
+        The image has no data.
     """
     image = document.root["images"][at]
     if "uri" in image:

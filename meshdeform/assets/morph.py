@@ -1,8 +1,8 @@
 """Write a new shape as one more morph target, with an animation from the source to it.
 
-The target is the last one, so weights that exist keep their places. Everything that must have one value per target
-grows with it: the targets of the mesh's other primitives, the weights of meshes and nodes, and the outputs of existing
-animations of the weights (which hold the new one at 1, so that they show the deformed asset).
+The target is appended last, so that existing weights keep their positions. Everything with one value per target is
+extended: the targets of the mesh's other primitives, the weights of meshes and nodes, and the outputs of existing
+weight animations (where the new weight is 1, so that they show the deformed asset).
 
 Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Animations).
 """
@@ -40,9 +40,9 @@ def add_morph_targets(
     document : Document
         Changed in place.
     blocks, shapes : lists of the same length
-        What is deformed, and its new vertices.
+        The deformed parts, and their new vertices.
     owners : dict
-        The mesh of each deformed node; no two nodes share one.
+        The mesh of each deformed node. No two nodes share a mesh.
     """
     meshes = document.root["meshes"]
     before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}
@@ -62,7 +62,7 @@ def _target_count(mesh: Json) -> int:
 
 
 def _target(document: Document, block: Block, shape: LocalShape) -> Json:
-    """Append a block's displacements; they are what is added to the base, tangents without their handedness."""
+    """Append a block's displacements from the base, and return them as a target; tangents omit their handedness."""
     target: Json = {"POSITION": document.append_accessor(shape.positions - block.positions, bounds=True)}
     if shape.normals is not None and block.normals is not None:
         target["NORMAL"] = document.append_accessor(shape.normals - block.normals)
@@ -72,7 +72,7 @@ def _target(document: Document, block: Block, shape: LocalShape) -> Json:
 
 
 def _add_target(document: Document, mesh: Json, targets: dict[int, Json], count: int) -> None:
-    """Add one target to each primitive: all of a mesh must have the same number, those that do not move get zeros."""
+    """Add one target to each primitive, of zeros if it does not move, since all need the same number of targets."""
     for p, primitive in enumerate(mesh["primitives"]):
         if "POSITION" not in primitive.get("attributes", {}):
             continue
@@ -90,7 +90,7 @@ def _grow_weights(node: Json, mesh: Json, count: int) -> None:
     if "weights" in node:
         own = node["weights"]
         node["weights"] = [*own[:count], *[0.0] * (count - len(own)), 1.0]
-    # Importers take the names of targets from here; it is a list of one name for each.
+    # Importers read the targets' names from here, one per target.
     extras = mesh.setdefault("extras", {})
     if isinstance(extras, dict):
         names = extras.get("targetNames", [])
@@ -101,7 +101,7 @@ def _grow_weights(node: Json, mesh: Json, count: int) -> None:
 
 
 def _grow_animations(document: Document, owners: dict[int, int], before: dict[int, int]) -> None:
-    """Give the existing animations of deformed nodes' weights a column for the new target."""
+    """Add a column for the new target to existing animations of the deformed nodes' weights."""
     grown: dict[tuple[int, int, int], int] = {}
     outputs: dict[tuple[str, str, int], int | None] = {}
     by_mesh = {mesh: node for node, mesh in owners.items()}
@@ -116,7 +116,7 @@ def _grow_animations(document: Document, owners: dict[int, int], before: dict[in
                 continue
             key = (a, sampler, before[node])
             if key not in grown:
-                # Samplers that share an output go on sharing it.
+                # Samplers that share an output keep sharing it.
                 source = samplers[sampler]
                 made = (str(source.get("output")), str(source.get("interpolation")), before[node])
                 if made not in outputs:
@@ -134,7 +134,7 @@ def _is_index(value: object, array: list[Json]) -> TypeGuard[int]:
 
 
 def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, int]) -> int | None:
-    """Return the deformed node whose weights a channel moves, by name or by KHR_animation_pointer."""
+    """Return the deformed node whose weights a channel animates, directly or by KHR_animation_pointer."""
     target = channel.get("target") if isinstance(channel, dict) else None
     if not isinstance(target, dict):
         return None
@@ -153,7 +153,7 @@ def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, in
 
 
 def _grown_output(document: Document, sampler: Json, count: int) -> int | None:
-    """Append a sampler's output with one weight more per key; None where it cannot be what it should be."""
+    """Append a copy of a sampler's output with one more weight per key; return None if the output is not valid."""
     output, accessors = sampler.get("output"), document.items("accessors")
     if not _is_index(output, accessors) or accessors[output]["type"] != "SCALAR":
         return None

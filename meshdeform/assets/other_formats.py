@@ -1,4 +1,4 @@
-"""OBJ, PLY and STL before they are decoded: what their own counts say, and whether the bytes are there. Pure Python."""
+"""Check the declared sizes of OBJ, PLY and STL files before they are decoded. Pure Python."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STL_FACET = re.compile(rb"\bfacet\b[^\r\n]*", re.IGNORECASE)
 
 
 def inspect_foreign(data: Data, kind: str, limits: Limits) -> tuple[int, int]:
-    """Return the vertices and faces that a mesh file declares, and refuse it where that is too many or not there."""
+    """Return the numbers of vertices and faces that a mesh file declares, or refuse it if too large or empty."""
     vertices, faces = {"obj": _obj_counts, "ply": _ply_counts, "stl": _stl_counts}[kind](data)
     if faces > limits.max_triangles or vertices > limits.max_vertices:
         raise AssetTooLargeError(
@@ -36,7 +36,7 @@ def inspect_foreign(data: Data, kind: str, limits: Limits) -> tuple[int, int]:
 
 def _obj_counts(data: Data) -> tuple[int, int]:
     if b"\0" in bytes(data[:4096]):
-        raise AssetFormatError("The file is named .obj, its content is binary.")
+        raise AssetFormatError("The file is named .obj, but its content is binary.")
     return sum(1 for _ in _OBJ_VERTEX.finditer(data)), sum(1 for _ in _OBJ_FACE.finditer(data))
 
 
@@ -54,13 +54,13 @@ def _ply_counts(data: Data) -> tuple[int, int]:
                 raise AssetFormatError("An element of the PLY header has no count.")
             declared += int(words[2])
             counts[words[1].decode("ascii", "replace")] = int(words[2])
-    if declared > len(data):  # every element takes at least one byte, in each of PLY's encodings
-        raise AssetTruncatedError(f"The PLY header declares {declared} elements, the file has {len(data)} bytes.")
+    if declared > len(data):  # an element takes at least one byte in every PLY encoding
+        raise AssetTruncatedError(f"The PLY header declares {declared} elements, but the file has {len(data)} bytes.")
     return counts["vertex"], counts["face"]
 
 
 def is_ascii_stl(data: Data) -> bool:
-    """Whether an STL file is text: some binary ones start with `solid`, too."""
+    """Return whether an STL file is text; some binary ones start with `solid`, too."""
     return bytes(data[:5]).lower() == b"solid" and not _binary_stl_fits(data)
 
 
@@ -77,6 +77,6 @@ def _stl_counts(data: Data) -> tuple[int, int]:
     faces = int.from_bytes(bytes(data[80:84]), "little")
     if len(data) < 84 + 50 * faces:
         raise AssetTruncatedError(
-            f"The STL file declares {faces} triangles; {len(data) - 84} bytes are there for them."
+            f"The STL file declares {faces} triangles, but has only {len(data) - 84} bytes for them."
         )
     return 3 * faces, faces

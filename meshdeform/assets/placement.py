@@ -1,9 +1,9 @@
-"""Where an instance's vertices lie in the world, as one affine matrix that can be inverted.
+"""Compute the affine matrix from an instance's mesh space to world space.
 
-A node's mesh lies at the product of the node transforms above it. A skinned mesh ignores its node; it is deformed
-in its bind pose, where every joint moves the vertices by the same matrix, `joint_world @ inverse_bind`. In a file
-whose nodes stand in another pose the joints disagree; then the joint that agrees best with all others places the
-mesh, and the skin keeps bending the result as it bent the source.
+A mesh is placed by the product of the transforms of its node and the node's ancestors. A skinned mesh ignores its
+node; it is deformed in its bind pose, where `joint_world @ inverse_bind` is the same matrix for every joint. If the
+file's nodes are in another pose, these matrices differ; then the joint that agrees best with all others places the
+mesh, and the skin bends the result as it bent the source.
 
 Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins).
 """
@@ -43,12 +43,12 @@ def _unit(rotation: Matrix) -> Matrix:
     length = np.linalg.norm(rotation)
     if length < 1e-12:
         return np.array([0.0, 0.0, 0.0, 1.0])
-    # A rotation that is already of unit length within float32 stays as it is, so that identity stays exact.
+    # A rotation of unit length is returned unchanged, so that the identity stays exact.
     return rotation if abs(length - 1.0) < 1e-12 else rotation / length
 
 
 def world_matrices(nodes: list[Json]) -> list[Matrix]:
-    """Return every node's transform into the world, (4, 4) float64 each; the hierarchy has been checked."""
+    """Return every node's transform to world space, (4, 4) float64 each; the hierarchy must be checked already."""
     parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
     worlds: dict[int, Matrix] = {}
     for start in range(len(nodes)):
@@ -64,7 +64,7 @@ def world_matrices(nodes: list[Json]) -> list[Matrix]:
 
 
 def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix]) -> Matrix:
-    """Return the matrix that takes an instance's vertices to where they are deformed, (4, 4) float64."""
+    """Return the matrix from an instance's mesh space to world space, (4, 4) float64."""
     if instance.skin is None:
         return worlds[instance.node]
     skin = document.root["skins"][instance.skin]
@@ -77,7 +77,7 @@ def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix
 
 
 def is_invertible(matrix: Matrix) -> bool:
-    """Whether what the matrix flattened could be taken back: finite, and no axis lost against the others."""
+    """Return whether the matrix can be inverted: it is finite, and no axis vanishes relative to the others."""
     if not np.isfinite(matrix).all():
         return False
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)

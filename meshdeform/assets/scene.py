@@ -1,6 +1,6 @@
-"""A read-only view of the default scene: nodes, the primitives they show as arrays, and the materials of these.
+"""Give a read-only view of the default scene: nodes, their primitives as arrays, and materials.
 
-For those who write another format; the deformation itself reads `surface`. Nothing here changes the document.
+Used to write other formats; the deformation itself reads `surface`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = ["SceneNode", "ScenePrimitive", "SceneView"]
 
 @dataclass(frozen=True)
 class SceneNode:
-    """A node of the default scene that shows a mesh, or stands above one that does.
+    """A node of the default scene that shows a mesh, or an ancestor of one.
 
     Attributes
     ----------
@@ -40,11 +40,11 @@ class SceneNode:
         Its index in the file.
     name, mesh_name : str
     parent : int or None
-        Another node's number.
+        The parent's number.
     local, world : (4, 4) float64
-        For column vectors.
+        Transforms for column vectors.
     placement : (4, 4) float64 or None
-        Of a skinned mesh, which ignores its node: where its bind pose stands in the world.
+        For a skinned mesh, which ignores its node: the transform of its bind pose to world space.
     mesh : int or None
     """
 
@@ -60,19 +60,19 @@ class SceneNode:
 
 @dataclass(frozen=True)
 class ScenePrimitive:
-    """Triangles of one material, in the mesh's own space.
+    """Triangles with one material, in mesh space.
 
     Attributes
     ----------
     positions : (V, 3) float32
-        Only the vertices that triangles use, in the file's order.
+        The vertices that triangles use, in the file's order.
     triangles : (T, 3) int64
-        As the file winds them.
+        In the file's winding.
     normals : (V, 3) float32 or None
     texcoords : dict of int to (V, 2) float32
-        By set, v downwards.
+        By set number; v downwards.
     colors : (V, 4) float32 or None
-        COLOR_0, linear; alpha 1 where the file has none.
+        COLOR_0, linear; alpha is 1 if the file has none.
     material : int or None
     """
 
@@ -85,7 +85,7 @@ class ScenePrimitive:
 
 
 class SceneView:
-    """The default scene of a document; made by `Asset.scene`.
+    """The default scene of a document, as returned by `Asset.scene`.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class SceneView:
         Parents before their children.
     materials : list of Material
     left_out : dict of str to int
-        What the document has and this view does not tell of, and how often.
+        Features of the document that this view does not include, with their counts.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class SceneView:
         return read_image(self._document, at)
 
     def primitives(self, mesh: int) -> Iterator[ScenePrimitive]:
-        """Read the triangle primitives of a mesh, one after the other; those without a triangle are left out."""
+        """Yield the triangle primitives of a mesh, except those without a triangle."""
         for p, primitive in enumerate(self._document.root["meshes"][mesh].get("primitives", [])):
             if _shows_triangles(primitive):
                 read = self._primitive(mesh, primitive, f"meshes[{mesh}].primitives[{p}]")
@@ -174,7 +174,7 @@ class SceneView:
                 return None
             try:
                 values = self._floats(mesh, attributes[name])
-            except AssetError:  # the deformation does not read it: no reason to fail after it
+            except AssetError:  # the deformation did not need this attribute: leave it out instead of failing
                 values = np.empty((0, 0), np.float32)
             if len(values) != count or values.shape[1] not in widths:
                 self._leave_out(f"invalid {name}")
@@ -190,7 +190,7 @@ class SceneView:
         return ScenePrimitive(positions[used], numbers[triangles], rows("NORMAL", (3,)), texcoords, colors, material)
 
     def _floats(self, mesh: int, accessor: int) -> NDArray[np.float32]:
-        """Read an accessor; primitives of a mesh may share it, so it is kept as long as the mesh is looked at."""
+        """Read an accessor, cached while its mesh is being read, since a mesh's primitives may share it."""
         if self._cached[0] != mesh:
             self._cached = (mesh, {})
         if accessor not in self._cached[1]:

@@ -1,4 +1,4 @@
-"""Checks of nodes, scenes, meshes and skins, and the list of what the default scene shows. Pure Python.
+"""Check nodes, scenes, meshes and skins, and list the mesh instances of the default scene. Pure Python.
 
 Source: glTF 2.0 specification, sections 3.5 (Scenes) and 3.7 (Geometry).
 """
@@ -27,7 +27,7 @@ GPU_INSTANCING = "EXT_mesh_gpu_instancing"
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
 MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
 
-# Required extensions that we read, or that change neither positions nor their meaning.
+# Required extensions that are supported, or that change neither positions nor their meaning.
 _READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_node_"),
@@ -47,12 +47,12 @@ class Instance:
 
 
 def check_extensions(root: Json) -> None:
-    """Refuse an asset that requires an extension which may change the geometry in a way we do not know.
+    """Refuse an asset that requires an unknown extension, which might change the geometry.
 
     Raises
     ------
     AssetUnsupportedError
-        It names the extension.
+        The message names the extension.
     """
     required = root.get("extensionsRequired", [])
     if not isinstance(required, list) or not all(isinstance(name, str) for name in required):
@@ -115,7 +115,7 @@ def check_meshes(root: Json) -> tuple[set[int], set[int]]:
 
     Returns
     -------
-    The accessors that only a Draco stream fills, and those of morph targets alone, which are never read.
+    The accessors that only a Draco stream fills, and those that only morph targets use, which are never read.
     """
     accessors, views, from_draco = objects(root, "accessors"), objects(root, "bufferViews"), set[int]()
     of_targets, read = set[int](), set[int]()
@@ -147,7 +147,7 @@ def check_meshes(root: Json) -> tuple[set[int], set[int]]:
 
 
 def check_geometry(root: Json) -> None:
-    """Check what primitives take their accessors for; the accessors themselves have been checked."""
+    """Check that accessors fit their use in primitives; the accessors themselves must be checked already."""
     accessors = objects(root, "accessors")
     for m, mesh in enumerate(objects(root, "meshes")):
         for p, primitive in enumerate(objects(mesh, "primitives")):
@@ -163,7 +163,7 @@ def check_geometry(root: Json) -> None:
                 if accessor["type"] != kind or accessor["componentType"] not in _POSITION_TYPES:
                     raise AssetError(f"{where}: {name} must be a {kind} of floats or quantized integers.")
                 if accessor["count"] != count:
-                    raise AssetError(f"{where}: {name} has {accessor['count']} elements, POSITION has {count}.")
+                    raise AssetError(f"{where}: {name} has {accessor['count']} elements, but POSITION has {count}.")
             if "indices" in primitive:
                 accessor = accessors[primitive["indices"]]
                 if accessor["type"] != "SCALAR" or accessor["componentType"] not in (
@@ -177,7 +177,7 @@ def check_geometry(root: Json) -> None:
 def instances_of(root: Json) -> list[Instance]:
     """List the nodes of the default scene that show a mesh, depth first.
 
-    The default scene is `scene`, else the first one; in a document without scenes it is every root node.
+    The default scene is `scene`, else the first one. A document without scenes shows every root node.
     """
     nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
     if scenes:

@@ -1,6 +1,6 @@
-"""Checks of a document's buffers, buffer views and accessors: what they declare fits what the file holds. Pure Python.
+"""Check that a document's buffers, buffer views and accessors fit the data in the file. Pure Python.
 
-Nothing here allocates by a number that the file names. Source: glTF 2.0 specification, sections 3.6 and 5.1 to 5.6.
+No allocation depends on a size that the file declares. Source: glTF 2.0 specification, sections 3.6 and 5.1 to 5.6.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _FILTER_STRIDES = {
 
 @dataclass(frozen=True)
 class CompressedView:
-    """What a meshopt extension says about a buffer view."""
+    """The members of a buffer view's meshopt extension."""
 
     buffer: int
     offset: int
@@ -68,24 +68,24 @@ def check_storage(
     binary_length : int or None
         Length of the GLB's binary chunk.
     limits : Limits
-        What is allowed.
+        Upper bounds on the asset.
     decoded_later : set of int
         Accessors that a Draco stream fills.
     unread : set of int
-        Accessors that nobody decodes.
+        Accessors that are never decoded.
 
     Raises
     ------
     AssetExternalError
-        A buffer or an image lies in another file.
+        A buffer or an image is in another file.
     AssetTruncatedError
         A buffer, view or accessor reaches past its data.
     AssetTooLargeError
-        A count is over its limit, or compressed parts decode to more than a file may have.
+        A count is over its limit, or compressed parts decode to more bytes than a file may have.
     AssetError
-        Anything else that is not valid.
+        Anything else is not valid.
     """
-    # Each array is looked through once: doing so again for every element would take hours for a hostile file.
+    # Check each array once; doing so for every element would take hours for a hostile file.
     views = objects(root, "bufferViews")
     for i, image in enumerate(objects(root, "images")):
         _refuse_external(text(image, "uri", f"images[{i}]"), f"images[{i}]")
@@ -116,13 +116,13 @@ def _refuse_external(uri: str | None, where: str) -> None:
 
 
 def data_uri_bytes(uri: str) -> int:
-    """Return how many bytes a data URI holds at most, without decoding it."""
+    """Return an upper bound on the bytes of a data URI, without decoding it."""
     header, _, payload = uri.partition(",")
     return len(payload) * 3 // 4 if header.endswith(";base64") else len(payload)
 
 
 def is_placeholder(root: Json, buffer: int, binary_length: int | None) -> bool:
-    """Whether a buffer has no data: it only gives meshopt's views a place to decode to."""
+    """Return whether a buffer has no data and serves only as the target of decoded meshopt views."""
     return "uri" not in root["buffers"][buffer] and not (buffer == 0 and binary_length is not None)
 
 
@@ -136,13 +136,13 @@ def _check_buffer(buffer: Json, i: int, binary_length: int | None) -> None:
     elif i == 0 and binary_length is not None:
         held = binary_length
     else:
-        return  # a placeholder; views into it are refused unless they are compressed
+        return  # a placeholder; uncompressed views into it are refused elsewhere
     if length > held:
-        raise AssetTruncatedError(f"{where}.byteLength is {length}, its data has {held} bytes.")
+        raise AssetTruncatedError(f"{where}.byteLength is {length}, but its data has {held} bytes.")
 
 
 def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
-    """Return a buffer view's meshopt extension and its name, checked, or None; `check_storage` checks the arrays."""
+    """Return the name and checked members of a buffer view's meshopt extension, or None if it has none."""
     data = root["bufferViews"][view]
     where = f"bufferViews[{view}]"
     name = next((name for name in MESHOPT_EXTENSIONS if extension(data, name, where) is not None), None)
@@ -170,16 +170,16 @@ def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
     strides = range(4, 257, 4) if found.mode == "ATTRIBUTES" else (2, 4)
     filters = _FILTER_STRIDES.get(found.filter, ()) if found.mode == "ATTRIBUTES" or found.filter == "NONE" else ()
     if found.stride not in strides or found.stride not in filters or (found.mode == "TRIANGLES" and found.count % 3):
-        raise AssetError(f"{where} has a mode, filter, byteStride and count that do not go together.")
+        raise AssetError(f"{where} has an invalid combination of mode, filter, byteStride and count.")
     if found.stride * found.count != integer(data, "byteLength", f"bufferViews[{view}]", minimum=1):
-        raise AssetError(f"{where}: byteStride times count is not the buffer view's byteLength.")
+        raise AssetError(f"{where}: byteStride times count does not equal the buffer view's byteLength.")
     if found.offset + found.length > integer(buffers[buffer], "byteLength", f"buffers[{buffer}]", minimum=1):
-        raise AssetTruncatedError(f"{where} reaches past the end of buffer {buffer}.")
+        raise AssetTruncatedError(f"{where} extends past the end of buffer {buffer}.")
     return name, found
 
 
 def _check_view(root: Json, i: int, binary_length: int | None) -> int:
-    """Check one buffer view; return how many bytes have to be decoded for it."""
+    """Check one buffer view and return how many bytes decoding it will add."""
     view, where = root["bufferViews"][i], f"bufferViews[{i}]"
     buffers = root.get("buffers", [])
     buffer = index(view, "buffer", len(buffers), where)
@@ -190,18 +190,18 @@ def _check_view(root: Json, i: int, binary_length: int | None) -> int:
     integer(view, "byteStride", where, default=4, minimum=1, maximum=256)
     if end > buffers[buffer]["byteLength"]:
         raise AssetTruncatedError(
-            f"{where} ends at byte {end}, buffer {buffer} has {buffers[buffer]['byteLength']} bytes."
+            f"{where} ends at byte {end}, but buffer {buffer} has {buffers[buffer]['byteLength']} bytes."
         )
     if not is_placeholder(root, buffer, binary_length):
         return 0
     compressed = compressed_view(root, i)
     if compressed is None or is_placeholder(root, compressed[1].buffer, binary_length):
-        raise AssetTruncatedError(f"{where} lies in buffer {buffer}, which has no data.")
+        raise AssetTruncatedError(f"{where} is in buffer {buffer}, which has no data.")
     return length
 
 
 def _check_accessor(root: Json, i: int, limits: Limits) -> int:
-    """Check one accessor; return how many bytes it declares that are not in the file."""
+    """Check one accessor and return how many of its declared bytes are not in the file."""
     accessor, where = root["accessors"][i], f"accessors[{i}]"
     count = integer(accessor, "count", where, minimum=1)
     if count > limits.max_accessor_elements:
@@ -232,7 +232,7 @@ def _check_fits(root: Json, holder: Json, where: str, count: int, size: int, *, 
     end = integer(holder, "byteOffset", where, default=0) + stride * (count - 1) + size
     if end > views[at]["byteLength"]:
         raise AssetTruncatedError(
-            f"{where} needs {end} bytes, buffer view {at} has {views[at]['byteLength']}.",
+            f"{where} needs {end} bytes, but buffer view {at} has {views[at]['byteLength']}.",
             advice="The accessor's count, byteOffset or the view's byteStride is wrong; export the file again.",
         )
 

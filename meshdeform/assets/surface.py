@@ -1,4 +1,4 @@
-"""The one surface that all instances of all triangle primitives make in the world, and the way back into the file."""
+"""Gather the triangle primitives of all instances into one world-space surface, with the data for writing it back."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Surface:
-    """What the optimisation sees: one triangle soup in world space, +Y up.
+    """The surface to optimise: one triangle soup in world space, +Y up.
 
     Attributes
     ----------
     positions : (N, 3) float64
-        Vertices as the file has them, split at seams, in the file's units.
+        Vertices in the file's units, split at seams as in the file.
     triangles : (T, 3) int64
-        Counter-clockwise from outside; mirrored nodes have been taken into account.
+        Counter-clockwise from outside, also under mirrored nodes.
     normals : (N, 3) float64
         Unit length, or NaN where the file has none.
     tangents : (N, 4) float64
         Unit length with a handedness of +1 or -1, or NaN where the file has none.
     instance_of_vertex : (N,) int64
-        Which instance of a mesh a vertex belongs to.
+        The mesh instance of each vertex.
     skipped : list of dict
-        What is left as it is, and why.
+        Parts that are not deformed, and why.
     """
 
     positions: Floats
@@ -57,9 +57,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class Block:
-    """Vertices that one node shows through one set of accessors: the unit that is written back.
+    """The vertices of one set of accessors in one node, written back as a unit.
 
-    Primitives of a mesh that share their accessors share a block, so they go on sharing afterwards.
+    Primitives of a mesh that share their accessors share a block, so that they still share them afterwards.
     """
 
     node: int
@@ -68,7 +68,7 @@ class Block:
     accessors: tuple[int, int | None, int | None]  # POSITION, NORMAL, TANGENT
     rows: slice
     placement: Matrix
-    positions: NDArray[np.float32]  # in the mesh's own space, as the file has them
+    positions: NDArray[np.float32]  # in mesh space, as in the file
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
 
@@ -81,11 +81,11 @@ def read_surface(document: Document) -> tuple[Surface, list[Block]]:
     AssetNotFiniteError
         A position is NaN or infinite.
     AssetEmptyError
-        There is no triangle.
+        The scene has no triangles.
     AssetError
         An index is out of range.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and is told as that
+    with np.errstate(over="ignore", invalid="ignore"):  # overflows are reported below as values that are not finite
         return _read_surface(document)
 
 
@@ -199,17 +199,17 @@ def _join(
             tangents[block.rows, :3] = unit_rows(block.tangents[:, :3] @ linear.T)
             tangents[block.rows, 3] = handedness(block.tangents[:, 3], linear)
     if not np.isfinite(positions).all():
-        raise AssetNotFiniteError("The node transforms take positions past what a number can hold.")
+        raise AssetNotFiniteError("The node transforms make positions too large for a 64-bit float.")
     return Surface(positions, triangles, normals, tangents, instances, skipped)
 
 
 def unit_rows(vectors: Floats) -> Floats:
-    """Return rows of unit length; rows that have no direction become NaN."""
+    """Return the rows scaled to unit length; zero rows become NaN."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0))
 
 
 def handedness(w: NDArray[Any], linear: Matrix) -> Floats:
-    """Return +1 or -1 per tangent; a mirror turns the sign."""
+    """Return +1 or -1 per tangent; mirroring flips the sign."""
     mirror = -1.0 if np.linalg.det(linear) < 0.0 else 1.0
     return np.where(np.asarray(w) < 0.0, -mirror, mirror)

@@ -1,6 +1,6 @@
-"""Triangle lists from triangle lists, strips and fans.
+"""Convert triangle lists, strips and fans to triangle lists.
 
-Source: glTF 2.0 specification, section 3.7.2.1, which defines the winding of each.
+Source: glTF 2.0 specification, section 3.7.2.1, which defines the windings.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ __all__ = ["triangle_list"]
 
 
 def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = None) -> NDArray[np.int64]:
-    """Return the triangles that a primitive's corners make.
+    """Return the triangles that a primitive's corners form.
 
     Parameters
     ----------
@@ -23,12 +23,12 @@ def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = N
     mode : int
         4 triangles, 5 strip, 6 fan.
     restart : int, optional
-        In strips and fans, the index that starts a new one (glTF forbids it, some exporters write it).
+        The index that starts a new strip or fan (glTF forbids it, but some exporters write it).
 
     Returns
     -------
-    (T, 3) int64. Triangles with a repeated corner, which only stitch strips and fans together, are left out of
-    these; of lists they are kept. Corners past the last whole triangle make none.
+    (T, 3) int64. Triangles with a repeated corner are removed from strips and fans, where they only join parts, but
+    not from lists. Corners past the last whole triangle are ignored.
     """
     if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
         return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
@@ -44,7 +44,7 @@ def _strip(corners: NDArray[np.int64]) -> NDArray[np.int64]:
     if len(corners) < 3:
         return np.empty((0, 3), np.int64)
     triangles = np.lib.stride_tricks.sliding_window_view(corners, 3).copy()
-    triangles[1::2] = triangles[1::2][:, [0, 2, 1]]  # every second one turns the other way
+    triangles[1::2] = triangles[1::2][:, [0, 2, 1]]  # every second triangle has the opposite winding
     return triangles
 
 

@@ -1,4 +1,4 @@
-"""Write a new shape into a document: each deformed primitive gets accessors of its own, in its mesh's own space."""
+"""Write a new shape into a document, giving each deformed primitive new accessors in its mesh's space."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Deformation", "LocalShape", "write_shape"]
 
 @dataclass(frozen=True)
 class Deformation:
-    """A new shape beside the old one, both in the world; rows as in `Surface`."""
+    """The original surface and its new shape, both in world space; rows as in `Surface`."""
 
     surface: Surface
     positions: Floats
@@ -28,7 +28,7 @@ class Deformation:
 
     @classmethod
     def checked(cls, surface: Surface, positions: Floats, normals: Floats | None, tangents: Floats | None) -> Self:
-        """Check shapes and that positions are finite."""
+        """Return a deformation after checking array shapes and that positions are finite."""
         count = len(surface.positions)
         for name, array, columns in (("positions", positions, 3), ("normals", normals, 3), ("tangents", tangents, 4)):
             if array is not None and np.shape(array) != (count, columns):
@@ -41,7 +41,7 @@ class Deformation:
 
 @dataclass(frozen=True)
 class LocalShape:
-    """A block's new vertices in its mesh's own space, as they are stored."""
+    """A block's new vertices in mesh space, as stored in the file."""
 
     positions: NDArray[np.float32]
     normals: NDArray[np.float32] | None
@@ -49,10 +49,10 @@ class LocalShape:
 
 
 def local_shape(block: Block, shape: Deformation) -> LocalShape:
-    """Take a block's new vertices back into its mesh's own space.
+    """Transform a block's new vertices back to mesh space.
 
-    What did not move in the world keeps the very bits it had: positions are written as the source plus the
-    displacement, directions only where they changed.
+    Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
+    are replaced only where they changed.
     """
     linear = block.placement[:3, :3]
     moved = shape.positions[block.rows] - shape.surface.positions[block.rows]
@@ -93,10 +93,10 @@ def write_shape(document: Document, blocks: list[Block], shape: Deformation, *, 
 
 
 def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
-    """Give every deformed node a mesh of its own; return the mesh of each node.
+    """Give every deformed node its own mesh and return the mesh of each node.
 
-    The first of a mesh's nodes keeps the original, unless a node that is not deformed (of another scene, or drawn by
-    GPU instancing) shows it too: then that one keeps it.
+    The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU
+    instancing) also shows the mesh and needs the original.
     """
     nodes, meshes = document.root["nodes"], document.items("meshes")
     deformed: dict[int, list[int]] = defaultdict(list)

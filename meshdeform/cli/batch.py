@@ -155,7 +155,7 @@ def _checker() -> Any:
     """What refuses a row that could not run here; torch is not imported for it."""
     require("torch", "deform")
     from meshdeform.assets.usd import require_usd
-    from meshdeform.runs import text_deform_check
+    from meshdeform.runs import text_deform_kind
 
     settings = load_settings()
 
@@ -163,7 +163,7 @@ def _checker() -> Any:
         if request.output.usd:
             require_usd()
         named = request.params.model
-        text_deform_check.check(
+        text_deform_kind.check(
             request,
             default_model=settings.model,
             allowed_models=[named] if named else [],

@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = ["fetch", "fetched", "fetched_lines"]
 
-_NAMES = ("result.glb", "report.json", "preview.png", "morph.glb", "result.usdz")
-
 
 def _complete_names(incomplete: str) -> list[str]:
-    return [name for name in _NAMES if name.startswith(incomplete)]
+    from meshdeform.runs import kinds
+
+    names = dict.fromkeys(artifact.name for kind in kinds() for artifact in kind.artifacts)
+    return [name for name in names if name.startswith(incomplete)]
 
 
 @clean_errors

@@ -47,7 +47,7 @@ class LocalJob:
     asset : Path
     request : JobRequest
     settings : Settings
-        Model, device, threads and limits.
+        Model, device, precision, threads and limits.
     outputs : Outputs
     target : Path, optional
         The mesh of `params.guidance = target`.
@@ -127,7 +127,7 @@ class LocalJob:
         prior = None
         if params.guidance is GuidanceKind.SDS:
             revision = self._settings.model_revision if params.model == self._settings.model else ""
-            prior = self._load(params.model, device=device, revision=revision)
+            prior = self._load(params.model, device=device, revision=revision, dtype=self._settings.dtype)
         return text_deform.start(
             asset=asset,
             filename=self._asset.name,

@@ -101,10 +101,10 @@ def run(
         from meshdeform.assets.usd import require_usd
 
         require_usd()
-    from meshdeform.runs import text_deform_check
+    from meshdeform.runs import text_deform_kind
 
     # Before torch is imported, which takes seconds: a word that the prior does not know is told at once.
-    text_deform_check.check(
+    text_deform_kind.check(
         request,
         default_model=settings.model,
         allowed_models=[request.params.model] if request.params.model else [],

@@ -7,18 +7,24 @@ over the rest surface of area A:
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
   dimensionless; details of the rest shape cost nothing, only bending relative to it
-* normal     1/A  sum_e a_e h((1 - cos b_e) (d_0 / d_e)^2)       b_e the change of the angle between the two faces'
-  normals since rest, d_e the distance between their centroids at rest, a_e the edge's share of the area, d_0 that
-  distance on a uniform mesh of 5,000 faces. h(y) = y^2 up to y_0, then 4 sqrt(y_0^3 y) - 3 y_0^2
+* normal     1/A  sum_e a_e max(0, g_e(1 - cos t_e) - g_e(1 - cos t_e0))    t_e the signed angle between the normals of
+  the two faces, t_e0 at rest (0 where t_e has the other sign); g_e(c) = h(r_e^2 c) + r_e (c^2 - h(c)); r_e = d_0 / d_e,
+  d_e the distance between their centroids at rest, d_0 that distance on a uniform mesh of 5,000 faces; a_e the edge's
+  share of the area; h(y) = y^2 up to y_0, beyond it 4 sqrt(y_0^3 y) - 3 y_0^2
 * dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
   from crossing this barrier
 
-The normal term is relative to rest: a crease costs nothing until its angle changes. The function h makes it independent
-of resolution for both kinds of bending. Under smooth bending, b_e is proportional to d_e, so y does not change as the
-mesh is refined, and a_e adds up to the area. A crease bends by the same b_e at every resolution, so sqrt(y) grows as
-1 / d_e while the area beside the crease shrinks as d_e. On a flat rest surface of the reference resolution, the value
-is exactly the published (1 - n_i . n_j)^2 up to an angle of 15 degrees.
+The normal term is relative to rest: a crease costs nothing unless it becomes sharper than at rest or folds to the other
+side. It is the published energy minus its value at rest, so it resists the growth of sharp corners into spikes like the
+published term, but does not flatten them. A term in the change of the angle alone was tried: it is weak where a corner
+of a cube begins to fold, and the guard then holds back the whole shape.
+
+The term is independent of resolution for both kinds of bending. Under smooth bending, t_e is proportional to d_e and c
+to d_e^2: r_e^2 c does not change as the mesh is refined, the a_e add up to the area, and the second part of g is zero.
+A crease bends by the same angle at every resolution, while the area beside it shrinks as d_e: there g is r_e c^2 except
+for 3 y_0^2 (r_e - 1). At the reference resolution, r_e = 1, the value is exactly the published (1 - n_i . n_j)^2 if the
+rest surface is flat.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
 Shells (bending against rest); Huber 1964, Robust estimation of a location parameter (the change from square to linear);
@@ -91,6 +97,7 @@ class Regularizers:
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
         self._edge_scale = reference_sq / squared
         self._edge_weights = areas[pairs].sum(1) / 3 / total
+        self._rest_energy = self._energy((1 - self._rest_bend[:, 0]).clamp_min(0))
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""
@@ -103,16 +110,21 @@ class Regularizers:
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Return the bending relative to rest: the area-weighted mean of h((1 - cos b) (d_0 / d)^2) over neighbours.
+        """Return the bending of neighbouring faces beyond rest: a dimensionless, area-weighted mean.
 
         Neighbours are two faces at an edge of no other face; if their winding is inconsistent, one normal is flipped.
         """
         bend = self._bend(verts)
-        # cos b = cos(angle - rest angle). A face that has collapsed since has a zero normal and a constant cost.
-        cosine = (bend * self._rest_bend).sum(1)
-        y = (1 - cosine).clamp_min(0) * self._edge_scale
-        linear = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
-        return (self._edge_weights * torch.where(y < _CREASE, y.square(), linear)).sum()
+        # At an edge that bends to the other side than at rest, all bending counts.
+        same_way = bend[:, 1] * self._rest_bend[:, 1] > 0
+        at_rest = torch.where(same_way, self._rest_energy, 0.0)
+        # A face that has collapsed since has a zero normal and a constant cost.
+        beyond = (self._energy((1 - bend[:, 0]).clamp_min(0)) - at_rest).clamp_min(0)
+        return (self._edge_weights * beyond).sum()
+
+    def _energy(self, c: Tensor) -> Tensor:
+        """Return g (E,) of c = 1 - cos t (E,)."""
+        return _smooth_part(self._edge_scale * c) + self._edge_scale.sqrt() * (c.square() - _smooth_part(c))
 
     def _bend(self, verts: Tensor) -> Tensor:
         """Return cosine and sine (E, 2) of the signed angle between the normals of neighbouring faces."""
@@ -139,6 +151,12 @@ class Regularizers:
         energy = trace + trace / determinant.clamp_min(_LEAST_DETERMINANT) - 4
         mean: Tensor = (self._face_weights[self._solid] * energy).sum()
         return mean
+
+
+def _smooth_part(y: Tensor) -> Tensor:
+    """Return h(y): y^2 up to y_0, proportional to the square root plus a constant beyond; h' is continuous."""
+    beyond = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
+    return torch.where(y < _CREASE, y.square(), beyond)
 
 
 def _in_plane(corners: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""A change to jobs, with all that belongs to it in one transaction: events, messages to webhooks, outbox, tallies."""
+"""A change to jobs, with all that belongs to it in one transaction: events, messages to webhooks, outbox, counters."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, StaleAttemptError
 from meshdeform.record import rows
-from meshdeform.record.counters import Tallies
+from meshdeform.record.counters import Counters
 from meshdeform.record.database import Database
 from meshdeform.record.deliveries import write_deliveries
 from meshdeform.record.models import EventType, Job, JobState
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
 
-__all__ = ["Change", "RecordPart", "find_job"]
+__all__ = ["Change", "Row", "changing", "find_job", "hold", "stale"]
 
 Row = sa.Row[Any]
 
 
 class Change:
-    """One transaction that changes jobs; made by `RecordPart._change`."""
+    """One transaction that changes jobs; made by `changing`."""
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
-        self.connection, self.tallies = connection, Tallies(database, connection)
+        self.connection, self.counters = connection, Counters(database, connection)
         self._database = database
 
     def update(
@@ -76,7 +76,7 @@ class Change:
             insert = self._database.upsert(outbox).values(job_id=row.id, created_at=self._database.now())
             self.connection.execute(insert.on_conflict_do_nothing())
         if happened is EventType.RECOVERED:
-            self.tallies.add("recoveries")
+            self.counters.add("recoveries")
         if happened.terminal:
             row = self._ended(row)
         write_deliveries(self.connection, self._database, rows.job(row), event)
@@ -90,9 +90,9 @@ class Change:
             row = self.connection.execute(until.returning(jobs)).one()
         if row.attempt > 1:
             self._discard_lost_attempts(row)
-        self.tallies.add("jobs_ended", row.state)
+        self.counters.add("jobs_ended", row.state)
         if row.started_at is not None and row.finished_at is not None:
-            self.tallies.observe("job_seconds", (row.finished_at - row.started_at).total_seconds())
+            self.counters.observe("job_seconds", (row.finished_at - row.started_at).total_seconds())
         return row
 
     def _discard_lost_attempts(self, row: Row) -> None:
@@ -104,27 +104,38 @@ class Change:
             self.connection.execute(sa.insert(discarded), prefixes)
 
 
-class RecordPart:
-    """What the parts of the record share."""
+@contextmanager
+def changing(database: Database) -> Iterator[Change]:
+    """Open a transaction that changes jobs; what it counted is written at its end."""
+    with database.write() as connection:
+        change = Change(database, connection)
+        yield change
+        change.counters.write()
 
-    _database: Database
 
-    @contextmanager
-    def _change(self) -> Iterator[Change]:
-        with self._database.write() as connection:
-            change = Change(self._database, connection)
-            yield change
-            change.tallies.write()
+def hold(connection: sa.Connection, job_id: str, attempt: int) -> None:
+    """Lock the row of a job until the end of the transaction.
 
-    def _fence(self, connection: sa.Connection, job_id: str, attempt: int) -> None:
-        """Hold the job's row until the end of the transaction, or refuse."""
-        held = sa.select(jobs.c.id).where(rows.fenced(job_id, attempt)).with_for_update()
-        if connection.execute(held).first() is None:
-            raise self._stale(connection, job_id, attempt)
+    Raises
+    ------
+    StaleAttemptError
+        The attempt does not have the job any more.
+    """
+    held = sa.select(jobs.c.id).where(rows.fenced(job_id, attempt)).with_for_update()
+    if connection.execute(held).first() is None:
+        raise stale(connection, job_id, attempt)
 
-    def _stale(self, connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
-        now = find_job(connection, job_id)
-        return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
+
+def stale(connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
+    """Return the error that says why a write of this attempt was refused.
+
+    Raises
+    ------
+    NotFoundError
+        The job is gone.
+    """
+    now = find_job(connection, job_id)
+    return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
 
 
 def find_job(connection: sa.Connection, job_id: str, owner: str | None = None) -> Job:

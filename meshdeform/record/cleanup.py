@@ -20,9 +20,9 @@ def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
     UnavailableError
         The record or the store does not answer; what is left to do stays on the record.
     """
-    for prefix in record.discarded_prefixes():
+    for prefix in record.upkeep.discarded_prefixes():
         _remove_prefix(record, store, prefix)
-    for upload_id in record.expired_uploads():
+    for upload_id in record.upkeep.expired_uploads():
         remove_upload(store, upload_id)
         with suppress(NotFoundError):
             record.uploads.delete(upload_id)
@@ -60,4 +60,4 @@ def remove_upload(store: ObjectStore, upload_id: str) -> None:
 
 def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
     store.delete_prefix(prefix)
-    record.forget_discarded(prefix)
+    record.upkeep.forget_discarded(prefix)

@@ -1,16 +1,19 @@
-"""Sums that outlive processes, for the metrics: counters, and histograms as one counter for each bucket."""
+"""Numbers for the metrics: sums that outlive processes, histograms among them, and how many jobs there are now."""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import pairwise
 
 import sqlalchemy as sa
 
 from meshdeform.record.database import Database
-from meshdeform.record.schema import tallies
+from meshdeform.record.models import JobState
+from meshdeform.record.schema import deliveries, jobs, tallies
 
-__all__ = ["BUCKETS_S", "Tallies", "read_tallies"]
+__all__ = ["BUCKETS_S", "Counters", "Statistics", "read_counters", "statistics"]
 
 BUCKETS_S: dict[str, tuple[float, ...]] = {
     "job_seconds": (1.0, 5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 900.0, 3600.0, 14400.0),
@@ -20,7 +23,7 @@ BUCKETS_S: dict[str, tuple[float, ...]] = {
 """Upper bounds of the histograms, in seconds; what is above the last one counts as `inf`."""
 
 
-class Tallies:
+class Counters:
     """What one transaction adds; written at its end, in one order, so that two transactions never wait in a circle."""
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
@@ -46,10 +49,43 @@ class Tallies:
             self._connection.execute(insert.on_conflict_do_update(index_elements=["name", "label"], set_=more))
 
 
-def read_tallies(database: Database) -> dict[tuple[str, str], float]:
+def read_counters(database: Database) -> dict[tuple[str, str], float]:
     """Return every sum by name and label."""
     with database.read() as connection:
         return {(row.name, row.label): row.value for row in connection.execute(sa.select(tallies))}
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """A look at the record.
+
+    Attributes
+    ----------
+    jobs : dict of JobState to int
+        Jobs in each state.
+    oldest_queued_s : float
+        Seconds since the creation of the queued job that was created first; 0 where none is queued.
+    pending_deliveries : int
+        Messages to webhooks that are not delivered yet.
+    """
+
+    jobs: dict[JobState, int]
+    oldest_queued_s: float
+    pending_deliveries: int
+
+
+def statistics(database: Database) -> Statistics:
+    """Look once; every query is answered from an index."""
+    by_state = sa.select(jobs.c.state, sa.func.count()).group_by(jobs.c.state)
+    # Ids sort by time.
+    oldest = sa.select(jobs.c.created_at).where(jobs.c.state == JobState.QUEUED).order_by(jobs.c.id).limit(1)
+    pending = sa.select(sa.func.count()).select_from(deliveries).where(deliveries.c.state == "pending")
+    with database.read() as connection:
+        counts = {JobState(state): count for state, count in connection.execute(by_state).all()}
+        created = connection.execute(oldest).scalar()
+        waiting = connection.execute(pending).scalar_one()
+    age = (datetime.now(UTC) - created).total_seconds() if created else 0.0
+    return Statistics({state: counts.get(state, 0) for state in JobState}, max(0.0, age), waiting)
 
 
 assert all(low < high for bounds in BUCKETS_S.values() for low, high in pairwise(bounds))

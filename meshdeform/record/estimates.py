@@ -9,13 +9,13 @@ from typing import Any, Self
 
 import sqlalchemy as sa
 
-from meshdeform.errors import MeshdeformError
 from meshdeform.record.database import Database
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
-from meshdeform.record.workers import WorkerRegistry
-from meshdeform.requests.document import JobRequest, read_stored, resolve
+from meshdeform.requests.document import JobRequest, read_stored
+from meshdeform.runs import kind_of
 
 __all__ = ["Estimate", "estimate"]
 
@@ -43,15 +43,14 @@ class Estimate:
     basis: str
 
 
-def estimate(
-    database: Database, registry: WorkerRegistry, request: JobRequest, *, default_model: str, queue: str
-) -> Estimate:
+def estimate(database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str) -> Estimate:
     """Look at the newest jobs that succeeded, at those ahead, and at the workers that are alive.
 
     Parameters
     ----------
     database : Database
-    registry : WorkerRegistry
+    leases : Leases
+        Knows the workers.
     request : JobRequest
         The job in question.
     default_model : str
@@ -69,8 +68,8 @@ def estimate(
         if step_s is None:
             return Estimate(None, None, "no job of this kind has succeeded here yet")
         ahead = _Ahead.of(connection, request.priority, default_model)
-    run_s = step_s * _steps(request, default_model)
-    workers = registry.alive(queue)
+    run_s = step_s * kind_of(request.kind).steps(request, default_model, None)
+    workers = leases.alive(queue)
     if workers == 0:
         return Estimate(None, run_s, f"{basis}; no worker is alive")
     basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
@@ -107,9 +106,9 @@ class _Ahead:
         count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(before)).scalar_one()
 
         def left(which: sa.ColumnElement[bool]) -> list[int]:
-            query = sa.select(jobs.c.request, jobs.c.total_steps, jobs.c.step).where(which)
+            query = sa.select(jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step).where(which)
             found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(_COUNTED)).all()
-            return [_steps_left(request, total, step, default_model) for request, total, step in found]
+            return [_steps_left(*row, default_model) for row in found]
 
         queued = left(before)
         return cls(left(jobs.c.state.in_(OWNED)), queued, count - len(queued))
@@ -125,15 +124,10 @@ class _Ahead:
         return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
 
 
-def _steps_left(request: dict[str, Any], total_steps: int, step: int, default_model: str) -> int:
+def _steps_left(
+    document: dict[str, Any], resolved: dict[str, Any] | None, total_steps: int, step: int, default_model: str
+) -> int:
     if total_steps:
         return max(0, total_steps - step)
-    return _steps(read_stored(request), default_model)
-
-
-def _steps(request: JobRequest, default_model: str) -> int:
-    try:
-        return resolve(request.params, default_model=default_model).steps
-    except MeshdeformError:
-        # A default that has changed since it was accepted; its worker will say so.
-        return request.params.steps if "steps" in request.params.model_fields_set else 0
+    request = read_stored(document)
+    return kind_of(request.kind).steps(request, default_model, resolved)

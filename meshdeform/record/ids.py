@@ -1,12 +1,16 @@
-"""Job ids that sort by the time they were made."""
+"""Ids that sort by the time they were made, and cursors, which say after which id the next page of a list begins."""
 
 from __future__ import annotations
 
+import base64
+import re
 import secrets
 import threading
 import time
 
-__all__ = ["JOB_ID_PATTERN", "id_pattern", "new_id", "new_job_id"]
+from meshdeform.errors import ParameterError
+
+__all__ = ["JOB_ID_PATTERN", "decode_cursor", "encode_cursor", "id_pattern", "new_id", "new_job_id"]
 
 # Crockford's alphabet: sorts as the number does, and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
@@ -44,3 +48,28 @@ def new_id(prefix: str) -> str:
         moment = _last
     number = moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62)
     return f"{prefix}_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(125, -1, -5))
+
+
+def encode_cursor(last_id: str) -> str:
+    """Return what names the place behind a thing in its list."""
+    return base64.urlsafe_b64encode(last_id.encode()).decode().rstrip("=")
+
+
+def decode_cursor(cursor: str, prefix: str = "job") -> str:
+    """Return the id that a cursor names, of the kind that is listed.
+
+    Raises
+    ------
+    ParameterError
+        It is not one of ours.
+    """
+    try:
+        last_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
+    except ValueError:
+        last_id = ""
+    if re.fullmatch(id_pattern(prefix), last_id) is None:
+        raise ParameterError(
+            "The cursor is not one that this service gave.",
+            errors=[{"loc": ["query", "cursor"], "msg": "not a cursor of this service", "type": "cursor"}],
+        )
+    return last_id

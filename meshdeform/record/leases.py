@@ -1,29 +1,61 @@
-"""What workers write. A worker owns a job by a lease and an attempt number that every write of its own carries."""
+"""What workers write: `record.leases`.
+
+A worker has one row that it renews for as long as it lives, and with it the lease of the job that it runs. It owns that
+job by the lease and by an attempt number that every write of its own carries.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
 from meshdeform.errors import DeviceMemoryError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, RecordPart, Row
+from meshdeform.record.changes import Change, Row, changing, hold, stale
+from meshdeform.record.database import Database
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
-from meshdeform.record.schema import artifacts, checkpoints, jobs
+from meshdeform.record.schema import artifacts, checkpoints, jobs, workers
 
-__all__ = ["RELEASED", "WorkerSide"]
+__all__ = ["RELEASED", "Leases", "WorkerIdentity"]
 
 RELEASED: dict[str, Any] = {"worker_id": None, "lease_expires_at": None, "eta_s": None}
 
+_ALIVE_S = 30.0
+"""A worker that has not renewed its row for so long counts as silent: thrice the time between two renewals."""
+_KEPT_S = 86_400.0
 
-class WorkerSide(RecordPart):
+
+@dataclass(frozen=True)
+class WorkerIdentity:
+    """Who a worker process is.
+
+    Attributes
+    ----------
+    id : str
+        No other process, ever, has the same.
+    queue : str
+        Where it hears of jobs.
+    device : str
+        What it computes on.
+    """
+
+    id: str
+    queue: str
+    device: str
+
+
+class Leases:
     """Claims, and writes that are refused once the attempt is not the job's any more.
 
     Every method that takes an attempt raises `StaleAttemptError` when another attempt has the job or it is over, and
     `NotFoundError` when it is gone.
     """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
         """Take a job that is queued, as a new attempt.
@@ -57,24 +89,46 @@ class WorkerSide(RecordPart):
             "started_at": sa.func.coalesce(jobs.c.started_at, now),
             "phase": "loading",
         }
-        with self._change() as change:
+        with changing(self._database) as change:
             taken = change.update(sa.and_(which, jobs.c.state == JobState.QUEUED), values, EventType.STARTED)
             if not taken:
                 return None
             row = taken[0]
             if row.attempt == 1:
-                change.tallies.observe("queue_wait_seconds", (row.started_at - row.created_at).total_seconds())
+                change.counters.observe("queue_wait_seconds", (row.started_at - row.created_at).total_seconds())
         return rows.job(row)
 
-    def heartbeat(self, job_id: str, attempt: int, lease_s: float) -> JobState:
-        """Renew the lease; the state that comes back says whether to stop."""
+    def heartbeat(self, job_id: str, attempt: int, lease_s: float, *, worker: WorkerIdentity | None = None) -> JobState:
+        """Renew the lease of a job and the row of its worker; the state that comes back says whether to stop."""
         renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
         renew = renew.values(lease_expires_at=self._database.now(lease_s))
         with self._database.write() as connection:
             state = connection.execute(renew.returning(jobs.c.state)).scalar_one_or_none()
             if state is None:
-                raise self._stale(connection, job_id, attempt)
+                raise stale(connection, job_id, attempt)
+            if worker is not None:
+                self._renew(connection, worker)
         return JobState(state)
+
+    def idle(self, worker: WorkerIdentity) -> None:
+        """Renew the row of a worker that has no job."""
+        with self._database.write() as connection:
+            self._renew(connection, worker)
+
+    def _renew(self, connection: sa.Connection, worker: WorkerIdentity) -> None:
+        now = self._database.now()
+        insert = self._database.upsert(workers).values(
+            id=worker.id, queue=worker.queue, device=worker.device, started_at=now, seen_at=now
+        )
+        connection.execute(
+            insert.on_conflict_do_update(index_elements=["id"], set_={"seen_at": now, "device": worker.device})
+        )
+
+    def alive(self, queue: str) -> int:
+        """Return how many workers of a queue have renewed their rows lately."""
+        seen = sa.and_(workers.c.queue == queue, workers.c.seen_at > self._database.now(-_ALIVE_S))
+        with self._database.read() as connection:
+            return connection.execute(sa.select(sa.func.count()).select_from(workers).where(seen)).scalar_one()
 
     def save_progress(self, job_id: str, attempt: int, progress: Progress, *, tell: bool = True) -> None:
         """Publish progress, as an event too if `tell`. The fraction never goes back, also not across attempts."""
@@ -116,16 +170,16 @@ class WorkerSide(RecordPart):
         }
         insert = self._database.upsert(checkpoints).values(values)
         insert = insert.on_conflict_do_update(index_elements=["job_id", "attempt", "step"], set_=values)
-        with self._change() as change:
+        with changing(self._database) as change:
             where = rows.fenced(job_id, attempt)
             if not change.update(where, {}, EventType.CHECKPOINT, {"step": step}):
-                raise self._stale(change.connection, job_id, attempt)
+                raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
 
     def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
         """Point no more at a checkpoint, so that its objects can be deleted."""
         with self._database.write() as connection:
-            self._fence(connection, job_id, attempt)
+            hold(connection, job_id, attempt)
             connection.execute(sa.delete(checkpoints).where(checkpoints.c.job_id == job_id, checkpoints.c.key == key))
 
     def checkpoints(self, job_id: str) -> list[CheckpointRef]:
@@ -186,14 +240,14 @@ class WorkerSide(RecordPart):
                 return {"artifacts": sorted(result.name for result in results)}
             return {"error": row.error} if row.error else {}
 
-        with self._change() as change:
+        with changing(self._database) as change:
             changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), ended)
             if not changed:
-                raise self._stale(change.connection, job_id, attempt)
+                raise stale(change.connection, job_id, attempt)
             if changed[0].state == JobState.SUCCEEDED:
                 self._publish(change, job_id, attempt, results)
             if step_s:
-                change.tallies.observe("step_seconds", step_s)
+                change.counters.observe("step_seconds", step_s)
         return JobState(changed[0].state)
 
     def _publish(self, change: Change, job_id: str, attempt: int, results: Sequence[Artifact]) -> None:
@@ -208,7 +262,7 @@ class WorkerSide(RecordPart):
     def out_of_memory(self, job_id: str, attempt: int, max_attempts: int) -> JobState:
         """Hand a job back that the device had no memory for; after so many times it fails (`gpu_oom`)."""
         error = DeviceMemoryError(f"The device ran out of memory in {max_attempts} attempts.")
-        with self._change() as change:
+        with changing(self._database) as change:
             where = rows.fenced(job_id, attempt)
             last = sa.and_(jobs.c.state == JobState.RUNNING, jobs.c.oom_attempts + 1 >= max_attempts)
             over = {
@@ -224,20 +278,25 @@ class WorkerSide(RecordPart):
                 back = self._back({"oom_attempts": jobs.c.oom_attempts + 1})
                 changed = change.update(where, back, _queued_or_canceled, _why("out_of_memory"))
             if not changed:
-                raise self._stale(change.connection, job_id, attempt)
+                raise stale(change.connection, job_id, attempt)
         return JobState(changed[0].state)
 
     def worker_ended(self, worker_id: str) -> bool:
-        """End the lease that a worker holds which is known to be gone; True if it held one.
+        """Forget a worker that is known to be gone, and end the lease that it holds; return whether it held one.
 
-        The job is then taken back like that of any silent worker (`reclaim_expired`), only without the wait.
+        The job is then taken back like that of any silent worker (`Upkeep.reclaim_expired`), only without the wait.
+        Rows of workers that fell silent a day ago are removed too.
         """
         held = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state.in_(rows.OWNED))
         # Without its worker the attempt is nobody's: a heartbeat that the dead had under way cannot renew the lease any
         # more. A second ago: over by any clock's resolution.
         change = sa.update(jobs).where(held).values(worker_id=None, lease_expires_at=self._database.now(-1.0))
+        gone = sa.or_(workers.c.id == worker_id, workers.c.seen_at < self._database.now(-_KEPT_S))
         with self._database.write() as connection:
-            return connection.execute(change.returning(jobs.c.id)).first() is not None
+            # The job first, as in `heartbeat`: two transactions that take both rows never wait in a circle.
+            held_one = connection.execute(change.returning(jobs.c.id)).first() is not None
+            connection.execute(sa.delete(workers).where(gone))
+        return held_one
 
     def _back(self, more: dict[str, Any]) -> dict[str, Any]:
         asked = jobs.c.state == JobState.CANCELING
@@ -250,9 +309,9 @@ class WorkerSide(RecordPart):
         }
 
     def _write(self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any) -> None:
-        with self._change() as change:
+        with changing(self._database) as change:
             if not change.update(rows.fenced(job_id, attempt), values, happened, data):
-                raise self._stale(change.connection, job_id, attempt)
+                raise stale(change.connection, job_id, attempt)
 
 
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.requests.document import DeformParams, JobKind, JobRequest, ResolvedParams
+from meshdeform.requests.document import DeformParams, JobKind, JobRequest
 
 __all__ = [
     "TERMINAL_STATES",
@@ -208,7 +208,7 @@ class Job(_Frozen):
     state: JobState
     request: JobRequest
     resolved: dict[str, Any] | None = None
-    """The parameters that run, as `ResolvedParams` dumps them; None for jobs of older versions."""
+    """The parameters that run, every one with its value; None for jobs of older versions."""
     asset: StoredFile
     target: StoredFile | None = None
     error: JobError | None = None
@@ -276,7 +276,7 @@ class NewJob:
         Unfinished jobs that the owner may have with this one; 0: any number.
     request_id, traceparent : str, optional
         The HTTP request that made it, for logs and traces.
-    resolved : ResolvedParams, optional
+    resolved : BaseModel, optional
         What the request's parameters came to when they were checked.
     claim : Claim, optional
         The idempotency key of the HTTP request; its answer is written with the job.
@@ -291,7 +291,7 @@ class NewJob:
     max_active: int = 0
     request_id: str | None = None
     traceparent: str | None = None
-    resolved: ResolvedParams | None = None
+    resolved: BaseModel | None = None
     claim: Claim | None = None
 
 

@@ -1,7 +1,7 @@
-"""How workers are told: a job's id on an RQ queue, and a cancel over Redis' publish and subscribe.
+"""How workers are told: a message on an RQ queue that a job waits, and a cancel over Redis' publish and subscribe.
 
-Redis is not the record. What it loses, the reconciler tells it again; what it delivers twice, `JobRecord.claim`
-refuses.
+Redis is not the record. What it loses, the reconciler tells it again; what it delivers twice, `Leases.claim_next` gives
+to one worker only.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 
-__all__ = ["TASK", "CancelSubscription", "JobQueue"]
+__all__ = ["CancelSubscription", "JobQueue", "job_of"]
 
-TASK = "worker.tasks.run_job"
+_MESSAGE = "a job waits"
+"""What RQ calls the function of a message. Nobody calls it: whoever reads a message takes the most urgent job."""
 _log = logging.getLogger(__name__)
 
 
@@ -71,7 +72,7 @@ class JobQueue:
             self._redis.ping()
 
     def enqueue(self, job_id: str) -> None:
-        """Tell the workers about a job; nothing but its id goes to Redis.
+        """Tell the workers that a job waits. The message holds nothing but its name: the job's id and a number.
 
         Raises
         ------
@@ -80,13 +81,13 @@ class JobQueue:
         """
         with _redis_errors():
             self._queue.enqueue(
-                TASK, job_id, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
+                _MESSAGE, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
             )
 
     def told(self) -> set[str]:
         """The ids of the jobs that wait in Redis."""
         with _redis_errors():
-            return {entry.rpartition("-")[0] for entry in self._queue.get_job_ids()}
+            return {job_of(entry) for entry in self._queue.get_job_ids()}
 
     def length(self) -> int:
         """How many messages wait in Redis."""
@@ -141,6 +142,11 @@ class CancelSubscription:
             except RedisError:
                 _log.debug("the subscription was gone already")
         self._pubsub = None
+
+
+def job_of(message: str) -> str:
+    """Return the id of the job that a message, by its name, was sent for."""
+    return message.rpartition("-")[0]
 
 
 def _channel(job_id: str) -> str:

@@ -76,14 +76,14 @@ class Reconciler:
         return self._told
 
     def _take_back(self) -> None:
-        if cut := self._record.shorten_leases(self._lease_s):
+        if cut := self._record.upkeep.shorten_leases(self._lease_s):
             _log.warning("%d leases were given by a clock that is ahead; they are cut", cut)
-        for job_id in self._record.reclaim_expired(self._max_attempts):
+        for job_id in self._record.upkeep.reclaim_expired(self._max_attempts):
             _log.warning("job %s: its worker is silent; it is queued again", job_id)
             failpoint("reconciler.reclaimed")
 
     def _expire(self) -> None:
-        for job_id in self._record.expire_deadlines():
+        for job_id in self._record.upkeep.expire_deadlines():
             _log.info("job %s: its deadline is over", job_id)
             # Its worker is refused with its next write; told now, it stops at once.
             self._queue.publish_cancel(job_id)
@@ -95,21 +95,21 @@ class Reconciler:
         jobs, none is forgotten, and nothing needs to be compared one by one.
         """
         # Before the rest: what comes after this look is left to the next one.
-        untold = self._record.untold()
-        if self._queue.length() < self._record.queued_count():
+        untold = self._record.upkeep.untold()
+        if self._queue.length() < self._record.upkeep.queued_count():
             told = self._queue.told()
-            for job_id in self._record.queued_ids():
+            for job_id in self._record.upkeep.queued_ids():
                 if job_id not in told:
                     self._queue.enqueue(job_id)
                     self._told.append(job_id)
                     failpoint("reconciler.told")
         if untold:
-            self._record.told(untold)
+            self._record.upkeep.told(untold)
 
     def _delete(self) -> None:
-        if deleted := self._record.delete_retained():
+        if deleted := self._record.upkeep.delete_retained():
             _log.info("%d jobs are past their retention and deleted", len(deleted))
-        self._record.delete_stale_requests()
+        self._record.upkeep.delete_stale_requests()
 
     def _remove(self) -> None:
         if self._store is not None:

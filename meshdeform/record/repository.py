@@ -1,7 +1,7 @@
 """The record of all jobs, in SQL: what it says is true, whatever Redis, a worker or the API believes.
 
-`JobRecord` is what users do with jobs; what workers and the reconciler do is in `worker_side` and `upkeep`, and what is
-not about one job lies in parts of its own: `files`, `events`, `idempotency`, `registry`.
+`JobRecord` is what users do with jobs. What workers and the reconciler do is in its parts `leases` and `upkeep`; others
+(`files`, `events`, `idempotency`, `webhooks` and so on) hold what is not about one job.
 """
 
 from __future__ import annotations
@@ -15,27 +15,26 @@ import sqlalchemy as sa
 from meshdeform.api.jobs import accepted
 from meshdeform.errors import ConflictError, TooManyJobsError
 from meshdeform.record import rows
-from meshdeform.record.changes import find_job
-from meshdeform.record.counters import read_tallies
-from meshdeform.record.cursors import decode_cursor, encode_cursor
+from meshdeform.record.changes import changing, find_job
+from meshdeform.record.counters import read_counters
 from meshdeform.record.database import Database
+from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger
 from meshdeform.record.idempotency import IdempotencyLedger
-from meshdeform.record.ids import new_job_id
+from meshdeform.record.ids import decode_cursor, encode_cursor, new_job_id
 from meshdeform.record.keys import KeyRing
-from meshdeform.record.leases import WorkerSide
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
 from meshdeform.record.schema import artifacts, discarded, jobs, labels, secrets
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
-from meshdeform.record.workers import WorkerRegistry
 
 __all__ = ["JobRecord"]
 
 
-class JobRecord(WorkerSide, Upkeep):
+class JobRecord:
     """Every job, from 202 to its deletion. Safe to share between threads.
 
     Parameters
@@ -47,6 +46,10 @@ class JobRecord(WorkerSide, Upkeep):
     ----------
     database : Database
         For the parts of the record that live beside it (`keys.py`, `uploads.py`, `webhooks.py`).
+    leases : Leases
+        What workers write, and which of them are alive.
+    upkeep : Upkeep
+        What the reconciler does.
     files : FileLedger
         Which stored files are in use.
     events : EventLog
@@ -55,10 +58,10 @@ class JobRecord(WorkerSide, Upkeep):
         Files that are sent by themselves.
     idempotency : IdempotencyLedger
         Requests that may come twice.
-    registry : WorkerRegistry
-        Which workers are alive.
     webhooks : WebhookBook
         Who wants to be told of events, and what was sent to them.
+    deliveries : Deliveries
+        Messages that are due to webhooks.
     keys : KeyRing
         The API keys.
 
@@ -70,12 +73,14 @@ class JobRecord(WorkerSide, Upkeep):
 
     def __init__(self, url: str) -> None:
         self.database = self._database = Database(url)
+        self.leases = Leases(self._database)
+        self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
         self.events = EventLog(self._database)
         self.uploads = UploadLedger(self._database, self.files)
         self.idempotency = IdempotencyLedger(self._database)
-        self.registry = WorkerRegistry(self._database)
-        self.webhooks = WebhookBook(self._database)
+        self.deliveries = Deliveries(self._database)
+        self.webhooks = WebhookBook(self._database, self.deliveries)
         self.keys = KeyRing(self._database)
 
     def close(self) -> None:
@@ -100,7 +105,7 @@ class JobRecord(WorkerSide, Upkeep):
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
         keys = {values["asset_key"], values["target_key"], values["origin_key"]} - {None}
-        with self._change() as change:
+        with changing(self._database) as change:
             connection = change.connection
             self._hold_to_limit(connection, new)
             self.files.unpin(sorted(keys), connection)
@@ -183,7 +188,7 @@ class JobRecord(WorkerSide, Upkeep):
             "finished_at": sa.case((queued, self._database.now()), else_=None),
             "phase": sa.case((queued, "done"), else_=jobs.c.phase),
         }
-        with self._change() as change:
+        with changing(self._database) as change:
             if changed := change.update(open_, values, lambda row: EventType(row.state)):
                 return rows.job(changed[0])
             job = find_job(change.connection, job_id, owner)
@@ -230,9 +235,9 @@ class JobRecord(WorkerSide, Upkeep):
             find_job(connection, job_id, owner)
             return [rows.artifact(row) for row in connection.execute(query)]
 
-    def tallies(self) -> dict[tuple[str, str], float]:
-        """Return the sums for the metrics, by name and label (`tallies.py`)."""
-        return read_tallies(self._database)
+    def counters(self) -> dict[tuple[str, str], float]:
+        """Return the sums for the metrics, by name and label (`counters.py`)."""
+        return read_counters(self._database)
 
     def secret(self, name: str) -> bytes:
         """Return 32 random bytes that all processes of the deployment share, made when they are first asked for."""

@@ -1,4 +1,4 @@
-"""What the reconciler does with the record: silent workers, deadlines, retention, and who is still to be told."""
+"""What the reconciler does, `record.upkeep`: silent workers, deadlines, retention, and who is still to be told."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import sqlalchemy as sa
 
 from meshdeform.errors import WorkerLostError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, RecordPart, Row
+from meshdeform.record.changes import Change, Row, changing
+from meshdeform.record.database import Database
 from meshdeform.record.leases import RELEASED
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, idempotency, jobs, outbox, uploads
@@ -20,8 +21,11 @@ _BATCH = 100
 IDEMPOTENCY_KEPT_S = 86_400.0
 
 
-class Upkeep(RecordPart):
+class Upkeep:
     """Any number of reconcilers may do this at once: what one has changed, another does not find any more."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def reclaim_expired(self, max_attempts: int) -> list[str]:
         """Take back every job whose lease is over; return the ids that are queued again.
@@ -44,7 +48,7 @@ class Upkeep(RecordPart):
         ended = change.update(asked, canceled, EventType.CANCELED)
         ended += change.update(exhausted, failed, EventType.FAILED, lambda row: {"error": row.error})
         queued = change.update(running, again, EventType.RECOVERED, _lost_attempt)
-        change.tallies.add("lease_expirations", value=len(ended) + len(queued))
+        change.counters.add("lease_expirations", value=len(ended) + len(queued))
         return [row.id for row in queued]
 
     def shorten_leases(self, lease_s: float) -> int:
@@ -165,7 +169,7 @@ class Upkeep(RecordPart):
                 # Almost always there is none, and then nobody need wait for a write lock.
                 if connection.execute(some.limit(1)).first() is None:
                     return sorted(ids)
-            with self._change() as change:
+            with changing(self._database) as change:
                 held = list(change.connection.scalars(some.with_for_update(skip_locked=True)))
                 if held:
                     ids += change_them(change, jobs.c.id.in_(held))

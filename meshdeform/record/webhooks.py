@@ -1,7 +1,6 @@
 """Webhooks of owners, and the log of what was sent to them: `record.webhooks`.
 
-Messages are written with the events that they tell of (`deliveries.py`); what the sender does with them is in
-`outgoing.py`.
+Messages are written with the events that they tell of, and taken by their senders, in `deliveries.py`.
 """
 
 from __future__ import annotations
@@ -16,10 +15,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, NotFoundError, RequestError
-from meshdeform.record.cursors import decode_cursor, encode_cursor
 from meshdeform.record.database import Database
-from meshdeform.record.ids import new_id
-from meshdeform.record.outgoing import Outgoing
+from meshdeform.record.deliveries import Deliveries
+from meshdeform.record.ids import decode_cursor, encode_cursor, new_id
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 
 __all__ = ["MAX_WEBHOOKS", "TEST_EVENT", "Delivery", "DeliveryAttempt", "DeliveryPage", "Webhook", "WebhookBook"]
@@ -94,11 +92,11 @@ class DeliveryPage:
     next_cursor: str | None
 
 
-class WebhookBook(Outgoing):
+class WebhookBook:
     """Every webhook. Each look-up names the owner: somebody else's webhook is not there."""
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
+    def __init__(self, database: Database, messages: Deliveries) -> None:
+        self._database, self._messages = database, messages
 
     def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
         """Enter a webhook, enabled. The address must be checked by now (`meshdeform.webhooks.addresses`).
@@ -188,7 +186,7 @@ class WebhookBook(Outgoing):
             if values:
                 connection.execute(sa.update(webhooks).where(_is(webhook_id, owner)).values(values))
             if enabled is False:
-                self._disable(connection, webhook_id, "disabled by its owner")
+                self._messages.disable(connection, webhook_id, "disabled by its owner")
             return _webhook(_find(connection, webhook_id, owner))
 
     def rotate(self, webhook_id: str, owner: str, keep_s: float = _KEEP_S) -> tuple[Webhook, str]:

@@ -8,9 +8,26 @@ __all__ = ["GuidanceKind", "JobKind", "Preset", "Safeguard"]
 
 
 class JobKind(StrEnum):
-    """What a job does; more kinds join this list."""
+    """What a job does."""
+
+    # `meshdeform.runs` describes each kind.
 
     TEXT_DEFORM = "text_deform"
+
+    @classmethod
+    def named(cls, name: str) -> JobKind:
+        """Return the kind of this name; one that is not in the list above is known from then on."""
+        if name not in cls._value2member_map_:
+            member = str.__new__(cls, name)
+            member._name_, member._value_ = name.upper(), name
+            cls._value2member_map_[name] = member
+        return cls(name)
+
+    @classmethod
+    def _missing_(cls, value: object) -> JobKind | None:
+        # For pydantic, which keeps a list of its own and asks here for the rest.
+        found = cls._value2member_map_.get(value)
+        return found if isinstance(found, cls) else None
 
 
 class Preset(StrEnum):

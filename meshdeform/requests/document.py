@@ -9,7 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import Field, StringConstraints
+from pydantic import (
+    BaseModel,
+    Field,
+    SerializeAsAny,
+    StringConstraints,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
 
 from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, Safeguard
 from meshdeform.requests.parameters import (
@@ -44,6 +52,7 @@ __all__ = [
     "Safeguard",
     "read_stored",
     "resolve",
+    "use_params",
 ]
 
 MAX_METADATA_ENTRIES = 32
@@ -76,6 +85,14 @@ _MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADAT
 _MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 
 
+_PARAMS: dict[JobKind, type[BaseModel]] = {JobKind.TEXT_DEFORM: DeformParams}
+
+
+def use_params(kind: JobKind, model: type[BaseModel]) -> None:
+    """Let requests of a kind have these parameters; `meshdeform.runs.register` calls this."""
+    _PARAMS[kind] = model
+
+
 class JobRequest(StrictModel):
     """The JSON document that asks for one job."""
 
@@ -86,7 +103,9 @@ class JobRequest(StrictModel):
         description="What the asset shall become. Required unless `params.guidance` is `target`.",
         examples=["a mushroom"],
     )
-    params: DeformParams = Field(default_factory=DeformParams, description="Parameters of the deformation.")
+    params: SerializeAsAny[DeformParams] = Field(
+        default_factory=DeformParams, validate_default=True, description="Parameters of the deformation."
+    )
     output: OutputOptions = Field(default_factory=OutputOptions, description="What the job writes.")
     metadata: dict[_MetaKey, _MetaValue] = Field(
         default_factory=dict,
@@ -118,10 +137,24 @@ class JobRequest(StrictModel):
         examples=[604800],
     )
 
+    @field_validator("params", mode="wrap")
+    @classmethod
+    def _of_the_kind(cls, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        """Validate the parameters by the model of the kind; only those of `text_deform` are `DeformParams`."""
+        model = _PARAMS.get(info.data.get("kind", JobKind.TEXT_DEFORM))
+        if model is None:
+            raise ValueError("no kind of job has this name")
+        if model is DeformParams:
+            return handler(value)
+        if isinstance(value, DeformParams):  # the default
+            return model()
+        return value if isinstance(value, model) else model.model_validate(value)
+
     @property
     def workload(self) -> str:
         """Jobs of the same workload take about as long a step; the basis of estimates."""
-        return f"{self.kind}/{self.params.guidance}/{self.params.model or ''}"
+        params: Any = self.params
+        return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
@@ -134,5 +167,6 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     document : mapping
         As the record keeps it.
     """
-    params = {name: value for name, value in document.get("params", {}).items() if name in DeformParams.model_fields}
+    known = _PARAMS[JobKind(document.get("kind", JobKind.TEXT_DEFORM))].model_fields
+    params = {name: value for name, value in document.get("params", {}).items() if name in known}
     return JobRequest.model_validate({**document, "params": params})

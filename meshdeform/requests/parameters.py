@@ -127,7 +127,7 @@ class DeformParams(StrictModel):
         ge=0,
         le=2**63 - 1,
         description="Seed of every random draw (cameras, timesteps, noise). The same seed gives the same result "
-        "on the same machine.",
+        "on the same machine on the CPU.",
         examples=[0],
     )
     learning_rate: float = _of_preset(

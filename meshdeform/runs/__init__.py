@@ -1,29 +1,78 @@
-"""Kinds of job. Each has a torch-free check at the door and a run in the worker."""
+"""The kinds of job, by name. Torch-free: what runs a kind is imported when a worker first needs it.
+
+A new kind is a module like `text_deform_kind.py`, a name in `JobKind`, and a line at the end of this one. The check at
+the door, the parts that a form may have, the worker's start and the lists in the documentation follow from its
+description.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import JobKind, JobRequest, ResolvedParams
+from meshdeform.requests.document import JobKind, JobRequest, use_params
+from meshdeform.runs.base import JobRun, Kind, RunInput
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from meshdeform.settings import Settings
 
-__all__ = ["check_request"]
+__all__ = ["check_request", "file_parts", "kind_of", "kinds", "register", "start_run"]
+
+_registered: dict[JobKind, Kind] = {}
 
 
-def check_request(request: JobRequest, settings: Settings, *, has_target: bool) -> ResolvedParams:
-    """Refuse a request that no worker of this deployment could run; return what its parameters come to. Torch-free.
+def _built_in() -> list[Kind]:
+    from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+
+    return [TEXT_DEFORM]
+
+
+def register(kind: Kind) -> None:
+    """Make a kind known, in place of one of the same name."""
+    _registered[kind.name] = kind
+    use_params(kind.name, kind.params)
+
+
+def kinds() -> list[Kind]:
+    """Return every kind, in the order in which they were registered."""
+    if not _registered:
+        _registered.update({kind.name: kind for kind in _built_in()})
+    return list(_registered.values())
+
+
+def kind_of(name: JobKind) -> Kind:
+    """Return the description of a kind.
+
+    Raises
+    ------
+    ParameterError
+        None is registered under this name.
+    """
+    kinds()
+    if name not in _registered:
+        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"There are: {', '.join(_registered)}.")
+    return _registered[name]
+
+
+def file_parts() -> tuple[str, ...]:
+    """Return the names of the files that any kind reads, each once."""
+    return tuple(dict.fromkeys(part.name for kind in kinds() for part in kind.reads))
+
+
+def check_request(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
+    """Refuse a request that no worker of this deployment could run; return what its parameters come to.
 
     Parameters
     ----------
     request : JobRequest
     settings : Settings
         Names the models of this deployment.
-    has_target : bool
-        Whether a second mesh was sent.
+    files : collection of str
+        The names of the files that come with it, or that it names.
 
     Raises
     ------
@@ -32,28 +81,31 @@ def check_request(request: JobRequest, settings: Settings, *, has_target: bool) 
     ModelError
         The model is not one of this deployment's, or not on this machine.
     """
-    if request.output.usd and not settings.writes_usd:
-        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
-        raise ParameterError(
-            detail,
-            advice="Leave output.usd out. Whoever runs the service can install the extra `usd` and set MESHDEFORM_USD.",
-            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
-        )
-    return _CHECKS[request.kind](request, settings, has_target)
+    kind = kind_of(request.kind)
+    for part in kind.reads:
+        if part.required and part.name not in files:
+            raise _refused(
+                part.name, f"`{part.name}` is missing.", f"Send it as the part `{part.name}`: {part.summary}"
+            )
+    for name in sorted(set(files) - {part.name for part in kind.reads}):
+        reads = ", ".join(part.name for part in kind.reads) or "no file"
+        raise _refused(name, f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
+    return kind.check(request, settings, frozenset(files))
 
 
-def _check_text_deform(request: JobRequest, settings: Settings, has_target: bool) -> ResolvedParams:
-    from meshdeform.runs import text_deform_check
+def start_run(given: RunInput) -> JobRun:
+    """Start the run of a job, of whichever kind it is.
 
-    return text_deform_check.check(
-        request,
-        default_model=settings.model,
-        allowed_models=settings.allowed_models,
-        revision=settings.model_revision,
-        has_target=has_target,
-    )
+    Raises
+    ------
+    MeshdeformError
+        What is wrong with the request, its files or this machine.
+    """
+    return kind_of(given.request.kind).load()(given)
 
 
-_CHECKS: Mapping[JobKind, Callable[[JobRequest, Settings, bool], ResolvedParams]] = {
-    JobKind.TEXT_DEFORM: _check_text_deform
-}
+def _refused(name: str, detail: str, advice: str) -> ParameterError:
+    return ParameterError(detail, advice=advice, errors=[{"loc": [name], "msg": detail, "type": "value_error"}])
+
+
+register(TEXT_DEFORM)

@@ -176,7 +176,7 @@ class TextDeformRun:
         for step in self._deformation:
             self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
             self._history.add(step.step, step.losses)
-            yield StepReport(step.step, self.total_steps, "optimizing", step.losses)
+            yield StepReport(step.step, self.total_steps, step.losses)
             start = time.perf_counter()
 
     def checkpoint(self) -> bytes:

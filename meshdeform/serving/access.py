@@ -1,4 +1,4 @@
-"""Whether requests need an API key: one rule for the commands, which know where they listen, and for each request."""
+"""Decide whether requests need an API key, with one rule for the commands that listen and for each request."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ __all__ = ["is_foreign", "is_loopback", "needs_keys"]
 
 
 def needs_keys(auth: Literal["auto", "on", "off"], address: str | None) -> bool:
-    """Whether requests that come in at an address need a key.
+    """Return whether requests that arrive at an address need a key.
 
     Parameters
     ----------
     auth : {"auto", "on", "off"}
         The setting.
     address : str or None
-        Where the API listens, or the local end of a connection; never the peer's, which a proxy on this machine would
-        make look harmless. None, or the path of a socket: nobody knows who is behind it.
+        Where the API listens, or the local end of a connection. Never the peer's address, which behind a proxy on this
+        machine is always local. None, or the path of a socket: the clients are unknown, so that keys are needed.
     """
     if auth == "auto":
         return not is_loopback(address)
@@ -26,7 +26,7 @@ def needs_keys(auth: Literal["auto", "on", "off"], address: str | None) -> bool:
 
 
 def is_loopback(address: str | None) -> bool:
-    """Whether only this machine can reach an address. A name other than `localhost` is not looked up: it is not."""
+    """Return whether only this machine can reach an address. Names other than `localhost` count as reachable."""
     if address is None:
         return False
     if address == "localhost":
@@ -40,10 +40,10 @@ def is_loopback(address: str | None) -> bool:
 
 
 def is_foreign(host: str | None, origin: str | None) -> bool:
-    """Whether a request that reached loopback was sent by a web page that is not this machine's.
+    """Return whether a request to loopback was sent by a web page from another host.
 
-    A browser on this machine runs pages of others. Such a page may post forms to any address, which the header `Origin`
-    tells; and its host's name may suddenly lead to loopback (DNS rebinding), which the header `Host` tells.
+    A browser on this machine also runs pages from other hosts. Such a page can post forms to any address, which the
+    header `Origin` reveals, and its host name can change to loopback (DNS rebinding), which the header `Host` reveals.
 
     Parameters
     ----------

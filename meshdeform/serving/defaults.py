@@ -1,4 +1,4 @@
-"""Where a service on this machine listens unless it is told otherwise. Imports nothing: the client needs it too."""
+"""Define the default address of a service on this machine. Imports nothing, since the client needs it too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One `meshdeform serve` at a time on a data directory."""
+"""Allow only one `meshdeform serve` at a time on a data directory."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _NAME = "serve.lock"
 
 
 class DirectoryLock:
-    """An exclusive lock on a directory, held by this process and by every child that gets `fd`.
+    """An exclusive lock on a directory, held by this process and by every child that inherits `fd`.
 
-    Children hold it too, so a `serve` that starts right after another was killed waits until the last of them is gone
-    instead of sharing the record, the port and the queue with them.
+    A `serve` that starts right after another was killed therefore waits until the last child has exited, instead of
+    sharing the record, the port and the queue with it.
 
     Parameters
     ----------
     directory : Path
-        Made when it does not exist.
+        Created if it does not exist.
     patience_s : float
-        How long to wait for the children of a `serve` that is gone.
+        How long to wait for the children of a `serve` that has exited.
 
     Raises
     ------
@@ -57,7 +57,7 @@ class DirectoryLock:
         os.pwrite(self.fd, f"{os.getpid()}\n".encode(), 0)
 
     def close(self) -> None:
-        """Give the directory up (a child that still holds the lock keeps it)."""
+        """Release this process's hold on the lock; children that still run keep theirs."""
         os.close(self.fd)
 
     def _try(self) -> bool:
@@ -68,7 +68,7 @@ class DirectoryLock:
         return True
 
     def _holder(self) -> int:
-        """The process that wrote its id last, or 0."""
+        """Return the id of the last process to take the lock, or 0."""
         text = os.pread(self.fd, 32, 0).strip()
         return int(text) if text.isdigit() else 0
 

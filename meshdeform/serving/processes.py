@@ -1,8 +1,8 @@
-"""Child processes that do not outlive their parent, and signals as something to wait for. Standard library only.
+"""Run child processes that do not outlive their parent, and wait for signals. Standard library only.
 
-A child is started through a small leash: on Linux it asks the kernel (``PR_SET_PDEATHSIG``) for a signal at its
-parent's death, then becomes the program. That also covers a parent that was killed with SIGKILL and cannot clean up.
-Elsewhere there is no such request; there a child is stopped by its parent only.
+A child is started through a small launcher: on Linux it asks the kernel (``PR_SET_PDEATHSIG``) for a signal at its
+parent's death, then becomes the program. This also covers a parent that was killed with SIGKILL and cannot clean up.
+On other systems only the parent stops a child.
 
 The kernel watches the *thread* that started the child: start children from the main thread.
 """
@@ -21,11 +21,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import IO, Self
 
-__all__ = ["Backoff", "Child", "KeptChild", "SignalInbox", "python_command"]
+__all__ = ["Backoff", "Child", "SignalInbox", "SupervisedChild", "python_command"]
 
-# Not a preexec_fn, which is unsafe beside threads: the leash is a process of its own until it becomes the program.
-# 1 is PR_SET_PDEATHSIG. A parent that died before the request is noticed by the changed parent id.
-_LEASH = """
+# Not a preexec_fn, which is unsafe with threads: the launcher is a separate process until it becomes the program.
+# 1 is PR_SET_PDEATHSIG. The check of the parent's id detects a parent that died before the call.
+_LAUNCHER = """
 import ctypes, os, signal, sys
 parent, death_signal, program = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
 ctypes.CDLL(None).prctl(1, death_signal)
@@ -40,26 +40,26 @@ except OSError as error:
 
 
 def python_command(module: str, *arguments: str) -> list[str]:
-    """The command that runs one of our modules: this interpreter, and never a module of the current folder."""
+    """Return the command that runs one of our modules with this interpreter, ignoring the current folder's modules."""
     return [sys.executable, "-P", "-m", module, *arguments]
 
 
 class Child:
-    """A program in a process group of its own, so that a Ctrl-C at the terminal reaches its parent only.
+    """A program in its own process group, so that Ctrl-C at the terminal reaches only its parent.
 
     Parameters
     ----------
     name : str
-        What it is called in messages.
+        Its name in messages.
     command : sequence of str
     env : mapping, optional
-        Variables set or changed for it.
+        Environment variables to add or change.
     stdin : bytes
-        What it reads from its standard input.
+        The content of its standard input.
     pass_fds : iterable of int
-        Descriptors that stay open in it, under the same numbers.
+        File descriptors that it inherits, under the same numbers.
     on_line : callable, optional
-        Gets each line that it prints, from a thread. Without it the child shares our output.
+        Called with each line that it prints, from a thread. Without it the child shares our output.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Child:
         self._reader: threading.Thread | None = None
         pipe = subprocess.PIPE if on_line else None
         self._process = subprocess.Popen(
-            _on_a_leash(command),
+            _launcher_command(command),
             env={**os.environ, **(env or {})},
             stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,
             stdout=pipe,
@@ -90,7 +90,7 @@ class Child:
                 self._process.stdin.write(stdin)
                 self._process.stdin.close()
             except BrokenPipeError:
-                pass  # it died first: `exit_code` tells
+                pass  # it died first; `exit_code` reports that
         if on_line and self._process.stdout is not None:
             arguments = (self._process.stdout, on_line)
             self._reader = threading.Thread(target=_read_lines, args=arguments, name=f"output of {name}", daemon=True)
@@ -98,12 +98,12 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """The process id."""
         return self._process.pid
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs; minus the signal's number if one ended it."""
+        """The exit code: None while it runs, or minus the number of the signal that ended it."""
         return self._process.poll()
 
     def ask_to_stop(self) -> None:
@@ -112,12 +112,12 @@ class Child:
             self._process.terminate()
 
     def kill(self) -> None:
-        """Send SIGKILL, to it and to what it started; return at once."""
+        """Send SIGKILL to it and to its descendants, without waiting."""
         if self.exit_code is None:
             self._kill_group()
 
     def stop(self, grace_s: float) -> int:
-        """Wait for it after SIGTERM; kill it, with what it started, when the time is up."""
+        """Send SIGTERM, wait up to `grace_s` seconds, kill it with its descendants, and return its exit code."""
         self.ask_to_stop()
         try:
             self._process.wait(timeout=max(0.0, grace_s))
@@ -125,7 +125,7 @@ class Child:
             self._kill_group()
         code = self._process.wait()
         if self._reader is not None:
-            # The last lines. A grandchild that still holds the pipe must not hold us.
+            # Wait for the last lines, but not for a grandchild that keeps the pipe open.
             self._reader.join(timeout=1.0)
         return code
 
@@ -137,33 +137,33 @@ class Child:
 
 
 class Backoff:
-    """How long to wait before a program that ended is started again: doubling, forgiven once it has run for a while."""
+    """Delays before restarting a program: they double each time, and reset once it has run for `healthy_s` seconds."""
 
     def __init__(self, first_s: float = 0.5, longest_s: float = 30.0, healthy_s: float = 30.0) -> None:
         self._first_s, self._longest_s, self._healthy_s = first_s, longest_s, healthy_s
         self._next_s = first_s
 
     def after(self, lived_s: float) -> float:
-        """Seconds to wait after a life of `lived_s` seconds."""
+        """Return the seconds to wait before restarting a program that ran for `lived_s` seconds."""
         if lived_s >= self._healthy_s:
             self._next_s = self._first_s
         delay, self._next_s = self._next_s, min(2 * self._next_s, self._longest_s)
         return delay
 
 
-class KeptChild:
-    """A child that is started again, with back-off, whenever it ends by itself.
+class SupervisedChild:
+    """A child that is restarted, with back-off, whenever it ends by itself.
 
     Parameters
     ----------
     start : callable
-        Starts it.
+        Starts and returns the child.
     log : callable
-        Gets one sentence when it ended.
+        Called with one sentence each time the child ends.
     on_end : callable, optional
-        Called once for each time that it ended by itself.
+        Called each time the child ends by itself.
     at_once : collection of int
-        Exit codes after which it is started again without a wait: it ended in order to be.
+        Exit codes that request an immediate restart.
     """
 
     def __init__(
@@ -179,8 +179,8 @@ class KeptChild:
         self._due: float | None = None
         self.child = start()
 
-    def tend(self) -> None:
-        """Look after it; call this often."""
+    def supervise(self) -> None:
+        """Restart the child if it has ended and its delay has passed; call this often."""
         if self._due is not None:
             if time.monotonic() >= self._due:
                 self._due = None
@@ -189,24 +189,24 @@ class KeptChild:
             lived_s = time.monotonic() - self.child.started
             delay = 0.0 if code in self._at_once else self._backoff.after(lived_s)
             self._due = time.monotonic() + delay
-            self._log(f"{self.child.name} {_how_it_ended(code)}; starting it again in {delay:g} s")
+            self._log(f"{self.child.name} {_describe_exit(code)}; starting it again in {delay:g} s")
             if self._on_end is not None:
                 self._on_end()
 
     def ask_to_stop(self) -> None:
-        """Send SIGTERM, where it runs."""
+        """Send SIGTERM if it is running."""
         self.child.ask_to_stop()
 
     def stop(self, grace_s: float) -> None:
-        """End it for good."""
+        """Stop the child without restarting it."""
         self.child.stop(grace_s)
 
 
 class SignalInbox:
-    """Signals that wait to be read. Use it in the main thread, as a context manager.
+    """Collects signals until they are read. Use it in the main thread, as a context manager.
 
-    A handler that sets a `threading.Event` can deadlock with the very `wait` it interrupts; a handler that raises can
-    raise anywhere. Here the interpreter writes the signal's number to a socket, and nothing else happens.
+    A handler that sets a `threading.Event` can deadlock with the `wait` that it interrupts, and a handler that raises
+    can raise anywhere. Here the interpreter only writes the signal's number to a socket.
     """
 
     def __init__(self, *signals: signal.Signals) -> None:
@@ -230,7 +230,7 @@ class SignalInbox:
         self._write.close()
 
     def wait(self, timeout_s: float) -> set[signal.Signals]:
-        """The signals since the last call; empty when none came within `timeout_s` seconds."""
+        """Return the signals since the last call, after waiting up to `timeout_s` seconds for one."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._read, selectors.EVENT_READ)
             if not selector.select(timeout_s):
@@ -238,10 +238,10 @@ class SignalInbox:
         return {signal.Signals(number) for number in self._read.recv(4096)} & set(self._signals)
 
 
-def _on_a_leash(command: Sequence[str]) -> list[str]:
+def _launcher_command(command: Sequence[str]) -> list[str]:
     if sys.platform != "linux":
         return list(command)
-    return [sys.executable, "-I", "-S", "-c", _LEASH, str(os.getpid()), str(int(signal.SIGTERM)), *command]
+    return [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(os.getpid()), str(int(signal.SIGTERM)), *command]
 
 
 def _read_lines(stream: IO[bytes], on_line: Callable[[str], None]) -> None:
@@ -250,7 +250,7 @@ def _read_lines(stream: IO[bytes], on_line: Callable[[str], None]) -> None:
             on_line(line.decode(errors="replace").rstrip("\n"))
 
 
-def _how_it_ended(code: int) -> str:
+def _describe_exit(code: int) -> str:
     if code >= 0:
         return f"ended with exit code {code}"
     try:

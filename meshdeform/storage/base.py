@@ -1,4 +1,4 @@
-"""What every kind of object store has in common: the keys, the errors, and what a backend must do."""
+"""Define what all object stores share: keys, errors and the interface of a backend."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*
 
 @dataclass(frozen=True)
 class StoredObject:
-    """What was stored.
+    """The size and digest of an object.
 
     Attributes
     ----------
@@ -35,49 +35,49 @@ class StoredObject:
 
 
 class Backend(Protocol):
-    """A kind of object store. Keys are checked before they come here."""
+    """The interface of an object store's backend. Keys are checked before they are passed in."""
 
     def ping(self, timeout_s: float | None = None) -> None:
-        """Return when the store answers; UnavailableError where it does not within the time."""
+        """Return once the store answers, or raise UnavailableError if it does not within the time."""
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:
-        """Store the bytes of a file, durably, all at once."""
+        """Store the bytes of a file durably and atomically."""
 
     def size(self, key: str) -> int:
-        """Bytes of an object."""
+        """Return the size of an object in bytes."""
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
-        """Bytes [start, end) in parts; NotFoundError before the first, UnavailableError where it ends early."""
+        """Yield bytes [start, end) in chunks; raise NotFoundError before the first, UnavailableError if cut short."""
 
     def copy(self, source: str, destination: str) -> None:
-        """Store an object once more."""
+        """Copy an object to another key."""
 
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
-        """Key and size of every object below a folder, or of all."""
+        """Yield the key and size of every object below a folder, or of all objects."""
 
     def delete(self, key: str) -> None:
-        """Remove an object; NotFoundError where there is none."""
+        """Remove an object; raise NotFoundError if there is none."""
 
     def delete_folder(self, folder: str) -> None:
         """Remove every object below a folder."""
 
     def presign(self, method: str, key: str, expires_s: int) -> str | None:
-        """Return a URL for `method`; None where the store has no URLs."""
+        """Return a signed URL for `method`, or None if the store has no URLs."""
 
 
 def is_key(text: str) -> bool:
-    """Whether something can be the key of an object."""
+    """Return whether a text is a valid object key."""
     return _KEY.fullmatch(text) is not None
 
 
 def check_key(key: str) -> None:
-    """Refuse what is no key: no empty part, none that begins with a dot, nothing that leads out or hides."""
+    """Refuse an invalid key: no part may be empty or begin with a dot, so that no key leaves the store or is hidden."""
     if not is_key(key):
-        raise NotFoundError(f"{key!r} is no key of an object.")
+        raise NotFoundError(f"{key!r} is not a valid object key.")
 
 
 def measured(parts: Iterable[bytes]) -> StoredObject:
-    """Size and digest of bytes that pass by in parts."""
+    """Return the size and digest of bytes given in chunks."""
     digest, size = hashlib.sha256(), 0
     for part in parts:
         digest.update(part)
@@ -86,14 +86,14 @@ def measured(parts: Iterable[bytes]) -> StoredObject:
 
 
 def parts_of(source: BinaryIO) -> Iterator[bytes]:
-    """The rest of a file, in parts."""
+    """Yield the rest of a file in chunks."""
     while part := source.read(CHUNK):
         yield part
 
 
 @contextmanager
 def file_errors(what: str) -> Iterator[None]:
-    """Turn what the operating system says of a file into our own errors."""
+    """Translate the operating system's file errors into Meshdeform's."""
     try:
         yield
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError) as error:
@@ -102,7 +102,7 @@ def file_errors(what: str) -> Iterator[None]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise UnavailableError(
                 f"The disk is full ({error.strerror}).",
-                advice="Free space where MESHDEFORM_STORAGE_URL and MESHDEFORM_DATA_DIR point; what was being written "
-                "is removed, what was there before is whole. Then try again.",
+                advice="Free space where MESHDEFORM_STORAGE_URL and MESHDEFORM_DATA_DIR point, then try again. The "
+                "incomplete file was removed; files that existed before are intact.",
             ) from error
         raise UnavailableError(f"The object store does not answer ({error.strerror}).") from error

@@ -1,4 +1,4 @@
-"""The object store in a bucket: whatever obstore can open (S3 and what speaks like it, Google, Azure)."""
+"""Store objects in a bucket, through obstore (S3 and compatible stores, Google, Azure)."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from meshdeform.storage.base import is_key
 
 __all__ = ["Bucket"]
 
-# obstore's own defaults try for three minutes: longer than a request, or a worker's lease, can wait.
+# obstore's defaults retry for three minutes, which is longer than a request or a worker's lease can wait.
 _CONNECT = timedelta(seconds=3)
 _RETRY: Any = {"max_retries": 3, "retry_timeout": timedelta(seconds=10)}
-# From connecting to the last byte: a large object to a slow reader. What stands still is ended much sooner.
+# From connecting to the last byte, for a large object and a slow reader. A stalled connection ends much sooner.
 _WHOLE = timedelta(hours=1)
-# A part must be through within the patience; four at a time keep the memory at 32 MiB, whatever the object's size.
+# A part must be sent within the patience. Four at a time limit the memory to 32 MiB for any object size.
 _PART, _AT_A_TIME = 8 << 20, 4
 _NO_SUCH_RANGE = ("416 ", "range")
 
 
 class Bucket:
-    """A bucket, or a part of one.
+    """A bucket, or a prefix of one.
 
     Parameters
     ----------
     url : str
-        As obstore reads it; the path is put before every key.
+        A URL for obstore. Its path is the prefix of every key.
     patience_s : float
-        How long nothing may move before the store counts as away.
+        Seconds without any progress after which the store counts as unavailable.
     public_url : str
-        Where those who get signed URLs reach an S3 store, if not where we do.
+        Base of signed URLs to an S3 store, if clients reach it at another address than this process.
     """
 
     def __init__(self, url: str, patience_s: float, public_url: str = "") -> None:
-        # Loaded here, so that a deployment on a folder keeps the megabytes.
+        # Imported here to save memory in deployments on a folder.
         try:
             import obstore
             import obstore.store
@@ -55,7 +55,7 @@ class Bucket:
                 self._store: Any = obstore.store.MemoryStore()
             else:
                 self._store = obstore.store.from_url(url, client_options=client, retry_config=_RETRY)
-            # A signature covers the host's name: a URL that is to be used under another one is signed for that one.
+            # A signature covers the host name, so that URLs for another host must be signed for that host.
             self._signing: Any = self._store
             if public_url and isinstance(self._store, obstore.store.S3Store):
                 known: Any = {**client, "allow_http": public_url.startswith("http://")}
@@ -64,25 +64,25 @@ class Bucket:
             reason = str(error).partition("\n")[0]
             raise UnavailableError(
                 f"The object store cannot be opened ({reason}).",
-                advice="Correct MESHDEFORM_STORAGE_URL or what it needs.",
+                advice="Correct MESHDEFORM_STORAGE_URL, or the credentials and variables that it needs.",
             ) from error
 
     def ping(self, timeout_s: float | None = None) -> None:
-        """Return when the bucket can be listed."""
+        """Return once the bucket can be listed."""
         found = self._api.list(self._store, prefix="ping", chunk_size=1)
         with self._errors("the bucket", absent=UnavailableError):
             if timeout_s is None:
                 next(iter(found), None)
                 return
-            # The store's own limits hold for every request; a shorter one for this request needs a loop.
+            # The client's timeouts apply to every request; a shorter one for this request needs an event loop.
             asyncio.run(asyncio.wait_for(_first(found), timeout_s))
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:
-        """In one request, or from 8 MiB on in parts, which become the object all at once.
+        """Store a file in one request, or from 8 MiB on in parts that are combined atomically.
 
-        Whoever reads the object by a signed URL gets the name with it: signed URLs carry no headers of our choice.
+        The file name is stored with the object, since signed URLs cannot set headers when they are read.
         """
-        # A key holds nothing that would have to be escaped here.
+        # No character allowed in a key needs escaping here.
         disposition = f'attachment; filename="{key.rpartition("/")[2]}"'
         with self._errors(key, absent=UnavailableError):
             self._api.put(
@@ -95,21 +95,21 @@ class Bucket:
             )
 
     def size(self, key: str) -> int:
-        """Bytes of an object."""
+        """Return the size of an object in bytes."""
         try:
             with self._errors(key):
                 return int(self._api.head(self._store, key)["size"])
         except NotFoundError:
-            # The answer to HEAD has no body: it does not say whether the object is missing or the bucket.
+            # The response to HEAD has no body to tell a missing object from a missing bucket.
             self.ping()
             raise
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
-        """One request; where the connection breaks, obstore asks for the rest a few times."""
+        """Yield the bytes of one request; if the connection breaks, obstore retries the rest a few times."""
         if end is not None and start >= end:
             self.size(key)
             return iter(())
-        # An empty object has no range to ask for.
+        # An empty object has no valid range.
         options: Any = (
             {} if start == 0 and end is None else {"range": {"offset": start} if end is None else (start, end)}
         )
@@ -118,7 +118,7 @@ class Bucket:
                 found = self._api.get(self._store, key, options=options)
                 first, last = found.range
         except UnavailableError as error:
-            # A range that begins at the end or past it is an error to a bucket, and no bytes to us.
+            # A bucket refuses a range that begins at or past the end; here it means no bytes.
             if any(words in str(error.__cause__) for words in _NO_SUCH_RANGE) and start >= self.size(key):
                 return iter(())
             raise
@@ -133,15 +133,15 @@ class Bucket:
             raise UnavailableError(f"The object store's {key} ends {left} bytes early.")
 
     def copy(self, source: str, destination: str) -> None:
-        """Within the store; the bytes do not come here."""
+        """Copy an object within the store, without transferring its bytes here."""
         with self._errors(source):
             self._api.copy(self._store, source, destination)
-        # A store may say 200 first and fail afterwards.
+        # A store may answer 200 first and fail afterwards.
         if self.size(source) != self.size(destination):
-            raise UnavailableError(f"The object store did not copy {source} whole.")
+            raise UnavailableError(f"The object store did not copy all of {source}.")
 
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
-        """Every object below a prefix that could be one of ours."""
+        """Yield every object below a prefix that has a valid key."""
         with self._errors(folder, absent=UnavailableError):
             for batch in self._api.list(self._store, prefix=folder or None):
                 yield from ((entry["path"], int(entry["size"])) for entry in batch if is_key(entry["path"]))
@@ -159,7 +159,7 @@ class Bucket:
                     self._api.delete(self._store, paths)
 
     def presign(self, method: str, key: str, expires_s: int) -> str | None:
-        """A URL that the store itself honours; none from the memory."""
+        """Return a URL signed for the store, or None for an in-memory store."""
         if isinstance(self._store, self._api.store.MemoryStore | self._api.store.HTTPStore):
             return None
         with self._errors(key):
@@ -171,11 +171,11 @@ class Bucket:
         try:
             yield
         except (self._api.exceptions.NotFoundError, FileNotFoundError) as error:
-            # An object that is gone is one thing, a bucket that is gone another: nothing may be given up for lost then.
+            # Tell a missing object from a missing bucket: with the bucket missing, no object may be treated as lost.
             if absent is UnavailableError or "NoSuchBucket" in str(error):
                 raise UnavailableError(
                     "The object store's bucket does not exist.",
-                    advice="Make the bucket that MESHDEFORM_STORAGE_URL names.",
+                    advice="Create the bucket that MESHDEFORM_STORAGE_URL names.",
                 ) from error
             raise NotFoundError(f"The object store has no {what}.") from error
         except refused as error:
@@ -193,7 +193,7 @@ async def _first(found: Any) -> None:
 
 
 def _client_settings(url: str, environment: Mapping[str, str]) -> dict[str, Any]:
-    """What the environment says of the connection: where options are given, obstore does not look there itself."""
+    """Return the connection options from the environment, which obstore ignores if any options are given."""
     prefix = {"gs": "GOOGLE", "az": "AZURE", "ab": "AZURE"}.get(url[:2], "AWS")
     found: dict[str, Any] = {}
     for name in ("allow_http", "allow_invalid_certificates"):

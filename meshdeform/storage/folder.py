@@ -1,4 +1,4 @@
-"""The object store in a folder: a file for each object, synced to the disk before anybody is told that it is there."""
+"""Store each object as a file in a folder, synced to the disk before `put` returns."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _PARTIAL_KEPT_S = 86_400.0
 
 
 class Folder:
-    """A folder of files. What is being written lies in `.partial`.
+    """A folder of files. Incomplete files are in `.partial`.
 
     Parameters
     ----------
     root : Path
-        Made where it is missing.
+        Created if missing.
     """
 
     def __init__(self, root: Path) -> None:
@@ -36,31 +36,31 @@ class Folder:
         with file_errors("the folder"):
             self._partial.mkdir(parents=True, exist_ok=True)
             for left_over in self._partial.iterdir():
-                # Of a process that died while it wrote; a day is longer than any write takes.
+                # Left by a process that died while writing; no write takes a day.
                 with suppress(FileNotFoundError):
                     if time.time() - left_over.stat().st_mtime > _PARTIAL_KEPT_S:
                         left_over.unlink()
 
     def ping(self, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """Return when the folder is there."""
+        """Return if the folder exists."""
         with file_errors("the folder"):
             os.stat(self._partial)  # noqa: PTH116 - a missing folder must raise, which `exists` does not
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:  # noqa: ARG002 - the record keeps it
-        """Write aside, sync, rename, sync the folders."""
+        """Write a temporary file, sync it, rename it and sync the folders."""
         with file_errors(key):
-            handle, aside = tempfile.mkstemp(dir=self._partial)
+            handle, temporary = tempfile.mkstemp(dir=self._partial)
             try:
                 with os.fdopen(handle, "wb") as file:
                     shutil.copyfileobj(source, file, CHUNK)
                     file.flush()
                     os.fsync(file.fileno())
-                rename_into_place(Path(aside), self.root / key, self.root)
+                rename_into_place(Path(temporary), self.root / key, self.root)
             finally:
-                Path(aside).unlink(missing_ok=True)
+                Path(temporary).unlink(missing_ok=True)
 
     def size(self, key: str) -> int:
-        """Bytes of a file."""
+        """Return the size of a file in bytes."""
         with file_errors(key):
             found = (self.root / key).stat()
             if not stat.S_ISREG(found.st_mode):
@@ -68,7 +68,7 @@ class Folder:
             return found.st_size
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
-        """Open at once, read when asked."""
+        """Open the file immediately and read it as the chunks are consumed."""
         with file_errors(key):
             file = (self.root / key).open("rb")
             size = os.fstat(file.fileno()).st_size
@@ -76,14 +76,14 @@ class Folder:
         return _parts(key, file, (size if end is None else min(end, size)) - start, chunk)
 
     def copy(self, source: str, destination: str) -> None:
-        """Not a hard link: some file systems have none, and the age of a link is its first name's."""
+        """Copy a file. A hard link would keep the original's age, and some file systems have none."""
         with file_errors(source):
             file = (self.root / source).open("rb")
         with file:
             self.put(destination, file, "")
 
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
-        """Every file below a folder, in the order of its name."""
+        """Yield every file below a folder, sorted by name."""
         with file_errors(folder):
             try:
                 entries = sorted(os.scandir(self.root / folder), key=lambda entry: entry.name)
@@ -110,33 +110,33 @@ class Folder:
             (self.root / key).unlink()
 
     def delete_folder(self, folder: str) -> None:
-        """Remove a folder with all that is in it."""
+        """Remove a folder with all its contents."""
         with file_errors(folder), suppress(FileNotFoundError):
             shutil.rmtree(self.root / folder)
 
     def presign(self, method: str, key: str, expires_s: int) -> str | None:  # noqa: ARG002
-        """Nobody serves the folder but the API, which signs for itself."""
+        """Return None: only the API serves the folder, and it signs its own URLs."""
         return None
 
 
-def rename_into_place(aside: Path, path: Path, root: Path) -> None:
-    """Rename, and sync every folder that has a new entry: after a power cut the name is there too."""
+def rename_into_place(temporary: Path, path: Path, root: Path) -> None:
+    """Rename a file and sync every folder with a new entry, so that the name survives a power cut."""
     missing = [folder for folder in path.parents if folder.is_relative_to(root) and not folder.exists()]
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            aside.replace(path)
+            temporary.replace(path)
             break
         except FileNotFoundError:
-            # The folder was removed in between (`delete_folder`); without the file aside this would never end.
-            if not aside.exists():
+            # `delete_folder` removed the folder in between. Retry, unless the temporary file is missing, too.
+            if not temporary.exists():
                 raise
     for folder in {path.parent, *(folder.parent for folder in missing)}:
         sync_folder(folder)
 
 
 def sync_folder(folder: Path) -> None:
-    """Write a folder's names to the disk."""
+    """Sync a folder's entries to the disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,7 +1,7 @@
-"""Our own signed URLs, for a store that nobody else serves: HMAC-SHA256 over method, path, expiry and every parameter.
+"""Sign and verify URLs for a store that only the API serves: HMAC-SHA256 over method, path, expiry and parameters.
 
-Whoever holds such a URL may do one thing to one path until it expires. Nothing of it can be changed: a parameter that
-was added, removed or repeated is refused like a wrong signature.
+The holder of such a URL may use one method on one path until it expires. The URL cannot be changed: added, removed or
+repeated parameters are refused like a wrong signature.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ _SECRET_BYTES = 16
 def sign_path(
     method: str, path: str, expires_at: int, secret: bytes, parameters: Mapping[str, str] | None = None
 ) -> str:
-    """The query that lets its bearer do something to a path.
+    """Return a signed query that permits `method` on `path`.
 
     Parameters
     ----------
     method : str
-        As in the request: `GET`, `PUT`.
+        The HTTP method, for example `GET` or `PUT`.
     path : str
         As the server sees it: decoded, with the leading slash, without the query.
     expires_at : int
-        Unix time, seconds; from then on the URL is refused.
+        Unix time in seconds from which the URL is refused.
     secret : bytes
-        At least 16; the same for every process that verifies.
+        At least 16 bytes, the same for every process that verifies.
     parameters : mapping, optional
-        More of the query, bound like the rest; none is called `expires` or `signature`.
+        More query parameters to sign. None may be named `expires` or `signature`.
 
     Returns
     -------
     str
-        Without a question mark.
+        The query without a question mark.
     """
     if parameters and {_EXPIRES, _SIGNATURE} & set(parameters):
-        raise ValueError("these names are the signature's own")
+        raise ValueError("parameters must not be named expires or signature")
     pairs = [*sorted((parameters or {}).items()), (_EXPIRES, str(int(expires_at)))]
     return urlencode([*pairs, (_SIGNATURE, _signature(method, path, pairs, secret))])
 
 
 def verify_path(method: str, path: str, query: str, secret: bytes, now: float | None = None) -> dict[str, str]:
-    """Return when the query was signed for this method and this path and has not expired.
+    """Verify that the query was signed for this method and path and has not expired, and return its parameters.
 
     Parameters
     ----------
     method, path, secret
         As for `sign_path`.
     query : str
-        All of the request's query, as it came.
+        The request's complete query, as received.
     now : float, optional
-        Unix time, seconds; the clock's unless given.
+        Unix time in seconds. Default: the current time.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def verify_path(method: str, path: str, query: str, secret: bytes, now: float | 
     Raises
     ------
     ForbiddenError
-        It was not, or it has.
+        The signature is wrong, or the URL has expired.
     """
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True, errors="strict", max_num_fields=32)
@@ -79,23 +79,23 @@ def verify_path(method: str, path: str, query: str, secret: bytes, now: float | 
     values = dict(pairs)
     given, expires = values.pop(_SIGNATURE, ""), values.pop(_EXPIRES, "")
     bound = [*sorted(values.items()), (_EXPIRES, expires)]
-    # The whole query in the form in which it was signed: nothing twice, nothing in another order.
+    # Require the exact signed query: no parameter twice, none in another order.
     if len(pairs) != len(bound) + 1 or [name for name, _ in pairs] != [*(name for name, _ in bound), _SIGNATURE]:
         raise _refused()
     if not hmac.compare_digest(given.encode(), _signature(method, path, bound, secret).encode()):
         raise _refused()
     if (time.time() if now is None else now) >= int(expires):
-        raise ForbiddenError("The signed URL has expired.", advice="Ask for a new one.")
+        raise ForbiddenError("The signed URL has expired.", advice="Request a new one.")
     return values
 
 
 def _signature(method: str, path: str, pairs: list[tuple[str, str]], secret: bytes) -> str:
     if len(secret) < _SECRET_BYTES:
-        raise ValueError(f"a secret has at least {_SECRET_BYTES} bytes")
-    # Each part percent-encoded by itself or free of line ends: no two different requests give the same text.
+        raise ValueError(f"a secret must have at least {_SECRET_BYTES} bytes")
+    # Each part is percent-encoded or free of newlines, so that different requests give different texts.
     text = "\n".join([_DOMAIN, method, urlencode({"path": path}), urlencode(pairs)])
     return hmac.new(secret, text.encode(), hashlib.sha256).hexdigest()
 
 
 def _refused() -> ForbiddenError:
-    return ForbiddenError("The signature of the URL does not fit the request.", advice="Ask for a new signed URL.")
+    return ForbiddenError("The URL's signature does not match the request.", advice="Request a new signed URL.")

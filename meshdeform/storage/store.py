@@ -1,4 +1,4 @@
-"""The one class behind which folders and buckets are the same."""
+"""Provide one class for object stores in folders and in buckets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from meshdeform.storage.uploads import UploadArea
 __all__ = ["ObjectStore"]
 
 PATIENCE_S = 60.0
-# What Signature Version 4 allows.
+# The limit of Signature Version 4.
 _SIGNED_S = 7 * 86_400
 
 
@@ -32,14 +32,14 @@ class ObjectStore:
         A folder, or a URL: ``s3://BUCKET/PREFIX`` (credentials and endpoint from the usual ``AWS_*`` variables),
         ``gs://``, ``az://``, ``memory://`` for tests.
     patience_s : float
-        How long a bucket's connection may stand still before the store counts as away.
+        Seconds for which a bucket's connection may stall before the store counts as unavailable.
     public_url : str
-        Where those who get signed URLs reach an S3 store, if not where we do.
+        Base of signed URLs to an S3 store, if clients reach it at another address than this process.
 
     Raises
     ------
     UnavailableError
-        The location cannot be used. Every method raises it when the store does not answer.
+        The location cannot be used. Every method raises this if the store does not answer.
     """
 
     def __init__(self, location: str | Path, *, patience_s: float = PATIENCE_S, public_url: str = "") -> None:
@@ -53,12 +53,12 @@ class ObjectStore:
             self._uploads = UploadArea(folder.root)
 
     def ping(self, timeout_s: float | None = None) -> None:
-        """Return when the store answers. Not to be called on an event loop.
+        """Return once the store answers. Must not be called on an event loop.
 
         Parameters
         ----------
         timeout_s : float, optional
-            Seconds after which it counts as away; as patient as every other method unless given.
+            Seconds after which the store counts as unavailable. Default: as for every other method.
         """
         self._backend.ping(timeout_s)
 
@@ -70,17 +70,17 @@ class ObjectStore:
         *,
         known: StoredObject | None = None,
     ) -> StoredObject:
-        """Store bytes, or the bytes of a file, in place of what was there. Durable when it returns.
+        """Store bytes, or the bytes of a file, durably, replacing any object under the key.
 
         Parameters
         ----------
         key : str
         data : bytes or Path
-            A file is streamed; it must not change meanwhile.
+            A file is streamed and must not change meanwhile.
         content_type : str
-            Kept where the store can.
+            Stored if the backend supports it.
         known : StoredObject, optional
-            Size and digest, where they were measured before; the bytes are read once then.
+            Size and digest if already measured, to read the bytes only once.
         """
         check_key(key)
         with _opened(data) as source:
@@ -92,12 +92,12 @@ class ObjectStore:
     def put_verified(
         self, key: str, data: bytes | Path, content_type: str = "application/octet-stream"
     ) -> StoredObject:
-        """Store bytes and read them back before anything points at them.
+        """Store bytes and read them back to verify them.
 
         Raises
         ------
         UnavailableError
-            The store gives back something else than was written; what it kept is removed.
+            The store returned other bytes than were written; the object is removed.
         """
         stored = self.put(key, data, content_type)
         try:
@@ -108,34 +108,34 @@ class ObjectStore:
             with suppress(MeshdeformError):
                 self.delete(key)
             raise UnavailableError(
-                f"The object store did not keep {key} as it was written.",
-                advice="Check the store's disk, and what stands between it and this machine.",
+                f"The object store did not store {key} correctly.",
+                advice="Check the store's disk and the connection to it.",
             )
         return stored
 
     def get(self, key: str) -> bytes:
-        """All bytes of an object.
+        """Return all bytes of an object.
 
         Raises
         ------
         NotFoundError
-            There is none.
+            There is no such object.
         """
         return b"".join(self.stream(key))
 
     def size(self, key: str) -> int:
-        """Bytes of an object.
+        """Return the size of an object in bytes.
 
         Raises
         ------
         NotFoundError
-            There is none.
+            There is no such object.
         """
         check_key(key)
         return self._backend.size(key)
 
     def exists(self, key: str) -> bool:
-        """Whether there is an object."""
+        """Return whether an object exists."""
         try:
             self.size(key)
         except NotFoundError:
@@ -143,57 +143,57 @@ class ObjectStore:
         return True
 
     def stream(self, key: str, start: int = 0, end: int | None = None, chunk: int = CHUNK) -> Iterator[bytes]:
-        """Bytes [start, end) of an object, in parts of about `chunk` bytes.
+        """Return an iterator over bytes [start, end) of an object, in chunks of about `chunk` bytes.
 
         Raises
         ------
         NotFoundError
-            There is none; raised here, before the first part is asked for.
+            There is no such object. Raised by this call, before the first chunk is read.
         UnavailableError
-            Also while it is read: what ends early is never taken for the whole.
+            Also raised while reading, if the object ends early.
         """
         check_key(key)
         return self._backend.stream(key, start, end, chunk)
 
     def measure(self, key: str) -> StoredObject:
-        """Size and digest of an object, read from the store as it is now."""
+        """Read an object and return its size and digest."""
         return measured(self.stream(key))
 
     def sha256_of(self, key: str) -> str:
-        """Digest of an object, read from the store as it is now; hexadecimal."""
+        """Read an object and return its SHA-256, hexadecimal."""
         return self.measure(key).sha256
 
     def fetch(self, key: str, path: Path, *, sha256: str | None = None) -> StoredObject:
-        """Stream an object into a file, which is there whole or not at all (it is not synced to the disk).
+        """Stream an object into a file, which appears complete or not at all (it is not synced to the disk).
 
         Parameters
         ----------
         key : str
         path : Path
-            Replaced where it is there; its folder must be.
+            Replaced if it exists. Its folder must exist.
         sha256 : str, optional
-            What the object should be.
+            The object's expected SHA-256.
 
         Raises
         ------
         UnavailableError
-            The object is another one, or the local disk is full.
+            The object has another SHA-256, or the local disk is full.
         """
         parts = self.stream(key)
         with file_errors(f"folder {path.parent.name}"):
-            handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
             try:
                 with os.fdopen(handle, "wb") as file:
                     found = measured(_written(parts, file))
                 if sha256 is not None and sha256.lower() != found.sha256:
-                    raise UnavailableError(f"The object store's {key} is not what was stored under that name.")
-                Path(aside).replace(path)
+                    raise UnavailableError(f"The object store's {key} differs from what was stored.")
+                Path(temporary).replace(path)
             finally:
-                Path(aside).unlink(missing_ok=True)
+                Path(temporary).unlink(missing_ok=True)
         return found
 
     def copy(self, source: str, destination: str) -> None:
-        """Store an object once more under another key, within the store where it can.
+        """Copy an object to another key, within the store if it can.
 
         Raises
         ------
@@ -205,47 +205,47 @@ class ObjectStore:
         self._backend.copy(source, destination)
 
     def list(self, prefix: str = "") -> Iterator[tuple[str, int]]:
-        """Key and size of every object below a prefix, which ends with a slash; of all without one."""
+        """Yield the key and size of every object below a prefix ending with a slash, or of all objects."""
         if prefix:
             check_key(prefix.removesuffix("/"))
         return self._backend.list(prefix.removesuffix("/"))
 
     def delete(self, key: str) -> None:
-        """Remove an object; nothing happens where there is none."""
+        """Remove an object if it exists."""
         check_key(key)
         with suppress(NotFoundError):
             self._backend.delete(key)
 
     def delete_prefix(self, prefix: str) -> None:
-        """Remove every object below a prefix, which ends with a slash: `jobs/ID/`."""
+        """Remove every object below a prefix ending with a slash, such as `jobs/ID/`."""
         check_key(prefix.removesuffix("/"))
         self._backend.delete_folder(prefix.removesuffix("/"))
 
     def presign_get(self, key: str, expires_s: int) -> str | None:
-        """A URL that lets its bearer read an object, straight from the store.
+        """Return a URL that permits reading an object directly from the store.
 
-        The answer carries what `put` stored beside the bytes: the type, and the last part of the key as the name.
+        The response has the content type given to `put`, and the last part of the key as the file name.
 
         Parameters
         ----------
         key : str
-            Not looked up.
+            Not checked for existence.
         expires_s : int
-            1 second to 7 days.
+            Lifetime, 1 second to 7 days.
 
         Returns
         -------
         str or None
-            None: the store has no URLs of its own (a folder); sign one with `sign_path`.
+            None if the store has no URLs of its own (a folder): sign one with `sign_path`.
         """
         return self._presign("GET", key, expires_s)
 
     def presign_put(self, key: str, expires_s: int) -> str | None:
-        """A URL that lets its bearer write an object, straight to the store.
+        """Return a URL that permits writing an object directly to the store.
 
-        Whoever has it may send any number of bytes, any number of times until it expires: sign a key of its own
-        (`uploads/ID`), look at the size and the digest afterwards, then `copy` it to where it belongs and `delete` it.
-        Azure wants the header `x-ms-blob-type: BlockBlob` with it.
+        Its holder may send any number of bytes, any number of times until it expires. Therefore use a separate key
+        (`uploads/ID`), check the size and the digest afterwards, then `copy` it to its final key and `delete` it.
+        Azure also requires the header `x-ms-blob-type: BlockBlob`.
 
         Returns
         -------
@@ -257,75 +257,75 @@ class ObjectStore:
     def _presign(self, method: str, key: str, expires_s: int) -> str | None:
         check_key(key)
         if not 1 <= expires_s <= _SIGNED_S:
-            raise ValueError(f"a signed URL lives 1 to {_SIGNED_S} seconds, not {expires_s}")
+            raise ValueError(f"a signed URL must live 1 to {_SIGNED_S} seconds, not {expires_s}")
         return self._backend.presign(method, key, expires_s)
 
     @property
     def appends(self) -> bool:
-        """Whether uploads can go on where they broke off (`append`); where not, `presign_put` does it."""
+        """Whether the store supports resumable uploads with `append`; otherwise use `presign_put`."""
         return self._uploads is not None
 
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
-        """Add bytes to an upload; offset 0 begins one. They are on the disk when it returns.
+        """Append bytes to an upload durably; offset 0 begins one.
 
         Parameters
         ----------
         upload_id : str
-            One part of a key.
+            A valid part of a key.
         offset : int
-            Where the bytes belong, which must be where the upload ends now.
+            Position of the bytes, which must be the current size of the upload.
         chunks : iterable of bytes
-            Where it raises, what came before stays, and the exception comes through.
+            If iterating raises, the bytes received so far are kept and the exception propagates.
         max_bytes : int
-            What the whole upload may have.
+            Largest size of the whole upload.
 
         Returns
         -------
         int
-            Bytes that have arrived altogether.
+            Total bytes received for the upload.
 
         Raises
         ------
         ConflictError
-            The upload ends elsewhere (`extra["offset"]`), or another request writes to it.
+            The upload has another size (`extra["offset"]`), or another request is writing to it.
         NotFoundError
-            There is none, and the offset is not 0.
+            There is no such upload, and the offset is not 0.
         AssetTooLargeError
-            Over `max_bytes`; what came in this call is taken back.
+            The upload would exceed `max_bytes`; the bytes of this call are discarded.
         UnavailableError
-            The disk is full, or worse; what came in this call is taken back.
+            The disk is full or fails; the bytes of this call are discarded.
         """
         return self._area().append(upload_id, offset, chunks, max_bytes)
 
     def appended_size(self, upload_id: str) -> int:
-        """Bytes of an upload that have arrived; NotFoundError where there is none."""
+        """Return the bytes received for an upload; raise NotFoundError if there is none."""
         return self._area().size(upload_id)
 
     def appended(self, upload_id: str) -> StoredObject:
-        """Size and digest of what has arrived; NotFoundError where there is no such upload."""
+        """Return the size and digest of an upload so far; raise NotFoundError if there is none."""
         return self._area().appended(upload_id)
 
     def commit_append(self, upload_id: str, key: str) -> StoredObject:
-        """Make an upload an object. May be repeated: after a crash in between it finds the one or the other.
+        """Turn an upload into an object. Safe to repeat after a crash.
 
         Raises
         ------
         NotFoundError
             There is neither such an upload nor such an object.
         ConflictError
-            Another request writes to the upload.
+            Another request is writing to the upload.
         """
         check_key(key)
         return self._area().commit(upload_id, key)
 
     def discard_append(self, upload_id: str) -> None:
-        """Forget an upload; nothing happens where there is none."""
+        """Remove an upload if it exists."""
         self._area().discard(upload_id)
 
     def _area(self) -> UploadArea:
         if self._uploads is None:
             raise NotImplementedError(
-                "a bucket cannot append: use presign_put on a key of its own, then copy and delete"
+                "a bucket cannot append: use presign_put with a separate key, then copy and delete"
             )
         return self._uploads
 

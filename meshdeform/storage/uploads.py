@@ -1,7 +1,7 @@
-"""Uploads that may break off and go on, in the folder of the object store.
+"""Receive resumable uploads in the folder of the object store.
 
-The bytes that have arrived lie in `.uploads/ID`; they are on the disk before `append` returns, and become an object by
-one rename. Only one process at a time writes to an upload: the file itself is the lock.
+The bytes received so far are in `.uploads/ID`. They are synced to the disk before `append` returns, and become an
+object by one rename. Only one process at a time writes to an upload: the file itself is the lock.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _UPLOADS = ".uploads"
 
 
 class UploadArea:
-    """The uploads that are under way in a folder.
+    """The unfinished uploads in a folder.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class UploadArea:
         self._root, self._area = root, root / _UPLOADS
 
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
-        """Add bytes; see `ObjectStore.append`."""
+        """Append bytes; see `ObjectStore.append`."""
         path = self._path(upload_id)
         if offset == 0:
             self._create(path)
@@ -44,46 +44,46 @@ class UploadArea:
             present = os.fstat(file.fileno()).st_size
             if offset != present:
                 raise ConflictError(
-                    f"The upload has {present} bytes, not {offset}.", advice="Go on at its offset.", offset=present
+                    f"The upload has {present} bytes, not {offset}.", advice="Resume at its offset.", offset=present
                 )
             file.seek(present)
             return _write(file, present, chunks, max_bytes)
 
     def appended(self, upload_id: str) -> StoredObject:
-        """Size and digest of what has arrived."""
+        """Return the size and digest of the bytes received so far."""
         with file_errors("such upload"), self._path(upload_id).open("rb") as file:
             return measured(parts_of(file))
 
     def size(self, upload_id: str) -> int:
-        """Bytes that have arrived."""
+        """Return the number of bytes received so far."""
         with file_errors("such upload"):
             return self._path(upload_id).stat().st_size
 
     def commit(self, upload_id: str, key: str) -> StoredObject:
-        """Make the upload an object; see `ObjectStore.commit_append`."""
+        """Turn the upload into an object; see `ObjectStore.commit_append`."""
         path, destination = self._path(upload_id), self._root / key
         try:
             with self._locked(path) as file, file_errors(key):
                 found = measured(parts_of(file))
-                # A part of an append that broke off may not be on the disk yet.
+                # The bytes of an interrupted append may not be on the disk yet.
                 os.fsync(file.fileno())
                 rename_into_place(path, destination, self._root)
                 return found
         except NotFoundError:
-            # Renamed before, by a process that died before it could say so.
+            # Already renamed, by a process that died before it could record it.
             with file_errors("such upload"), destination.open("rb") as file:
                 found = measured(parts_of(file))
                 sync_folder(destination.parent)
                 return found
 
     def discard(self, upload_id: str) -> None:
-        """Forget what has arrived."""
+        """Remove the bytes received so far."""
         with file_errors("such upload"):
             self._path(upload_id).unlink(missing_ok=True)
 
     def _path(self, upload_id: str) -> Path:
         if not is_key(upload_id) or "/" in upload_id:
-            raise NotFoundError(f"{upload_id!r} is no upload.")
+            raise NotFoundError(f"{upload_id!r} is not an upload.")
         return self._area / upload_id
 
     def _create(self, path: Path) -> None:
@@ -105,10 +105,10 @@ class UploadArea:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise ConflictError(
-                    "Another request is writing to this upload.", advice="Ask for its offset, and go on there."
+                    "Another request is writing to this upload.", advice="Request its offset and resume there."
                 ) from error
             with file_errors("such upload"):
-                # Between opening and locking another process may have made it an object, or removed it.
+                # Between opening and locking, another process may have committed or removed it.
                 if not os.path.samestat(os.fstat(file.fileno()), path.stat()):
                     raise FileNotFoundError(errno.ENOENT, "replaced")
             yield file
@@ -127,11 +127,11 @@ def _write(file: BinaryIO, present: int, chunks: Iterable[bytes], max_bytes: int
                         rest = rest[file.write(rest) :]
                 size += len(chunk)
         finally:
-            # Also where the sender went away: what came stays, that is what resuming is for.
+            # Also if the sender disconnected: keep the received bytes, so that it can resume.
             with file_errors("such upload"):
                 os.fsync(file.fileno())
     except MeshdeformError:
-        # Over the limit, or the disk is full: what came in this call goes.
+        # Over the limit, or the disk is full: discard the bytes of this call.
         with suppress(OSError):
             file.truncate(present)
         raise

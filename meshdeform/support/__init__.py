@@ -1,1 +1,1 @@
-"""What every part may use: logs, traces, atomic files, failure points. Imports nothing of the package but `errors`."""
+"""Provide what every part may use: logs, traces, atomic files, failpoints. Imports only `errors` of the package."""

@@ -1,4 +1,4 @@
-"""Write files so that each is either all there or not there at all. Standard library only."""
+"""Write files atomically. Standard library only."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ __all__ = ["write_files"]
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Write every file, or none: all bytes are on the disk before the first name changes.
+    """Write every file or none: all bytes are on the disk before the first file is renamed.
 
     Raises
     ------
     OSError
-        A file cannot be written; the files of these names are as they were before.
+        A file cannot be written; existing files with these names are unchanged.
     """
     with ExitStack() as cleanup:
         written = {path: _write_beside(path, data, cleanup) for path, data in contents.items()}
@@ -25,7 +25,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 
 
 def _write_beside(path: Path, data: bytes, cleanup: ExitStack) -> Path:
-    """Write `data` next to `path`, where renaming it is atomic; it is removed at clean-up unless it was renamed."""
+    """Write `data` to a file next to `path`, where renaming is atomic; clean-up removes it unless it was renamed."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     cleanup.callback(temporary.unlink, missing_ok=True)
     with temporary.open("wb") as file:

@@ -1,7 +1,7 @@
-"""Named places where a process can be made to die, stop, fail or wait: how the tests strike exactly there.
+"""Define named points where tests can make a process die, stop, fail or wait.
 
-A call costs a look at an empty dict unless ``MESHDEFORM_FAILPOINTS`` is set, which is read once, at import, and is no
-setting: no deployment has a use for it. It lists points and what they do::
+A call only checks an empty dict unless ``MESHDEFORM_FAILPOINTS`` is set. The variable is read once, at import, and is
+not a setting, since no deployment needs it. It lists points and their actions::
 
     NAME=ACTION[@N][:FILE][;ONCE],NAME=...
 
@@ -9,8 +9,8 @@ setting: no deployment has a use for it. It lists points and what they do::
     stop          SIGSTOP to this process
     raise         RuntimeError
     pause:FILE    create FILE.reached, then wait until there is FILE.go
-    @N            only the N-th time that this process comes by
-    ;ONCE         only if the file ONCE can be created: a process that is started again does not act again
+    @N            only the N-th time that this process reaches the point
+    ;ONCE         only if the file ONCE can be created, so that a restarted process does not act again
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ FAILPOINTS: tuple[str, ...] = (
     "reconciler.reclaimed",
     "reconciler.told",
 )
-"""Every name, in the order in which a job comes by."""
+"""Every name, in the order in which a job reaches them."""
 
 _VARIABLE = "MESHDEFORM_FAILPOINTS"
 _POLL_S = 0.01
@@ -67,7 +67,7 @@ def _parse(text: str) -> dict[str, _Point]:
     for part in filter(None, text.split(",")):
         match = _POINT.fullmatch(part)
         if match is None or match["name"] not in FAILPOINTS or (match["action"] == "pause") != bool(match["file"]):
-            raise ValueError(f"{_VARIABLE}: {part!r} is no failpoint")
+            raise ValueError(f"{_VARIABLE}: {part!r} is not a failpoint")
         hit = int(match["hit"]) if match["hit"] else None
         points[match["name"]] = _Point(match["action"], hit, match["file"], match["once"])
     return points
@@ -79,7 +79,7 @@ _lock = threading.Lock()
 
 
 def failpoint(name: str) -> None:
-    """Do what the environment wants done at this place; almost always nothing.
+    """Perform the action that the environment sets for this point, if any.
 
     Raises
     ------
@@ -87,10 +87,10 @@ def failpoint(name: str) -> None:
         The action is `raise`.
     """
     if _points:
-        _come_by(name)
+        _reach(name)
 
 
-def _come_by(name: str) -> None:
+def _reach(name: str) -> None:
     point = _points.get(name)
     if point is None:
         return

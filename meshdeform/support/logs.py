@@ -1,8 +1,7 @@
-"""Logs of every part in one form: lines for people, or one JSON object a line for programs.
+"""Format the logs of every part: lines for people, or one JSON object per line for programs.
 
-What a line is about (a job, a request) is not in its message alone: `bound` says it once, and every line that is logged
-inside carries it. Context variables hold it, so tasks and threads of anyio carry it along; a thread that is started by
-hand does not: start it with `carried`.
+`bound` sets the job or request id of every line that is logged inside it. The ids are context variables, which tasks
+and threads of anyio inherit; start any other thread with `carried`.
 """
 
 from __future__ import annotations
@@ -27,27 +26,27 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 ACCESS_LOG = "service.access"
-"""The logger that gets a line for each HTTP request; above INFO none is written."""
+"""The logger that writes a line for each HTTP request; none above INFO."""
 
 PART = "MESHDEFORM_PART"
-"""The variable that tells a child of `serve` its name. No setting: nobody else sets it."""
+"""The environment variable with the name of a child of `serve`. Only `serve` sets it; it is not a setting."""
 
 job_id: contextvars.ContextVar[str] = contextvars.ContextVar("job_id", default="")
 request_id: contextvars.ContextVar[str] = contextvars.ContextVar("request_id", default="")
 _WORKER_ID = "MESHDEFORM_WORKER_ID"
 _TEXT = "%(asctime)s %(levelname)-7s %(message)s"
-# What every record has; anything else came with `extra`. `color_message` is uvicorn's.
+# The attributes of every record; others come from `extra`. `color_message` is uvicorn's.
 _STANDARD = {*vars(logging.makeLogRecord({})), "message", "asctime", "color_message"}
 _CONTROLS = {code: repr(chr(code))[1:-1] for code in (*range(32), 127) if code != ord("\t")}
 
 
 def configure_logging(settings: Settings) -> None:
-    """Write this process's logs to standard error as the settings say, and nothing in any other form.
+    """Write all logs of this process to standard error in the configured format.
 
     Parameters
     ----------
     settings : Settings
-        `log_format` counts.
+        Only `log_format` is used.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonLines() if settings.log_format == "json" else _TextLines(_TEXT, "%H:%M:%S"))
@@ -57,13 +56,13 @@ def configure_logging(settings: Settings) -> None:
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.captureWarnings(capture=True)
     if settings.log_format == "json":
-        sys.excepthook = _log_the_end
-        threading.excepthook = _log_a_threads_end
+        sys.excepthook = _log_crash
+        threading.excepthook = _log_thread_crash
 
 
 @contextmanager
 def bound(**values: str) -> Iterator[None]:
-    """Let every line that is logged inside carry a `job_id` or a `request_id`."""
+    """Add a `job_id` or a `request_id` to every line that is logged inside this context."""
     variables = {"job_id": job_id, "request_id": request_id}
     tokens = [(variables[name], variables[name].set(value)) for name, value in values.items()]
     try:
@@ -74,7 +73,7 @@ def bound(**values: str) -> Iterator[None]:
 
 
 def carried(function: Callable[P, T]) -> Callable[P, T]:
-    """Return the function with what is bound here and now, for a thread that is to call it once."""
+    """Return the function bound to a copy of the current context, for one call in another thread."""
     context = contextvars.copy_context()
 
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -86,7 +85,7 @@ def carried(function: Callable[P, T]) -> Callable[P, T]:
 def json_line(line: str, part: str, logger: str = "output") -> str:
     """Return a line of a part's output as one JSON object.
 
-    What it logged is one already and stays as it is; what something else printed there becomes one.
+    A line that is JSON already, from the part's own log, is returned unchanged.
     """
     if line.startswith("{"):
         try:
@@ -99,11 +98,11 @@ def json_line(line: str, part: str, logger: str = "output") -> str:
 
 
 class _TextLines(logging.Formatter):
-    """`12:00:00 INFO    message job=... request=...`; an id that the message names itself is not said twice."""
+    """`12:00:00 INFO    message job=... request=...`. An id that the message contains is not repeated."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
-        """Return the first line; a traceback follows it."""
-        # One line, whatever a user's text holds that the message quotes.
+        """Return the first line, which a traceback may follow."""
+        # Escape control characters: quoted user text must not break the line.
         text = super().formatMessage(record).translate(_CONTROLS)
         for name, value in (("job", job_id.get()), ("request", request_id.get())):
             if value and value not in text:
@@ -112,7 +111,7 @@ class _TextLines(logging.Formatter):
 
 
 class _JsonLines(logging.Formatter):
-    """One object a line; members that are not known are left out."""
+    """One JSON object per line, without members whose value is None."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line."""
@@ -133,7 +132,7 @@ class _JsonLines(logging.Formatter):
 
 
 def _dump(members: dict[str, Any]) -> str:
-    # ASCII: a line stays a line whatever the terminal or the collector takes for a line's end.
+    # ASCII only, since terminals and collectors may treat other characters as line ends.
     return json.dumps(members, default=str)
 
 
@@ -142,11 +141,11 @@ def _instant(seconds: float | None = None) -> str:
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _log_the_end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _log_crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     logging.getLogger(__name__).critical("the process ends", exc_info=(kind, error, trace))
 
 
-def _log_a_threads_end(arguments: threading.ExceptHookArgs) -> None:
+def _log_thread_crash(arguments: threading.ExceptHookArgs) -> None:
     if arguments.exc_value is not None and not isinstance(arguments.exc_value, SystemExit):
         found = (arguments.exc_type, arguments.exc_value, arguments.exc_traceback)
         logging.getLogger(__name__).error("a thread ends", exc_info=found)

@@ -1,8 +1,8 @@
-"""Traces by OpenTelemetry, where its usual variables name a collector; nothing is loaded and nothing costs elsewhere.
+"""Send traces with OpenTelemetry if its usual variables name a collector; otherwise import nothing.
 
-``OTEL_EXPORTER_OTLP_ENDPOINT=http://collector:4318`` turns them on in the API and in workers; the extra `otel` has the
-packages. A job carries its request's trace (`traceparent`, W3C Trace Context), so that one trace shows the request, the
-wait, every attempt and its phases, whichever hosts they ran on.
+``OTEL_EXPORTER_OTLP_ENDPOINT=http://collector:4318`` enables them in the API and in workers; the extra `otel` installs
+the packages. A job stores its request's trace (`traceparent`, W3C Trace Context), so that one trace shows the request,
+the wait, every attempt and its phases, on any hosts.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ def start_tracing(part: str) -> bool:
     Parameters
     ----------
     part : str
-        Which part of the service this process is: `api`, `worker`. Its `service.name` is `meshdeform-PART` unless
-        OTEL_SERVICE_NAME says otherwise.
+        The part of the service that this process is: `api` or `worker`. Its `service.name` is `meshdeform-PART` unless
+        OTEL_SERVICE_NAME is set.
 
     Returns
     -------
     bool
-        Whether there is such a collector.
+        Whether the environment names a collector.
 
     Raises
     ------
     DependencyError
-        There is, but the packages are not installed.
+        It names one, but the packages are not installed.
     """
     global _tracer, _provider
     if _tracer is not None or not any(os.environ.get(name) for name in _ENDPOINTS):
@@ -67,7 +67,7 @@ def start_tracing(part: str) -> bool:
 
 
 def stop_tracing() -> None:
-    """Send what is left."""
+    """Send the remaining spans and stop."""
     global _tracer, _provider
     if _provider is not None:
         _provider.shutdown()
@@ -78,14 +78,14 @@ def stop_tracing() -> None:
 def span(
     name: str, attributes: Mapping[str, str | int | float] | None = None, *, traceparent: str | None = None
 ) -> Iterator[None]:
-    """A span around a block; an exception that leaves the block is recorded with it.
+    """Record a span around a block, with any exception that leaves the block.
 
     Parameters
     ----------
     name : str
     attributes : mapping, optional
     traceparent : str, optional
-        The span that this one belongs to, of another process; the innermost one of this context unless given.
+        The parent span in another process. Default: the innermost span of this context.
     """
     if _tracer is None:
         yield
@@ -98,7 +98,7 @@ def span(
 
 
 def rename_span(name: str, attributes: Mapping[str, str | int | float] | None = None) -> None:
-    """Say of the innermost span what is known only within it."""
+    """Set the name, and optionally attributes, of the innermost span."""
     if _tracer is None:
         return
     from opentelemetry.trace import get_current_span
@@ -109,7 +109,7 @@ def rename_span(name: str, attributes: Mapping[str, str | int | float] | None = 
 
 
 def current_traceparent() -> str | None:
-    """Return the innermost span as W3C Trace Context writes it, to be kept with a job; None without tracing."""
+    """Return the innermost span in W3C Trace Context form, to store with a job, or None without tracing."""
     if _tracer is None:
         return None
     from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator

@@ -1,1 +1,1 @@
-"""Messages to the webhooks of users: where they may go (`addresses`), how they go (`sender`), and when (`delivery`)."""
+"""Send messages to users' webhooks: allowed addresses (`addresses`), sending (`sender`) and scheduling (`delivery`)."""

@@ -1,9 +1,9 @@
-"""Which addresses a webhook may have: none by which a user could reach what only this server can (SSRF).
+"""Restrict the addresses of webhooks, so that users cannot reach hosts that only this server can reach (SSRF).
 
-A host is resolved, every address that it has is judged, and what is returned are those very addresses: the sender
-connects to them and asks nobody again, so an answer that changes in between changes nothing.
+A host is resolved and all its addresses are checked and returned. The sender connects to these addresses without
+resolving again, so that a DNS answer that changes in between has no effect.
 
-Source: the IANA special-purpose address registries (RFC 6890 and what followed it), for what is not public.
+Source: the IANA special-purpose address registries (RFC 6890 and its successors), for addresses that are not public.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 __all__ = ["MAX_URL", "Destination", "Lookup", "Networks", "find_destination", "is_public", "parse_networks"]
 
 MAX_URL = 2000
-"""Characters of a webhook's URL."""
+"""Maximum number of characters in a webhook's URL."""
 
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Networks = tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]
 Lookup = Callable[[str, int], Sequence[str]]
-"""Gives the addresses of a host; raises OSError where there are none."""
+"""Returns the addresses of a host; raises OSError if there are none."""
 
-# Python's own `is_global` of 3.11 misses some of these, and counts translated addresses as global.
+# Python 3.11's `is_global` misses some of these, and counts translated addresses as global.
 _NOT_PUBLIC_4 = tuple(
     ipaddress.IPv4Network(block)
     for block in (
@@ -51,23 +51,23 @@ _NOT_PUBLIC_4 = tuple(
         "240.0.0.0/4",
     )
 )
-# All of IPv6 that is given out lies in 2000::/3. Loopback, mapped (::ffff:0:0/96), unique local, link-local and
-# multicast addresses lie outside; these lie inside: Teredo and its neighbours, documentation, 6to4.
+# All assigned public IPv6 addresses are in 2000::/3. Loopback, mapped (::ffff:0:0/96), unique local, link-local and
+# multicast addresses are outside it; these are inside: Teredo and its neighbours, documentation, 6to4.
 _GLOBAL_UNICAST_6 = ipaddress.IPv6Network("2000::/3")
 _NOT_PUBLIC_6 = tuple(
     ipaddress.IPv6Network(block) for block in ("2001::/23", "2001:db8::/32", "2002::/16", "3fff::/20")
 )
-# An IPv4 address as a network with only IPv6 shows it (RFC 6052): as public as what is inside.
+# IPv4 addresses as an IPv6-only network represents them (RFC 6052): public if the IPv4 address is.
 _TRANSLATED_6 = ipaddress.IPv6Network("64:ff9b::/96")
 
 _NAME = re.compile(r"(?=.{1,253}\Z)[a-z0-9_]([a-z0-9_-]*[a-z0-9_])?(\.[a-z0-9_]([a-z0-9_-]*[a-z0-9_])?)*\Z")
-# What resolvers take for a number though it is not written as four decimals: 2130706433, 0x7f.1, 127.1, 0177.0.0.1.
+# Forms that resolvers read as IPv4 addresses besides four decimals: 2130706433, 0x7f.1, 127.1, 0177.0.0.1.
 _NUMBER = re.compile(r"(^|\.)([0-9]+|0x[0-9a-f]*)\Z")
 
 
 @dataclass(frozen=True)
 class Destination:
-    """Where a message goes: a URL, and the addresses of its host, checked, in the order to try them."""
+    """The destination of a message: a URL and its host's checked addresses, in the order to try them."""
 
     url: httpx.URL
     host: str
@@ -76,18 +76,18 @@ class Destination:
 
 
 def parse_networks(blocks: Sequence[str]) -> Networks:
-    """Return the networks that MESHDEFORM_WEBHOOK_NETWORKS names.
+    """Return the networks listed in MESHDEFORM_WEBHOOK_NETWORKS.
 
     Raises
     ------
     DependencyError
-        One is no CIDR block.
+        One is not a CIDR block.
     """
     try:
         return tuple(ipaddress.ip_network(block) for block in blocks)
     except ValueError as error:
         raise DependencyError(
-            f"MESHDEFORM_WEBHOOK_NETWORKS is no list of networks: {error}.",
+            f"MESHDEFORM_WEBHOOK_NETWORKS is not a list of networks: {error}.",
             advice='Write CIDR blocks as a JSON list, for example ["10.1.0.0/16", "fd00::/8"].',
         ) from error
 
@@ -102,27 +102,27 @@ def is_public(address: Address) -> bool:
 
 
 def system_lookup(host: str, port: int) -> list[str]:
-    """Return the addresses that the system knows for a host, the preferred one first."""
+    """Resolve a host with the system's resolver and return its addresses, the preferred one first."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     return list(dict.fromkeys(str(entry[4][0]) for entry in found))
 
 
 def find_destination(url: str, networks: Networks, lookup: Lookup = system_lookup) -> Destination:
-    """Read a webhook's URL, resolve its host, and judge every address that it has.
+    """Parse a webhook's URL, resolve its host, and check all its addresses.
 
     Parameters
     ----------
     url : str
         `https`, without credentials, at port 80, 443 or one above 1023.
     networks : tuple of networks
-        Besides the public internet; there `http` is allowed too.
+        Networks allowed besides the public internet; there `http` is allowed too.
     lookup : callable
         Resolves the host.
 
     Raises
     ------
     WebhookAddressError
-        It is not one that may be called, or the host is not known.
+        The URL is not allowed, or the host is not known.
     """
     read, host, port = _read(url)
     try:
@@ -131,7 +131,7 @@ def find_destination(url: str, networks: Networks, lookup: Lookup = system_looku
         raise WebhookAddressError(f"The host {host} is not known.") from error
     if not found:
         raise WebhookAddressError(f"The host {host} has no address.")
-    # What the address is stays unsaid: a user shall not learn from here what names mean inside.
+    # Do not name the address: users must not learn what names resolve to inside the server's network.
     inside = [any(address in network for network in networks) for address in found]
     if not all(known or is_public(address) for address, known in zip(found, inside, strict=True)):
         raise WebhookAddressError(f"The host {host} has an address that is not public.")
@@ -144,21 +144,21 @@ def _read(url: str) -> tuple[httpx.URL, str, int]:
     import httpx
 
     if len(url) > MAX_URL or re.search(r"[\s\\\x00-\x1f\x7f]", url):
-        raise WebhookAddressError(f"The URL has more than {MAX_URL} characters, or some that no URL has.")
+        raise WebhookAddressError(f"The URL has more than {MAX_URL} characters, or characters not allowed in a URL.")
     try:
         read = httpx.URL(url)
-        # Names in other scripts become their ASCII form here; full stops at the end mean nothing to a certificate.
+        # Names in other scripts become their ASCII form here. Trailing dots are removed, as certificates omit them.
         host = read.raw_host.decode("ascii").lower().removesuffix(".")
     except (httpx.InvalidURL, ValueError) as error:
-        raise WebhookAddressError("This is no URL.") from error
+        raise WebhookAddressError("This is not a URL.") from error
     if read.scheme not in ("https", "http"):
         raise WebhookAddressError("The URL does not begin with https://.")
     if read.userinfo:
-        raise WebhookAddressError("The URL holds a user name or a password.", advice="Verify the signature instead.")
+        raise WebhookAddressError("The URL has a user name or a password.", advice="Verify the signature instead.")
     _check_host(host)
     port = read.port if read.port is not None else 443 if read.scheme == "https" else 80
     if port not in (80, 443) and not 1024 <= port <= 65535:
-        raise WebhookAddressError(f"Port {port} is not for webhooks.", advice="Use 443, 80 or one above 1023.")
+        raise WebhookAddressError(f"Port {port} is not allowed for webhooks.", advice="Use 443, 80 or one above 1023.")
     return read.copy_with(host=host, fragment=None), host, port
 
 
@@ -167,6 +167,6 @@ def _check_host(host: str) -> None:
         ipaddress.ip_address(host)
     except ValueError:
         if not _NAME.match(host) or _NUMBER.search(host):
-            raise WebhookAddressError("The URL's host is no name, and no IP address in its usual form.") from None
+            raise WebhookAddressError("The URL's host is neither a name nor an IP address in the usual form.") from None
     if "%" in host:
         raise WebhookAddressError("The URL's host names a network interface.")

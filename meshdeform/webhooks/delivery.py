@@ -1,7 +1,7 @@
-"""Sends what is due to webhooks, in a thread beside the API: several messages at once, in no order.
+"""Send due messages to webhooks from threads of the API process: several at once, in no particular order.
 
-Every API process may run one. A message arrives at least once: a process that dies between sending it and writing so
-down lets another one send it again, with the same `webhook-id`.
+Every API process may run one. A message arrives at least once: if a process dies between sending it and recording
+that, another one sends it again with the same `webhook-id`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.record.outgoing import DueDelivery
+from meshdeform.record.deliveries import DueDelivery
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.webhooks.addresses import parse_networks
@@ -26,52 +26,52 @@ if TYPE_CHECKING:
 __all__ = ["AT_ONCE", "WebhookDelivery"]
 
 AT_ONCE = 8
-"""Messages that one process sends at a time."""
+"""Number of messages that one process sends at a time."""
 
 _EACH = 4
-"""Of these, how many to one webhook: one that answers slowly leaves room for the others."""
+"""Number of these to one webhook, so that a slow one does not block the others."""
 _LOOK_EVERY_S = 1.0
 _CLEAN_EVERY_S = 600.0
 _log = logging.getLogger(__name__)
 
 
 class WebhookDelivery:
-    """The sender of webhooks; as a context manager it runs in threads of its own.
+    """The sender of webhooks; as a context manager it runs in its own threads.
 
     Parameters
     ----------
     record : JobRecord
     settings : Settings
-        `webhook_networks` counts.
+        Only `webhook_networks` is used.
     sender : Sender, optional
         For tests.
 
     Raises
     ------
     DependencyError
-        `webhook_networks` is no list of networks.
+        `webhook_networks` is not a list of networks.
     """
 
     def __init__(self, record: JobRecord, settings: Settings, *, sender: Sender | None = None) -> None:
-        self._book, self._sender = record.webhooks, sender
+        self._deliveries, self._sender = record.deliveries, sender
         self._networks = parse_networks(settings.webhook_networks)
         self._done = threading.Event()
         self._clean_at = 0.0
         self._thread = threading.Thread(target=self._run, name="webhooks", daemon=True)
 
     def run_once(self) -> int:
-        """Send everything that is due, and what becomes due meanwhile; return how many attempts that were.
+        """Send all due messages, including those that become due meanwhile, and return the number of attempts.
 
         Raises
         ------
         UnavailableError
-            The record does not answer; what was taken is due again when its time with this process is over.
+            The record does not answer; the messages taken become due again when this process's claim expires.
         """
         if time.monotonic() >= self._clean_at:
             self._clean_at = time.monotonic() + _CLEAN_EVERY_S
-            while self._book.delete_old_deliveries() and not self._done.is_set():
+            while self._deliveries.delete_old_deliveries() and not self._done.is_set():
                 pass
-        first = self._book.due(AT_ONCE, each=_EACH)
+        first = self._deliveries.due(AT_ONCE, each=_EACH)
         return self._send_all(first) if first else 0
 
     def __enter__(self) -> Self:
@@ -96,7 +96,7 @@ class WebhookDelivery:
                 for delivery in taken:
                     under_way[pool.submit(self._send, sender, delivery)] = delivery
                 count += len(taken)
-                # A slow one must not keep what becomes due meanwhile from the threads that are free.
+                # A slow message must not keep idle threads from those that become due meanwhile.
                 for future in wait(under_way, timeout=_LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
                     del under_way[future]
                     future.result()
@@ -108,17 +108,17 @@ class WebhookDelivery:
             return []
         counts = Counter(delivery.webhook_id for delivery in under_way)
         busy = [webhook_id for webhook_id, count in counts.items() if count > _EACH // 2]
-        return self._book.due(AT_ONCE - len(under_way), without=busy, each=_EACH // 2)
+        return self._deliveries.due(AT_ONCE - len(under_way), without=busy, each=_EACH // 2)
 
     def _send(self, sender: Sender, due: DueDelivery) -> None:
         outcome = sender.send(due.url, due.message_id, due.payload, due.secrets)
         if sender.closed and not outcome.delivered:
-            # Cut by our own end: no fault of the receiver.
-            return self._book.give_back(due)
+            # Interrupted by our own shutdown, not by the receiver.
+            return self._deliveries.give_back(due)
         if outcome.delivered and outcome.status is not None:
-            return self._book.succeeded(due, at=outcome.at, status=outcome.status, seconds=outcome.seconds)
+            return self._deliveries.succeeded(due, at=outcome.at, status=outcome.status, seconds=outcome.seconds)
         _log.info("webhook %s, message %s: %s", due.webhook_id, due.message_id, outcome.error)
-        return self._book.failed(
+        return self._deliveries.failed(
             due,
             at=outcome.at,
             status=outcome.status,
@@ -129,7 +129,7 @@ class WebhookDelivery:
 
     def _open_sender(self) -> Sender:
         if self._sender is None:
-            # Where nobody has a webhook, the API keeps no HTTP client in memory.
+            # Create the HTTP client only if there are webhooks, to save memory.
             from meshdeform.webhooks.sender import Sender
 
             self._sender = Sender(self._networks)
@@ -140,8 +140,8 @@ class WebhookDelivery:
             try:
                 self.run_once()
             except MeshdeformError as error:
-                _log.warning("the webhooks wait: %s", error)
+                _log.warning("sending webhooks is paused: %s", error)
             except Exception:
-                # Without this thread no message is sent: it must outlive any mistake.
-                _log.exception("the sender of webhooks met an error that it does not know")
+                # Without this thread no message is sent, so that it must survive any error.
+                _log.exception("unexpected error while sending webhooks")
             self._done.wait(_LOOK_EVERY_S)

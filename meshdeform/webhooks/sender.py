@@ -1,7 +1,7 @@
-"""One message to one webhook, signed: to the checked address and nowhere else, within 15 seconds whatever it answers.
+"""Send one signed message to one webhook, only to its checked addresses and in at most 15 seconds.
 
-There is no redirect to follow, no proxy to ask, no cookie to keep and no second connection: an `httpcore` connection
-whose network is an address list. TLS still verifies the host's name.
+There are no redirects, proxies, cookies or second connections: an `httpcore` connection is used whose network is a
+list of addresses. TLS still verifies the host's name.
 
 Source: the Standard Webhooks specification 1.0.0 (https://www.standardwebhooks.com).
 """
@@ -26,28 +26,28 @@ from meshdeform import __version__
 from meshdeform.errors import WebhookAddressError
 from meshdeform.webhooks.addresses import Destination, Lookup, Networks, find_destination, system_lookup
 
-__all__ = ["Outcome", "Sender", "signed_headers"]
+__all__ = ["SendOutcome", "Sender", "signed_headers"]
 
 CONNECT_S = 5.0
 TOTAL_S = 15.0
 _MAX_ANSWER = 64 * 1024
-_Hold = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None], None]
+_Track = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None], None]
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of an attempt.
+class SendOutcome:
+    """The result of an attempt.
 
     Attributes
     ----------
     at : datetime
     seconds : float
     status : int or None
-        Of the answer; None where there was none.
+        Status of the response; None if there was none.
     error : str
-        Why it does not count as delivered; empty where it does. Nothing of the answer's text is in it.
+        Why the message does not count as delivered; empty if it does. Contains no text of the response.
     retry_after_s : float
-        Seconds that the receiver asks to wait; 0 where it says nothing.
+        Seconds that the receiver asks to wait; 0 if it does not.
     """
 
     at: datetime
@@ -58,7 +58,7 @@ class Outcome:
 
     @property
     def delivered(self) -> bool:
-        """Whether the receiver has the message."""
+        """Whether the receiver accepted the message."""
         return not self.error
 
 
@@ -68,13 +68,13 @@ class Sender:
     Parameters
     ----------
     networks : tuple of networks
-        Which addresses are allowed besides public ones.
+        Networks allowed besides the public internet.
     lookup : callable
         Resolves hosts.
     tls : ssl.SSLContext, optional
-        Which authorities to trust; those of the system's usual list unless given (SSL_CERT_FILE names others).
+        The trusted authorities. Default: the system's usual list (SSL_CERT_FILE sets another).
     connect_s, total_s : float
-        Seconds to connect, and for everything from the look-up of the host to the end of the answer.
+        Seconds to connect, and in total from resolving the host to the end of the response.
     """
 
     def __init__(
@@ -93,8 +93,8 @@ class Sender:
         self._lock = threading.Lock()
         self.closed = False
 
-    def send(self, url: str, message_id: str, payload: dict[str, Any], secrets: Iterable[str]) -> Outcome:
-        """Send a message once, and say what came of it. Raises nothing that the network or the receiver can cause."""
+    def send(self, url: str, message_id: str, payload: dict[str, Any], secrets: Iterable[str]) -> SendOutcome:
+        """Send a message once and return the outcome. Errors of the network or the receiver are not raised."""
         at, began = datetime.now(UTC), time.monotonic()
         status, error, retry_after_s = None, "", 0.0
         try:
@@ -108,13 +108,13 @@ class Sender:
         except httpcore.TimeoutException:
             error = "The receiver did not answer in time."
         except httpcore.ProtocolError:
-            error = "The answer is not HTTP."
+            error = "The response is not HTTP."
         except (httpcore.NetworkError, OSError) as failed:
             error = _network_error(failed)
-        return Outcome(at, time.monotonic() - began, status, error, retry_after_s)
+        return SendOutcome(at, time.monotonic() - began, status, error, retry_after_s)
 
     def close(self) -> None:
-        """Cut what is under way: nothing is sent after this."""
+        """Close all open connections; nothing is sent after this."""
         with self._lock:
             self.closed = True
             streams = list(self._open)
@@ -125,7 +125,7 @@ class Sender:
     def _post(
         self, destination: Destination, body: bytes, headers: dict[str, str], deadline: float
     ) -> tuple[int, float]:
-        network = _PinnedNetwork(destination.addresses, self._connect_s, deadline, self._hold)
+        network = _PinnedNetwork(destination.addresses, self._connect_s, deadline, self._track)
         url = httpcore.URL(
             scheme=destination.url.raw_scheme,
             host=destination.host.encode("ascii"),
@@ -141,32 +141,32 @@ class Sender:
                 pool.stream("POST", url, headers=sent, content=body, extensions=timeouts) as answer,
             ):
                 status, retry_after_s = answer.status, _retry_after(dict(answer.headers))
-                # The status counts. The rest is taken from the line, so that the receiver sees an orderly end.
+                # Only the status matters. Read the rest, so that the receiver sees an orderly end.
                 with suppress(httpcore.TimeoutException, httpcore.NetworkError, httpcore.ProtocolError):
                     _read_some(answer)
         finally:
-            self._hold(network.stream, None)
+            self._track(network.stream, None)
         return status, retry_after_s
 
-    def _hold(self, before: httpcore.NetworkStream | None, now: httpcore.NetworkStream | None) -> None:
-        """Know what is open, to be able to cut it."""
+    def _track(self, before: httpcore.NetworkStream | None, now: httpcore.NetworkStream | None) -> None:
+        """Record which connections are open, so that `close` can close them."""
         with self._lock:
             if now is not None and self.closed:
-                raise httpcore.ConnectError("The server stops.")
+                raise httpcore.ConnectError("The server is stopping.")
             self._open = (self._open - {before}) | ({now} if now else set())
 
 
 class _PinnedNetwork(httpcore.NetworkBackend):
-    """A network in which every name leads to one host's checked addresses, until a deadline."""
+    """A network in which every name resolves to one host's checked addresses, until a deadline."""
 
-    def __init__(self, addresses: tuple[str, ...], connect_s: float, deadline: float, hold: _Hold) -> None:
-        self._addresses, self._connect_s, self._hold = addresses, connect_s, hold
+    def __init__(self, addresses: tuple[str, ...], connect_s: float, deadline: float, track: _Track) -> None:
+        self._addresses, self._connect_s, self._track = addresses, connect_s, track
         self.deadline = deadline
         self.stream: httpcore.NetworkStream | None = None
 
     def connect_tcp(
         self,
-        host: str,  # noqa: ARG002 - it was resolved, and is not resolved again
+        host: str,  # noqa: ARG002 - already resolved
         port: int,
         timeout: float | None = None,  # noqa: ARG002
         local_address: str | None = None,
@@ -175,7 +175,7 @@ class _PinnedNetwork(httpcore.NetworkBackend):
         until = min(time.monotonic() + self._connect_s, self.deadline)
         failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
         for number, address in enumerate(self._addresses):
-            # One that swallows everything leaves time for the others.
+            # Share the time, so that an address that never answers leaves some for the others.
             share = (until - time.monotonic()) / (len(self._addresses) - number)
             if share <= 0:
                 break
@@ -188,9 +188,9 @@ class _PinnedNetwork(httpcore.NetworkBackend):
         raise failed
 
     def carry(self, stream: httpcore.NetworkStream) -> httpcore.NetworkStream:
-        """Go on with a stream in place of the one before."""
+        """Replace the current stream."""
         try:
-            self._hold(self.stream, stream)
+            self._track(self.stream, stream)
         except httpcore.ConnectError:
             stream.close()
             raise
@@ -199,7 +199,7 @@ class _PinnedNetwork(httpcore.NetworkBackend):
 
 
 class _TimedStream(httpcore.NetworkStream):
-    """A connection that ends at an instant, however often a little arrives."""
+    """A connection that ends at a deadline, even if data keeps arriving."""
 
     def __init__(self, stream: httpcore.NetworkStream, network: _PinnedNetwork) -> None:
         self._stream, self._network = stream, network
@@ -228,22 +228,22 @@ class _TimedStream(httpcore.NetworkStream):
     def _left(self, over: type[Exception]) -> float:
         left = self._network.deadline - time.monotonic()
         if left <= 0:
-            raise over("The time is over.")
+            raise over("The deadline has passed.")
         return left
 
 
 def signed_headers(message_id: str, body: str, secrets: Iterable[str], at: datetime) -> dict[str, str]:
-    """Return the headers of a message, with a signature by each secret.
+    """Return the headers of a message, with one signature per secret.
 
     Parameters
     ----------
     message_id : str
     body : str
-        Exactly what is sent.
+        The exact text to send.
     secrets : iterable of str
-        `whsec_` and base64.
+        Each `whsec_` followed by base64.
     at : datetime
-        Of this attempt, in UTC.
+        Time of this attempt, in UTC.
     """
     from standardwebhooks import Webhook
 
@@ -271,7 +271,7 @@ def _network_error(error: Exception) -> str:
         if isinstance(seen, ssl.SSLCertVerificationError):
             return f"The receiver's certificate is not valid: {seen.verify_message}."
         if isinstance(seen, ssl.SSLError):
-            return "The receiver does not speak TLS as it should."
+            return "The TLS connection to the receiver failed."
         seen = seen.__cause__ or seen.__context__
     return "The connection failed."
 

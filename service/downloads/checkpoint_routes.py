@@ -75,6 +75,6 @@ def _checkpoints(app: AppState, job_id: str, owner: str) -> list[CheckpointRef]:
     """By step; where two attempts stored the same step, that of the newer one."""
     app.record.get(job_id, owner)
     found: dict[int, CheckpointRef] = {}
-    for checkpoint in app.record.checkpoints(job_id):
+    for checkpoint in app.record.leases.checkpoints(job_id):
         found.setdefault(checkpoint.step, checkpoint)
     return [found[step] for step in sorted(found)]

@@ -14,13 +14,13 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_FILENAME
 from meshdeform.errors import AssetTooLargeError, RequestError
+from meshdeform.runs import file_parts
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
 __all__ = ["ReceivedFile", "clean_filename", "receive_form"]
 
-FILES = ("asset", "target")
 DOCUMENT = "request"
 _MAX_HEADER_BYTES = 8 * 1024
 
@@ -49,7 +49,7 @@ class ReceivedFile:
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request` and, where they are sent, `asset` and `target`.
+    """Receive the part `request` and the files that are sent: those that any kind of job reads.
 
     Parameters
     ----------
@@ -165,8 +165,10 @@ class _Receiver:
     def _on_headers_finished(self) -> None:
         _, options = parse_options_header(self._headers.get("content-disposition", b""))
         name = options.get(b"name", b"").decode("utf-8", "replace")
-        if name not in (*FILES, DOCUMENT):
-            raise RequestError(f"There is no part {name[:100]!r}.", advice="The parts are asset, request and target.")
+        known = sorted((*file_parts(), DOCUMENT))
+        if name not in known:
+            advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
+            raise RequestError(f"There is no part {name[:100]!r}.", advice=advice)
         if name in self._parts:
             raise RequestError(f"The part `{name}` comes twice.", advice="Send one job in a request.")
         if name == DOCUMENT:

@@ -39,10 +39,11 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only one that failed, was canceled or has expired can be tried again.",
                 state=job.state.value,
             )
-        params = check_params(job.request, app.settings, has_target=job.target is not None)
+        params = check_params(job.request, app.settings, files=_files(job.target))
         with app.record.files.leases() as leases:
             _hold(app, leases, job.asset, job.target)
-            newest = sorted(app.record.checkpoints(job_id), key=lambda found: (found.step, found.attempt))[::-1]
+            found = app.record.leases.checkpoints(job_id)
+            newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copied(app, leases, job, newest, OriginMode.RETRY) or _beginning(app, leases, job)
             new = new_job(app, caller, job.request, job.asset, job.target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
@@ -76,15 +77,14 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         job = app.record.get(job_id, owner=caller.owner_id)
         # The other job's target goes along only where it is looked at.
         target = job.target if document.params.guidance is GuidanceKind.TARGET else None
-        has_target = (document.target or target) is not None
-        params = check_params(document, app.settings, has_target=has_target)
+        params = check_params(document, app.settings, files=_files(document.target or target))
         with app.record.files.leases() as leases:
             if document.target is not None:
                 file = fetch(app, caller.owner_id, document.target, "target", folder)
                 app.assets.check(file.path, file.filename, file.sha256)
                 target = keep_file(app, leases, file)
             _hold(app, leases, job.asset, target)
-            known = app.record.checkpoints(job_id)
+            known = app.record.leases.checkpoints(job_id)
             origin = _copied(app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH)
             if origin is None:
                 steps = sorted({found.step for found in known})
@@ -95,6 +95,11 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 )
             new = new_job(app, caller, document, job.asset, target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
+
+
+def _files(target: object) -> list[str]:
+    """Return the names of the files of a job with this target or none; an asset it always has."""
+    return ["asset"] if target is None else ["asset", "target"]
 
 
 def _hold(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:

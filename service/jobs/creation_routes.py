@@ -36,7 +36,7 @@ from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import take_in, try_out
 from service.jobs.routes import shown
-from service.jobs.sources import ASSET_ADVICE, Submission
+from service.jobs.sources import Submission, file_advice, missing_files
 from service.schemas import Validation
 from service.state import AppState, AppStateDep
 
@@ -209,6 +209,6 @@ async def _submitted(request: Request, app: AppState) -> AsyncIterator[Submissio
                 app.settings.max_upload_bytes,
             )
             document = parse_document(JobDocument, text, "The part `request`")
-            if "asset" not in files and document.asset is None:
-                raise RequestError("The part `asset` is missing.", advice=ASSET_ADVICE)
+            for name in missing_files(document, files):
+                raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
             yield Submission(document, files, FilePath(folder))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
@@ -12,8 +13,8 @@ from meshdeform.errors import ParameterError, UnavailableError
 from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
-from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.runs import check_request
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request, kind_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
@@ -23,14 +24,24 @@ from service.jobs.sources import Submission
 from service.schemas import AssetFound, JobEstimate, Validation
 from service.state import AppState
 
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
 __all__ = ["check_params", "keep_file", "new_job", "record_job", "take_in", "try_out"]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
 
 
-def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -> ResolvedParams:
+def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
     """Return the parameters that a request would run with.
+
+    Parameters
+    ----------
+    request : JobRequest
+    settings : Settings
+    files : collection of str
+        The names of the files that it has.
 
     Raises
     ------
@@ -43,9 +54,10 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
             detail = "A label holds the character U+0000."
             errors = [{"loc": ["metadata", name], "msg": detail, "type": "value_error"}]
             raise ParameterError(detail, errors=errors)
-    params = check_request(request, settings, has_target=has_target)
-    if params.steps > settings.max_steps:
-        detail = f"{params.steps} steps are more than this server allows: {settings.max_steps}."
+    params = check_request(request, settings, files=files)
+    steps = kind_of(request.kind).steps(request, settings.model, None)
+    if steps > settings.max_steps:
+        detail = f"{steps} steps are more than this server allows: {settings.max_steps}."
         raise ParameterError(
             detail,
             advice="Set params.steps lower, or raise MESHDEFORM_MAX_STEPS.",
@@ -57,7 +69,7 @@ def check_params(request: JobRequest, settings: Settings, *, has_target: bool) -
 
 def _checked(
     app: AppState, owner_id: str, sent: Submission
-) -> tuple[ResolvedParams, dict[str, ReceivedFile], dict[str, AssetSummary]]:
+) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary]]:
     """Check a job from its parameters to the last vertex of its files; nothing is stored.
 
     Returns
@@ -69,7 +81,7 @@ def _checked(
     AssetError, RequestError, ModelError
         What is wrong with the asset or the request.
     """
-    params = check_params(sent.document, app.settings, has_target=sent.has_target)
+    params = check_params(sent.document, app.settings, files=sent.names)
     files = sent.fetched(app, owner_id)
     found = {name: app.assets.check(file.path, file.filename, file.sha256) for name, file in files.items()}
     return params, files, found
@@ -118,7 +130,7 @@ def try_out(app: AppState, owner_id: str, sent: Submission) -> Validation:
     }
     expected = estimate(
         app.record.database,
-        app.record.registry,
+        app.record.leases,
         sent.document,
         default_model=app.settings.model,
         queue=app.settings.queue,

@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, ParameterError
+from meshdeform.runs import file_parts, kind_of
 from service.http.multipart import ReceivedFile
 from service.jobs.documents import FileReference, JobDocument
 from service.state import AppState
 
-__all__ = ["ASSET_ADVICE", "Submission", "fetch"]
+__all__ = ["Submission", "fetch", "file_advice", "missing_files"]
 
-ASSET_ADVICE = "Send the file as the part `asset`, or name an upload or an artifact in the document's `asset`."
+
+def file_advice(name: str) -> str:
+    """Say how a file reaches a job."""
+    return f"Send the file as the part `{name}`, or name an upload or an artifact in the document's `{name}`."
+
+
+def missing_files(document: JobDocument, sent: Collection[str]) -> list[str]:
+    """Return the parts that the kind of job requires, and that are neither sent nor named in the document."""
+    there = {*sent, *_named_files(document)}
+    return [part.name for part in kind_of(document.kind).reads if part.required and part.name not in there]
+
+
+def _named_files(document: JobDocument) -> dict[str, FileReference]:
+    """Return the files that the document names, by part."""
+    found = {name: getattr(document, name, None) for name in file_parts()}
+    return {name: reference for name, reference in found.items() if reference is not None}
 
 
 @dataclass(frozen=True)
@@ -25,14 +41,14 @@ class Submission:
     ----------
     document : JobDocument
     files : dict of str to ReceivedFile
-        Those that came along, by the part's name: `asset`, `target`.
+        Those that came along, by the part's name.
     folder : Path
         Where they lie, and where those go that the document names.
 
     Raises
     ------
     ParameterError
-        There is no asset, or two of something.
+        A file is missing that the kind of job cannot be without, or there are two of something.
     """
 
     document: JobDocument
@@ -40,32 +56,31 @@ class Submission:
     folder: Path
 
     def __post_init__(self) -> None:
-        """Refuse anything but one asset and at most one target."""
+        """Refuse a job that has two files for one part, or none for one that its kind requires."""
+        named = _named_files(self.document)
         for name in self.files:
-            if getattr(self.document, name) is not None:
+            if name in named:
                 raise _parameter(
                     [name], f"`{name}` is sent as a part and named in the document.", "Leave one of the two out."
                 )
-        if "asset" not in self.files and self.document.asset is None:
-            raise _parameter(["asset"], "`asset` is missing.", ASSET_ADVICE)
+        for name in missing_files(self.document, self.files):
+            raise _parameter([name], f"`{name}` is missing.", file_advice(name))
 
     @property
-    def has_target(self) -> bool:
-        """Whether there is a second mesh."""
-        return "target" in self.files or self.document.target is not None
+    def names(self) -> set[str]:
+        """The parts for which there is a file, sent or named."""
+        return {*self.files, *_named_files(self.document)}
 
     def fetched(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
-        """Return the asset and the target, fetched into the folder where they did not come along.
+        """Return every file, fetched into the folder where it did not come along.
 
         Raises
         ------
         ParameterError, ConflictError
             A reference names nothing of this owner's, or nothing that is finished.
         """
-        named = {"asset": self.document.asset, "target": self.document.target}
-        fetched = {
-            name: fetch(app, owner_id, reference, name, self.folder) for name, reference in named.items() if reference
-        }
+        named = _named_files(self.document).items()
+        fetched = {name: fetch(app, owner_id, reference, name, self.folder) for name, reference in named}
         return {**self.files, **fetched}
 
 

@@ -16,9 +16,8 @@ from prometheus_client.registry import Collector
 from starlette.routing import Match
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.counters import BUCKETS_S
+from meshdeform.record.counters import BUCKETS_S, statistics
 from meshdeform.record.models import TERMINAL_STATES, JobState
-from meshdeform.record.statistics import statistics
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -70,15 +69,15 @@ class _RecordCollector(Collector):
             ("queue_oldest_seconds", "How long the oldest queued job has been there.", seen.oldest_queued_s),
             (
                 "workers_alive",
-                "Workers whose supervisor was heard of lately.",
-                self._record.registry.alive(self._queue),
+                "Workers that were heard of lately.",
+                self._record.leases.alive(self._queue),
             ),
             ("webhook_deliveries_pending", "Messages to webhooks not delivered yet.", seen.pending_deliveries),
         ):
             yield GaugeMetricFamily(f"meshdeform_{name}", text, value=value)
 
     def _sums(self) -> Iterator[Metric]:
-        sums = self._record.tallies()
+        sums = self._record.counters()
         ended = CounterMetricFamily("meshdeform_jobs_ended", "Jobs that ended, by how.", labels=["state"])
         for state in sorted(TERMINAL_STATES):
             ended.add_metric([state.value], sums.get(("jobs_ended", state.value), 0.0))

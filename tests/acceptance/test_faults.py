@@ -238,7 +238,7 @@ def test_a_checkpoint_that_is_damaged_falls_back_to_the_one_before(
     job_id = cluster.submit(STEPS)
     worker = cluster.start_worker(MESHDEFORM_FAILPOINTS=points)
     until("two checkpoints", Path(f"{gate}.reached").exists)
-    newest, before = cluster.record.checkpoints(job_id)[:2]
+    newest, before = cluster.record.leases.checkpoints(job_id)[:2]
     assert (newest.step, before.step) == (8, 4)
     whole = cluster.store.get(newest.key)
     if damage == "gone":
@@ -296,7 +296,7 @@ def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_mos
     cluster.put_to_sleep(worker.child())
     worker.kill()
     job = cluster.job(job_id)
-    cluster.record.heartbeat(job_id, job.attempt, timedelta(hours=1).total_seconds())
+    cluster.record.leases.heartbeat(job_id, job.attempt, timedelta(hours=1).total_seconds())
     before = time.monotonic()
     cluster.start_worker("second")
     cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
@@ -333,6 +333,6 @@ def test_sigterm_stores_a_checkpoint_and_counts_no_attempt_as_lost(cluster: Clus
     assert worker.stop() == 0
     job = cluster.job(job_id)
     assert job.state is JobState.QUEUED
-    assert cluster.record.checkpoints(job_id)[0].step >= reached
+    assert cluster.record.leases.checkpoints(job_id)[0].step >= reached
     cluster.start_worker("second", MESHDEFORM_MAX_ATTEMPTS="1")
     cluster.check(job_id, steps=300)

@@ -30,6 +30,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_the_quickstart_runs_as_written(service: Service, repository: Path, tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(repository / "examples")
     url = str(service.http.base_url).rstrip("/")
@@ -48,7 +49,7 @@ def test_the_quickstart_runs_as_written(service: Service, repository: Path, tmp_
             env=environment,
             capture_output=True,
             text=True,
-            timeout=240,
+            timeout=900,
             check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}\n{service.log}"

@@ -115,7 +115,7 @@ def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_by
         assert first.wait(timeout=60) == 0, deployment.logs
     handed_back = deployment.record.get(job)
     assert (handed_back.state, handed_back.attempt) == (JobState.QUEUED, 1)
-    newest = deployment.record.checkpoints(job)[0]
+    newest = deployment.record.leases.checkpoints(job)[0]
     assert newest.step >= handed_back.progress.step  # where it stopped, not where the last interval ended
     with deployment.worker():
         done = deployment.finished(job)

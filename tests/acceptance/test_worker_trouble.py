@@ -102,7 +102,7 @@ def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
 
 def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> None:
     worker = cluster.start_worker()
-    until("the worker is there", lambda: cluster.record.registry.alive("meshdeform") == 1)
+    until("the worker is there", lambda: cluster.record.leases.alive("meshdeform") == 1)
     job_id = cluster.submit(50_000, deadline_s=3600.0)
     cluster.at_step(job_id, 1)
     with cluster.record.database.write() as connection:
@@ -120,12 +120,12 @@ def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) ->
 
     assert not healthy()
     worker = cluster.start_worker()
-    until("the record knows", lambda: cluster.record.registry.alive("meshdeform") == 1)
+    until("the record knows", lambda: cluster.record.leases.alive("meshdeform") == 1)
     assert healthy()
     process = worker.child()
     process.kill()
     until("another one", lambda: next((p for p in worker.children() if p != process and p.is_running()), None))
-    until("the record knows the new one only", lambda: cluster.record.registry.alive("meshdeform") == 1)
+    until("the record knows the new one only", lambda: cluster.record.leases.alive("meshdeform") == 1)
     assert worker.stop() == 0
-    assert cluster.record.registry.alive("meshdeform") == 0
+    assert cluster.record.leases.alive("meshdeform") == 0
     assert not healthy()

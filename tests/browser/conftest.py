@@ -31,6 +31,13 @@ document.addEventListener("securitypolicyviolation", (event) => {
   window.__violations.push(`${event.violatedDirective}: ${event.blockedURI} (${event.sourceFile}:${event.lineNumber})`);
 });
 """
+_NO_WEBGL = """
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...more);
+};
+if (self.OffscreenCanvas) OffscreenCanvas.prototype.getContext = () => null;
+"""
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of (\d+)")
 _OUTCOME = pytest.StashKey[dict[str, pytest.TestReport]]()
 
@@ -154,6 +161,8 @@ def watched(
     context.set_default_timeout(DEADLINE_MS)
     watch = Watch(base_url)
     watch.attach(context)
+    if request.node.get_closest_marker("without_3d"):
+        context.add_init_script(_NO_WEBGL)
     page = context.new_page()
     try:
         yield page, watch

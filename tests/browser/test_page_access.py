@@ -73,6 +73,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     yield "group"
 
 
+@pytest.mark.without_3d
 def test_a_server_that_wants_a_key_is_given_one(
     browser: Browser, request: pytest.FixtureRequest, server_folder: Path, small_sphere: Path, tmp_path: Path
 ) -> None:
@@ -170,6 +171,7 @@ def test_the_keyboard_is_enough(page: Page, service: Service, small_sphere: Path
     expect(page.get_by_role("button", name="Delete")).to_be_focused()
 
 
+@pytest.mark.without_3d
 def test_nothing_is_wider_than_a_phone(
     browser: Browser, service: Service, finished: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
@@ -235,6 +237,7 @@ def barriers(page: Page, axe: str) -> list[str]:
     ]
 
 
+@pytest.mark.without_3d
 def test_the_page_is_dark_where_the_system_is(
     browser: Browser, service: Service, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:

@@ -18,6 +18,7 @@ from tests.fault_proxy import FaultProxy  # noqa: E402
 
 Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
+pytestmark = pytest.mark.without_3d
 
 ENDLESS: dict[str, Any] = {
     "prompt": "a mushroom",
@@ -35,7 +36,7 @@ def test_a_file_that_is_broken_is_refused_with_advice_and_nothing_is_posted(
     page.get_by_label("Prompt", exact=True).fill("a mushroom")
     choose(page, broken)
     alert = page.get_by_label("Asset", exact=True).get_by_role("alert")
-    expect(alert).to_contain_text("The GLB's header says 115548 bytes, the file has 5000.")
+    expect(alert).to_contain_text("The GLB's header declares 115548 bytes, but the file has 5000.")
     expect(alert).to_contain_text("Send the whole file")
     page.get_by_role("button", name="Deform").click()
     expect(page.get_by_role("button", name="Deform")).to_be_enabled()

@@ -56,7 +56,7 @@ def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
 def finished_job(api: Api, content: bytes = bytes(range(256)) * 64) -> str:
     """A job that a worker has brought to its end, with one artifact."""
     job = new_job(api.record)
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
     stored = api.store.put(key, content)
     made = Artifact(
@@ -67,7 +67,7 @@ def finished_job(api: Api, content: bytes = bytes(range(256)) * 64) -> str:
         key=key,
         created_at=datetime.now(UTC),
     )
-    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
     return job.id
 
 

@@ -19,7 +19,7 @@ OVER = -1.0  # a lease that was over when it was given: nobody has to wait for i
 
 def claimed(record: JobRecord, job: Job, lease_s: float = LEASE_S) -> Job:
     """Take a queued job."""
-    taken = record.claim(job.id, "worker", lease_s)
+    taken = record.leases.claim(job.id, "worker", lease_s)
     assert taken is not None
     return taken
 

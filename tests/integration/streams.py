@@ -62,21 +62,21 @@ def stream(http: httpx.Client, job_id: str, last_event_id: int | None = None, **
 def progress(record: JobRecord, job_id: str, attempt: int, step: int, total: int = 8) -> None:
     """What a worker writes after a step."""
     done = Progress(step=step, total_steps=total, fraction=step / total, phase="optimizing", attempt=attempt)
-    record.save_progress(job_id, attempt, done)
+    record.leases.save_progress(job_id, attempt, done)
 
 
 def recovered_run(record: JobRecord, job_id: str) -> None:
     """A whole life: a first attempt that loses its worker, and a second one that goes on from a checkpoint."""
-    assert record.claim(job_id, "first", 60.0)
+    assert record.leases.claim(job_id, "first", 60.0)
     for step in (1, 2, 3, 4):
         progress(record, job_id, 1, step)
-    record.set_checkpoint(job_id, 1, f"jobs/{job_id}/1/checkpoint-2", 2, "a" * 64)
-    assert record.worker_ended("first")
-    until(lambda: record.reclaim_expired(3) or record.get(job_id).state is JobState.QUEUED, "it is taken back")
-    assert record.claim(job_id, "second", 60.0)
+    record.leases.set_checkpoint(job_id, 1, f"jobs/{job_id}/1/checkpoint-2", 2, "a" * 64)
+    assert record.leases.worker_ended("first")
+    until(lambda: record.upkeep.reclaim_expired(3) or record.get(job_id).state is JobState.QUEUED, "it is taken back")
+    assert record.leases.claim(job_id, "second", 60.0)
     for step in (3, 4, 5, 6, 7, 8):
         progress(record, job_id, 2, step)
-    record.finish(job_id, 2, JobState.SUCCEEDED)
+    record.leases.finish(job_id, 2, JobState.SUCCEEDED)
 
 
 def until(seen: Any, what: str) -> None:

@@ -26,13 +26,13 @@ def interrupted_job(api: Api, *, steps: tuple[int, ...] = (), state: JobState = 
     """A job that a worker has ended, with checkpoints."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
     job = api.record.create(NewJob(asked, stored(api, b"the asset")))
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     for step in steps:
         name = f"jobs/{job.id}/1/checkpoint-{step:06}"
         made = api.store.put(name, f"{job.id} {step}".encode())
-        api.record.set_checkpoint(job.id, 1, name, step, made.sha256, size=made.size)
+        api.record.leases.set_checkpoint(job.id, 1, name, step, made.sha256, size=made.size)
     if state is not JobState.RUNNING:
-        api.record.finish(job.id, 1, state)
+        api.record.leases.finish(job.id, 1, state)
     return job.id
 
 
@@ -116,9 +116,9 @@ def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     assert job.target is not None
     assert api.store.get(job.target.key) == sphere
     # Its own branch inherits the target, and one that is led by a prompt does not.
-    api.record.claim(job.id, "worker", 60.0)
+    api.record.leases.claim(job.id, "worker", 60.0)
     made = api.store.put(f"jobs/{job.id}/1/checkpoint-000010", b"ten")
-    api.record.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
+    api.record.leases.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
     path = f"/v1/jobs/{job.id}/checkpoints/10/branch"
     assert made_of(api, api.http.post(path, json=guided)).target == job.target
     assert made_of(api, api.http.post(path, json=BRANCH)).target is None

@@ -19,11 +19,11 @@ from tests.integration.http_calls import check_document, check_problem, eventual
 
 def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, Any]) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "worker", 60.0)
+    api.record.leases.claim(job.id, "worker", 60.0)
     progress = Progress(
         step=3, total_steps=10, fraction=0.3, phase="optimizing", losses={"guidance": 0.5}, eta_s=2.0, attempt=1
     )
-    api.record.save_progress(job.id, 1, progress)
+    api.record.leases.save_progress(job.id, 1, progress)
     first = api.http.get(f"/v1/jobs/{job.id}")
     check_document(first.json(), "JobView", openapi)
     assert first.json()["progress"] == progress.model_dump()
@@ -35,7 +35,7 @@ def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, A
         assert (unchanged.status_code, unchanged.content) == (304, b"")
         assert unchanged.headers["etag"] == tag
         assert "retry-after" in unchanged.headers
-    api.record.finish(job.id, 1, JobState.SUCCEEDED)
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED)
     changed = api.http.get(f"/v1/jobs/{job.id}", headers={"If-None-Match": tag})
     assert changed.status_code == 200
     assert changed.headers["etag"] != tag
@@ -45,8 +45,8 @@ def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, A
 
 def test_a_failed_job_says_why(api: Api, openapi: dict[str, Any]) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "worker", -1.0)
-    api.record.reclaim_expired(1)
+    api.record.leases.claim(job.id, "worker", -1.0)
+    api.record.upkeep.reclaim_expired(1)
     document = api.http.get(f"/v1/jobs/{job.id}").json()
     check_document(document, "JobView", openapi)
     assert (document["state"], document["error"]["code"]) == ("failed", "worker_lost")
@@ -62,7 +62,7 @@ def test_the_list_goes_through_all_pages(api: Api, openapi: dict[str, Any]) -> N
         page = api.http.get("/v1/jobs", params={"limit": 2, "cursor": page["next_cursor"]}).json()
         seen += [job["id"] for job in page["jobs"]]
     assert seen[:5] == made[::-1]
-    api.record.claim(made[2], "worker", 60.0)
+    api.record.leases.claim(made[2], "worker", 60.0)
     running = api.http.get("/v1/jobs", params={"state": "running"}).json()["jobs"]
     assert made[2] in [job["id"] for job in running]
     assert {job["state"] for job in running} == {"running"}
@@ -90,7 +90,7 @@ def test_a_bad_query_is_a_clear_problem(api: Api, query: str, loc: str) -> None:
 
 def test_cancel_and_delete_follow_the_state(api: Api) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "worker", 60.0)
+    api.record.leases.claim(job.id, "worker", 60.0)
     check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 409, "conflict")
     queue = JobQueue(api.settings.redis_url, api.settings.queue)
     with queue.listen_for_cancel(job.id) as listener:
@@ -99,7 +99,7 @@ def test_cancel_and_delete_follow_the_state(api: Api) -> None:
         assert listener.wait(30.0)
     queue.close()
     check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 409, "conflict")
-    api.record.finish(job.id, 1, JobState.CANCELED)
+    api.record.leases.finish(job.id, 1, JobState.CANCELED)
     again = api.http.post(f"/v1/jobs/{job.id}/cancel")
     assert (again.status_code, again.json()["state"]) == (200, "canceled")
     answer = api.http.delete(f"/v1/jobs/{job.id}")

@@ -122,8 +122,8 @@ def test_keys_of_two_owners_are_two_keys(api: Api) -> None:
 
 def test_a_retry_with_a_key_is_one_retry(api: Api) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "worker", 60.0)
-    api.record.finish(job.id, 1, JobState.FAILED)
+    api.record.leases.claim(job.id, "worker", 60.0)
+    api.record.leases.finish(job.id, 1, JobState.FAILED)
     api.store.put(job.asset.key, b"abc")
     headers = key()
     first, again = (api.http.post(f"/v1/jobs/{job.id}/retry", headers=headers) for _ in range(2))

@@ -73,10 +73,10 @@ def finished(api: Api, owner: str, content: bytes = b"result") -> str:
 
     file = replace_file(api, content)
     job = api.record.create(NewJob(JobRequest(prompt="a vase", metadata={"whose": "mine"}), file, owner_id=owner))
-    api.record.claim(job.id, "worker", 60.0)
+    api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
     made = api.store.put(key, content)
-    api.record.set_checkpoint(job.id, 1, key, 5, made.sha256)
+    api.record.leases.set_checkpoint(job.id, 1, key, 5, made.sha256)
     artifact = Artifact(
         name="result.glb",
         content_type="model/gltf-binary",
@@ -85,7 +85,7 @@ def finished(api: Api, owner: str, content: bytes = b"result") -> str:
         key=key,
         created_at=datetime.now(UTC),
     )
-    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact])
     return job.id
 
 

@@ -35,9 +35,9 @@ def test_an_asset_comes_back_in_any_state(api: Api, sphere: bytes) -> None:
     assert queued.headers["content-type"] == "model/gltf-binary"
     assert (queued.headers["etag"], queued.headers["accept-ranges"]) == (tag, "bytes")
     assert queued.headers["x-content-type-options"] == "nosniff"
-    assert api.record.claim(job_id, "worker", 60.0)
+    assert api.record.leases.claim(job_id, "worker", 60.0)
     assert api.http.get(url).content == sphere
-    api.record.finish(job_id, 1, JobState.SUCCEEDED, results=[])
+    api.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=[])
     assert api.http.get(url).content == sphere
     part = api.http.get(url, headers={"Range": "bytes=4-19", "If-Range": tag})
     assert (part.status_code, part.content) == (206, sphere[4:20])

@@ -100,8 +100,8 @@ def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi
 def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -> None:
     request = JobRequest.model_validate({**PROMPT, "params": {"preset": "preview"}})
     job = api.record.create(NewJob(request, stored_file()))
-    api.record.claim(job.id, "worker", 60.0)
-    api.record.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
+    api.record.leases.claim(job.id, "worker", 60.0)
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
     files = {"asset": ("s.glb", sphere), "request": (None, json.dumps({**PROMPT, "params": {"steps": 10}}))}
     estimate = api.http.post("/v1/jobs:validate", files=files).json()["estimate"]
     assert estimate["run_s"] == pytest.approx(5.0)

@@ -27,22 +27,22 @@ def store_checkpoint(api: Api, job_id: str, attempt: int, step: int, mesh: bytes
             key=f"{key}.glb",
             created_at=datetime.now(UTC),
         )
-    api.record.set_checkpoint(job_id, attempt, key, step, state.sha256, size=state.size, mesh=made)
+    api.record.leases.set_checkpoint(job_id, attempt, key, step, state.sha256, size=state.size, mesh=made)
 
 
 def test_checkpoints_are_listed_by_step_and_the_newest_attempt_counts(api: Api, openapi: dict[str, Any]) -> None:
     job = new_job(api.record)
     path = f"/v1/jobs/{job.id}/checkpoints"
     assert api.http.get(path).json() == {"checkpoints": []}
-    assert api.record.claim(job.id, "first", 60.0)
+    assert api.record.leases.claim(job.id, "first", 60.0)
     store_checkpoint(api, job.id, 1, 5, b"five of the first")
     store_checkpoint(api, job.id, 1, 10, b"ten of the first")
     store_checkpoint(api, job.id, 1, 15, None)
-    assert api.record.worker_ended("first")
+    assert api.record.leases.worker_ended("first")
     # The server's own reconciler may be the one that takes it back.
-    api.record.reclaim_expired(3)
+    api.record.upkeep.reclaim_expired(3)
     until(lambda: api.record.get(job.id).state is JobState.QUEUED, "it is taken back")
-    assert api.record.claim(job.id, "second", 60.0)
+    assert api.record.leases.claim(job.id, "second", 60.0)
     store_checkpoint(api, job.id, 2, 10, b"ten of the second")
     store_checkpoint(api, job.id, 2, 20, b"twenty of the second")
     listed = api.http.get(path).json()
@@ -67,7 +67,7 @@ def test_checkpoints_are_listed_by_step_and_the_newest_attempt_counts(api: Api, 
 
 def test_a_mesh_is_downloaded_like_an_artifact(api: Api) -> None:
     job, content = new_job(api.record), bytes(range(256)) * 16
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     store_checkpoint(api, job.id, 1, 500, content)
     url = f"/v1/jobs/{job.id}/checkpoints/500/mesh.glb"
     whole = api.http.get(url)
@@ -87,7 +87,7 @@ def test_a_mesh_that_is_not_there_says_which_are(api: Api) -> None:
     job = new_job(api.record)
     path = f"/v1/jobs/{job.id}/checkpoints"
     assert check_problem(api.http.get(f"{path}/5/mesh.glb"), 404, "not_found")["steps"] == []
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     store_checkpoint(api, job.id, 1, 5, b"five")
     store_checkpoint(api, job.id, 1, 7, None)
     for step in ("6", "7"):

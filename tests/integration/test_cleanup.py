@@ -30,7 +30,7 @@ def test_deleted_jobs_leave_nothing_and_shared_files_stay(record: JobRecord, tmp
     assert store.exists(shared.key)
     assert not store.exists(own.key)
     assert not store.exists(f"jobs/{first.id}/1/result.glb")
-    assert record.discarded_prefixes() == []
+    assert record.upkeep.discarded_prefixes() == []
     record.request_cancel(second.id)
     record.delete(second.id)
     remove_unreachable(record, store)
@@ -49,7 +49,7 @@ def test_what_the_store_could_not_remove_stays_on_the_record(record: JobRecord, 
     store.delete_prefix = away  # type: ignore[method-assign]
     with pytest.raises(UnavailableError):
         remove_unreachable(record, store)
-    assert record.discarded_prefixes() == [f"jobs/{job.id}/"]
+    assert record.upkeep.discarded_prefixes() == [f"jobs/{job.id}/"]
 
 
 def test_one_job_is_removed_with_what_only_it_used(record: JobRecord, tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_one_job_is_removed_with_what_only_it_used(record: JobRecord, tmp_path: 
     # Due for removal, and left to the reconciler.
     assert store.exists(f"jobs/{discarded.id}/1/result.glb")
     assert store.exists(files["c"].key)
-    assert record.discarded_prefixes() == [f"jobs/{discarded.id}/"]
+    assert record.upkeep.discarded_prefixes() == [f"jobs/{discarded.id}/"]
     remove_job(record, store, shared.id, record.delete(shared.id))
     assert not store.exists(files["a"].key)
     assert store.exists(files["b"].key)

@@ -55,7 +55,7 @@ def publish(api: Api, job_id: str, content: bytes = CONTENT) -> None:
         key=f"jobs/{job_id}/1/result.glb",
         created_at=datetime.now(UTC),
     )
-    api.record.finish(job_id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=[made])
 
 
 def answering(*answers: Any, max_retries: int = 0) -> Client:
@@ -82,12 +82,12 @@ def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path:
     assert job.params == params
     assert job.params.model_fields_set == {"preset", "seed"}
     assert (job.output.morph, job.metadata) == (True, {"a": "b"})
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     seen: list[JobView] = []
 
     def work() -> None:
         progress = Progress(step=1, total_steps=2, fraction=0.5, phase="optimizing", attempt=1)
-        api.record.save_progress(job.id, 1, progress)
+        api.record.leases.save_progress(job.id, 1, progress)
         publish(api, job.id)
 
     worker = threading.Thread(target=work)
@@ -160,8 +160,8 @@ def test_a_service_that_is_away_is_unavailable() -> None:
 @both_clients
 def test_waiting_raises_what_the_job_failed_with(api: Api, client: Client) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "worker", 60.0)
-    api.record.finish(job.id, 1, JobState.FAILED, JobError.of(NumericalError("A loss is NaN.")))
+    api.record.leases.claim(job.id, "worker", 60.0)
+    api.record.leases.finish(job.id, 1, JobState.FAILED, JobError.of(NumericalError("A loss is NaN.")))
     with pytest.raises(NumericalError, match="A loss is NaN") as caught:
         client.wait(job.id)
     assert caught.value.extra == {"job_id": job.id}

@@ -139,25 +139,26 @@ def test_a_service_that_is_away_for_a_while_is_waited_for(proxy: FaultProxy, cli
 @pytest.mark.parametrize("client", ["async"], indirect=True)
 def test_events_go_on_over_the_death_of_the_api(cluster: Cluster, client: Client) -> None:
     job_id = cluster.submit()
-    assert cluster.record.claim(job_id, "worker", 60.0)
+    assert cluster.record.leases.claim(job_id, "worker", 60.0)
     events: list[EventView] = []
     step = 0
     for event in client.watch(job_id):
         events.append(event)
         if event.type == "recovered":
             # The new process has noticed that this worker is none that lives.
-            assert cluster.record.claim(job_id, "worker", 60.0)
-        elif event.type in ("started", "progress") and step < 6:
+            assert cluster.record.leases.claim(job_id, "worker", 60.0)
+        elif event.type in ("started", "progress"):
             step += 1
-            killed = step == 3
-            if killed:
+            if step == 3:
                 cluster.parts["api"].kill()
+            # The new process may take the job back at any moment; then this goes on when it is claimed again.
             with contextlib.suppress(StaleAttemptError):
-                progress(cluster.record, job_id, event.attempt, step)
-            if killed:
+                if step > 6:
+                    cluster.record.leases.finish(job_id, event.attempt, JobState.SUCCEEDED)
+                else:
+                    progress(cluster.record, job_id, event.attempt, step)
+            if step == 3:
                 cluster.start_api()
-        elif event.type == "progress":
-            cluster.record.finish(job_id, event.attempt, JobState.SUCCEEDED)
     check_whole(cluster, job_id, events)
     assert len(events) >= 9
 
@@ -176,14 +177,14 @@ def test_events_go_on_over_a_line_that_breaks_within_them(cluster: Cluster, prox
 @both_clients
 def test_a_line_that_hangs_is_left(cluster: Cluster, proxy: FaultProxy, client: Client) -> None:
     job_id = cluster.submit()
-    assert cluster.record.claim(job_id, "worker", 60.0)
+    assert cluster.record.leases.claim(job_id, "worker", 60.0)
     events: list[EventView] = []
     for event in client.watch(job_id):
         events.append(event)
         if event.type == "started":
             proxy.hang()
             before = proxy.connections
-            cluster.record.finish(job_id, 1, JobState.SUCCEEDED)
+            cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED)
 
             def heal(before: int = before) -> None:
                 until("the client came again", lambda: proxy.connections > before)
@@ -217,12 +218,12 @@ def test_a_stream_that_is_left_gives_its_connection_back(cluster: Cluster, clien
 
 def test_waiting_bears_a_line_that_breaks(cluster: Cluster, proxy: FaultProxy, client: Client) -> None:
     job_id = cluster.submit()
-    assert cluster.record.claim(job_id, "worker", 60.0)
+    assert cluster.record.leases.claim(job_id, "worker", 60.0)
 
     def work() -> None:
         until("the client waits", lambda: proxy.connections)
         proxy.refuse()
-        cluster.record.finish(job_id, 1, JobState.SUCCEEDED)
+        cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED)
         proxy.error503()
         until("the client came again", lambda: proxy.connections >= 2)
         proxy.pass_through()
@@ -254,9 +255,9 @@ def test_fifty_jobs_are_followed_in_one_event_loop(cluster: Cluster) -> None:
     def work() -> None:
         until("every stream has begun", lambda: all(seen.values()))
         for job_id in ids:
-            assert cluster.record.claim(job_id, "worker", 60.0)
+            assert cluster.record.leases.claim(job_id, "worker", 60.0)
             progress(cluster.record, job_id, 1, 1)
-            cluster.record.finish(job_id, 1, JobState.SUCCEEDED)
+            cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED)
 
     async def follow(client: AsyncClient, job_id: str) -> None:
         async for event in client.watch(job_id):
@@ -290,7 +291,7 @@ def test_an_upload_goes_on_where_it_broke_off(
     job = client.submit(asset, "a mushroom", upload=True)
     assert job.asset.sha256 == hashlib.sha256(asset.read_bytes()).hexdigest()
     assert job.asset.filename == "tetrahedron.obj"
-    assert proxy.connections >= 4
+    assert proxy.connections >= 3
     # The same once more is not sent again; a job may name it.
     key = request.node.name.encode().hex()[:100]
     first = client.upload(asset, idempotency_key=key)
@@ -304,7 +305,7 @@ def test_a_download_goes_on_where_it_broke_off(
 ) -> None:
     content = bytes(range(256)) * 4096
     job_id = cluster.submit()
-    assert cluster.record.claim(job_id, "worker", 60.0)
+    assert cluster.record.leases.claim(job_id, "worker", 60.0)
     names = ("result.glb", "report.json")
     stored = {name: cluster.store.put(f"jobs/{job_id}/1/{name}", content + name.encode()) for name in names}
     results = [
@@ -318,7 +319,7 @@ def test_a_download_goes_on_where_it_broke_off(
         )
         for name, made in stored.items()
     ]
-    cluster.record.finish(job_id, 1, JobState.SUCCEEDED, results=results)
+    cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=results)
     proxy.cut_after(400_000)
     paths = client.fetch(job_id, tmp_path / "new" / "folder")
     assert {path.name: path.read_bytes() for path in paths} == {name: content + name.encode() for name in names}

@@ -28,7 +28,7 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
     record = JobRecord(postgres_url)
     try:
         job = new_job(record)
-        claimed = record.claim(job.id, "the sleeper", -1.0)
+        claimed = record.leases.claim(job.id, "the sleeper", -1.0)
         assert claimed is not None
         held, woken = threading.Event(), threading.Event()
         errors: list[BaseException] = []
@@ -49,7 +49,7 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
         assert held.wait(DEADLINE_S)
         deadline = time.monotonic() + DEADLINE_S
         while record.get(job.id).state is not JobState.QUEUED:
-            record.reclaim_expired(max_attempts=3)
+            record.upkeep.reclaim_expired(max_attempts=3)
             assert time.monotonic() < deadline, "the sleeper still holds the job"
             time.sleep(0.05)
         woken.set()

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from meshdeform.cli.app import app
 from meshdeform.cli.diagnosis import machine
 from meshdeform.cli.diagnosis.checks import ok
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
 from tests.fault_proxy import FaultProxy
@@ -52,7 +53,7 @@ def test_servers_that_are_well(
     assert sa.inspect(engine).get_table_names() == []
 
     record = JobRecord(postgres_url)
-    record.registry.seen("a worker", "meshdeform", "cpu")
+    record.leases.idle(WorkerIdentity("a worker", "meshdeform", "cpu"))
     record.close()
     code, found = doctor("--data-dir", str(tmp_path / "data"))
     assert code == 0, found

@@ -50,7 +50,7 @@ def owner(api: Api, name: str) -> tuple[str, dict[str, str]]:
 def owned_job(api: Api, owner_id: str) -> str:
     """A job of theirs that is over, with one artifact."""
     job = api.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id=owner_id))
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT, "model/gltf-binary")
     made = Artifact(
         name="result.glb",
@@ -60,7 +60,7 @@ def owned_job(api: Api, owner_id: str) -> str:
         key=f"jobs/{job.id}/1/result.glb",
         created_at=datetime.now(UTC),
     )
-    api.record.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
     return job.id
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from meshdeform.record.estimates import Estimate, estimate
-from meshdeform.record.models import JobState
+from meshdeform.record.leases import WorkerIdentity
+from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, resolve
+from tests.integration.conftest import stored_file
 from tests.integration.record_calls import at, claimed, posted
 
 QUEUE = "test"
@@ -14,14 +16,14 @@ QUEUE = "test"
 def estimated(record: JobRecord, **request: object) -> Estimate:
     """What is told about a job of ten steps, or of this request."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 10}, **request})
-    return estimate(record.database, record.registry, asked, default_model="builtin", queue=QUEUE)
+    return estimate(record.database, record.leases, asked, default_model="builtin", queue=QUEUE)
 
 
 def measured(record: JobRecord, *step_s: float, **request: object) -> None:
     """Jobs that have succeeded with these seconds a step."""
     for seconds in step_s:
         job = claimed(record, posted(record, **request))
-        record.finish(job.id, 1, JobState.SUCCEEDED, step_s=seconds)
+        record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=seconds)
 
 
 def waiting(record: JobRecord, steps: int, priority: int = 0) -> None:
@@ -30,8 +32,8 @@ def waiting(record: JobRecord, steps: int, priority: int = 0) -> None:
 
 def test_nothing_is_told_before_anything_was_measured(record: JobRecord) -> None:
     job = claimed(record, posted(record))
-    record.finish(job.id, 1, JobState.FAILED, step_s=9.0)
-    record.registry.seen("w", QUEUE, "cpu")
+    record.leases.finish(job.id, 1, JobState.FAILED, step_s=9.0)
+    record.leases.idle(WorkerIdentity("w", QUEUE, "cpu"))
     found = estimated(record)
     assert (found.queue_s, found.run_s) == (None, None)
     assert "no job" in found.basis
@@ -63,21 +65,21 @@ def test_other_models_count_where_nothing_closer_is_known(record: JobRecord) -> 
 
 def test_a_job_waits_for_the_work_before_it_on_the_workers_that_are_alive(record: JobRecord) -> None:
     measured(record, 0.5)
-    record.registry.seen("w1", QUEUE, "cpu")
-    record.registry.seen("elsewhere", "another", "cpu")
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
+    record.leases.idle(WorkerIdentity("elsewhere", "another", "cpu"))
     found = estimated(record)
     assert found.queue_s == 0.0
     assert found.basis == "1 job of this kind and model; 1 worker alive"
     running = claimed(record, posted(record, params={"steps": 10}))
     assert estimated(record).queue_s == 5.0
-    record.save_progress(running.id, 1, at(4, 10))
+    record.leases.save_progress(running.id, 1, at(4, 10))
     assert estimated(record).queue_s == 3.0
     waiting(record, 20)
     assert estimated(record).queue_s == 13.0
     # The second worker is idle and takes the one that waits; the running job's worker is free before it.
-    record.registry.seen("w2", QUEUE, "cpu")
+    record.leases.idle(WorkerIdentity("w2", QUEUE, "cpu"))
     assert estimated(record).queue_s == 3.0
-    record.registry.gone("w2")
+    record.leases.worker_ended("w2")
     # What is less urgent comes later.
     waiting(record, 100, priority=-1)
     assert estimated(record).queue_s == 13.0
@@ -85,9 +87,18 @@ def test_a_job_waits_for_the_work_before_it_on_the_workers_that_are_alive(record
     assert estimated(record, priority=1).queue_s == 3.0
 
 
+def test_a_job_that_waits_counts_with_the_parameters_that_it_was_accepted_with(record: JobRecord) -> None:
+    measured(record, 0.5)
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
+    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 20}})
+    resolved = resolve(request.params).model_copy(update={"steps": 6})
+    record.create(NewJob(request, stored_file(), resolved=resolved))
+    assert estimated(record).queue_s == 3.0
+
+
 def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord) -> None:
     measured(record, 0.5)
-    record.registry.seen("w1", QUEUE, "cpu")
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
     for _ in range(230):
         waiting(record, 4)
     assert estimated(record).queue_s == 230 * 4 * 0.5
@@ -95,9 +106,9 @@ def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord) -> 
 
 def test_a_workers_silence_is_noticed(record: JobRecord) -> None:
     measured(record, 0.5)
-    record.registry.seen("w1", QUEUE, "cpu")
-    assert record.registry.alive(QUEUE) == 1
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
+    assert record.leases.alive(QUEUE) == 1
     with record.database.write() as connection:
         connection.exec_driver_sql("UPDATE workers SET seen_at = '2026-01-01 00:00:00.000000'")
-    assert record.registry.alive(QUEUE) == 0
+    assert record.leases.alive(QUEUE) == 0
     assert estimated(record).queue_s is None

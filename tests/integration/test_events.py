@@ -75,14 +75,14 @@ def test_events_come_while_they_happen_also_beyond_the_end(api: Api) -> None:
     with stream(api.http, job.id) as all_of_them, stream(api.http, job.id, 3) as beyond:
         everything = all_of_them.events()
         assert next(everything)["type"] == "queued"
-        assert api.record.claim(job.id, "worker", 60.0)
+        assert api.record.leases.claim(job.id, "worker", 60.0)
         assert next(everything)["type"] == "started"
         progress(api.record, job.id, 1, 1)
         assert next(everything)["data"]["step"] == 1
         progress(api.record, job.id, 1, 2)
         assert next(everything)["data"]["step"] == 2
         assert next(beyond.events())["seq"] == 4
-        api.record.finish(job.id, 1, JobState.SUCCEEDED)
+        api.record.leases.finish(job.id, 1, JobState.SUCCEEDED)
         assert [event["type"] for event in everything] == ["succeeded"]
 
 
@@ -95,10 +95,10 @@ def test_a_reader_far_beyond_the_end_is_let_go_when_the_job_is_over(api: Api) ->
 
 def test_many_events_come_in_order_in_one_stream(api: Api) -> None:
     job = new_job(api.record)
-    assert api.record.claim(job.id, "worker", 60.0)
+    assert api.record.leases.claim(job.id, "worker", 60.0)
     for step in range(250):
         progress(api.record, job.id, 1, step, 250)
-    api.record.finish(job.id, 1, JobState.SUCCEEDED)
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED)
     with stream(api.http, job.id) as found:
         events = list(found.events())
     check_whole(events)
@@ -129,7 +129,7 @@ def test_a_server_that_ends_lets_its_readers_go_on_with_the_next_one(own: Settin
     with ThreadPoolExecutor() as pool:
         with serving_app(own) as (url, _):
             first = pool.submit(read, url)
-            assert record.claim(job.id, "worker", 60.0)
+            assert record.leases.claim(job.id, "worker", 60.0)
             for step in (1, 2, 3):
                 progress(record, job.id, 1, step)
             assert told.wait(DEADLINE_S)
@@ -140,7 +140,7 @@ def test_a_server_that_ends_lets_its_readers_go_on_with_the_next_one(own: Settin
         with serving_app(own) as (url, _):
             second = pool.submit(read, url)
             progress(record, job.id, 1, 7)
-            record.finish(job.id, 1, JobState.SUCCEEDED)
+            record.leases.finish(job.id, 1, JobState.SUCCEEDED)
             second.result(DEADLINE_S)
     check_whole(seen)
     assert len(seen) == 10
@@ -221,7 +221,7 @@ def test_an_empty_page_can_be_held_back_until_something_happens(api: Api) -> Non
         at_once = api.http.get(url, headers=wait)
         assert [event["seq"] for event in at_once.json()["events"]] == [1]
         assert not waiting.done()
-        assert api.record.claim(job.id, "worker", 60.0)
+        assert api.record.leases.claim(job.id, "worker", 60.0)
         answer = waiting.result(DEADLINE_S)
     assert [event["type"] for event in answer.json()["events"]] == ["started"]
     assert answer.headers["preference-applied"] == "wait=30"

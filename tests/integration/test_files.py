@@ -103,9 +103,9 @@ def test_an_upload_is_its_owners_and_ends_with_its_time(record: JobRecord) -> No
     with pytest.raises(NotFoundError):
         record.uploads.complete(over.id, "3" * 64, "assets/3")
     assert record.files.unused() == []
-    assert record.expired_uploads() == [over.id]
+    assert record.upkeep.expired_uploads() == [over.id]
     record.uploads.delete(over.id)
-    assert record.expired_uploads() == []
+    assert record.upkeep.expired_uploads() == []
     with pytest.raises(NotFoundError):
         record.uploads.delete(over.id)
 

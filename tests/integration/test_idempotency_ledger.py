@@ -85,7 +85,7 @@ def test_the_key_of_a_request_that_died_is_taken_over_and_what_that_one_does_lat
     with pytest.raises(IdempotencyBusyError):
         done(record, slow)
     assert record.list_jobs().jobs == []
-    assert record.untold() == []
+    assert record.upkeep.untold() == []
     record.idempotency.abandon(slow)
     job_id = done(record, fresh)
     with pytest.raises(IdempotencyBusyError):
@@ -133,8 +133,8 @@ def test_of_many_that_take_over_at_once_one_does(record: JobRecord) -> None:
 def test_keys_are_forgotten_after_their_time(record: JobRecord) -> None:
     done(record, begun(record))
     later(record, IDEMPOTENCY_KEPT_S - 60.0)
-    record.delete_stale_requests()
+    record.upkeep.delete_stale_requests()
     assert record.idempotency.begin("me", "k", "hash") == answer(record)
     later(record, IDEMPOTENCY_KEPT_S + 60.0)
-    record.delete_stale_requests()
+    record.upkeep.delete_stale_requests()
     begun(record, request="another")

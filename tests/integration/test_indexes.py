@@ -11,12 +11,12 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy import event
 
-from meshdeform.record.cursors import encode_cursor
+from meshdeform.record.counters import statistics
 from meshdeform.record.estimates import estimate
+from meshdeform.record.ids import encode_cursor
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
-from meshdeform.record.statistics import statistics
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.record_calls import LEASE_S, at, posted
@@ -134,10 +134,10 @@ OWNER = "owner-7"
 Ask = Callable[[JobRecord], object]
 QUESTIONS: dict[str, Ask] = {
     "a job": lambda record: record.get(MIDDLE),
-    "the next job": lambda record: record.claim_next("worker", LEASE_S),
+    "the next job": lambda record: record.leases.claim_next("worker", LEASE_S),
     "what a worker writes": lambda record: _work(record),
     "artifacts": lambda record: record.artifacts(MIDDLE),
-    "a heartbeat": lambda record: record.heartbeat(f"{_PREFIX}{COUNT}", 1, LEASE_S),
+    "a heartbeat": lambda record: record.leases.heartbeat(f"{_PREFIX}{COUNT}", 1, LEASE_S),
     "a page": lambda record: record.list_jobs(cursor=encode_cursor(MIDDLE)),
     "a page of a state": lambda record: record.list_jobs(JobState.QUEUED),
     "a page of an owner": lambda record: record.list_jobs(owner=OWNER),
@@ -147,35 +147,35 @@ QUESTIONS: dict[str, Ask] = {
     "a page of an owner's label": lambda record: record.list_jobs(owner=OWNER, metadata={"batch": "7"}),
     "events": lambda record: record.events.after(MIDDLE, 1),
     "heads": lambda record: record.events.heads([MIDDLE, f"{_PREFIX}{COUNT}"]),
-    "silent workers": lambda record: record.reclaim_expired(3),
-    "leases ahead": lambda record: record.shorten_leases(86_400.0),
-    "deadlines": lambda record: record.expire_deadlines(),
-    "retention": lambda record: record.delete_retained(),
-    "old keys": lambda record: record.delete_stale_requests(),
+    "silent workers": lambda record: record.upkeep.reclaim_expired(3),
+    "leases ahead": lambda record: record.upkeep.shorten_leases(86_400.0),
+    "deadlines": lambda record: record.upkeep.expire_deadlines(),
+    "retention": lambda record: record.upkeep.delete_retained(),
+    "old keys": lambda record: record.upkeep.delete_stale_requests(),
     "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
-    "uploads over their time": lambda record: record.expired_uploads(),
-    "who is to be told": lambda record: record.untold(),
-    "how many are queued": lambda record: record.queued_count(),
-    "who is queued": lambda record: record.queued_ids(),
-    "a worker that is gone": lambda record: record.worker_ended("worker"),
+    "uploads over their time": lambda record: record.upkeep.expired_uploads(),
+    "who is to be told": lambda record: record.upkeep.untold(),
+    "how many are queued": lambda record: record.upkeep.queued_count(),
+    "who is queued": lambda record: record.upkeep.queued_ids(),
+    "a worker that is gone": lambda record: record.leases.worker_ended("worker"),
     "an owner's unfinished jobs": lambda record: posted(record, OWNER, 10_000),
-    "deliveries that are due": lambda record: record.webhooks.due(10),
+    "deliveries that are due": lambda record: record.deliveries.due(10),
     "how many jobs are in each state": lambda record: statistics(record.database),
     "an estimate": lambda record: estimate(
-        record.database, record.registry, JobRequest(prompt="x"), default_model="builtin", queue="q"
+        record.database, record.leases, JobRequest(prompt="x"), default_model="builtin", queue="q"
     ),
 }
 
 
 def _work(record: JobRecord) -> None:
     """All that a worker writes; the job is queued again at last."""
-    taken = record.claim_next("worker", LEASE_S)
+    taken = record.leases.claim_next("worker", LEASE_S)
     assert taken is not None
-    record.save_progress(taken.id, taken.attempt, at(3))
-    record.set_checkpoint(taken.id, taken.attempt, key="k", step=3, sha256="s")
-    record.checkpoints(taken.id)
-    record.forget_checkpoint(taken.id, taken.attempt, key="k")
-    record.release(taken.id, taken.attempt)
+    record.leases.save_progress(taken.id, taken.attempt, at(3))
+    record.leases.set_checkpoint(taken.id, taken.attempt, key="k", step=3, sha256="s")
+    record.leases.checkpoints(taken.id)
+    record.leases.forget_checkpoint(taken.id, taken.attempt, key="k")
+    record.leases.release(taken.id, taken.attempt)
 
 
 @each_case("question", QUESTIONS)

@@ -24,16 +24,16 @@ Path = Callable[[JobRecord], Job]
 
 def _succeeds(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
-    record.save_progress(job.id, 1, at(2))
-    record.save_progress(job.id, 1, at(3), tell=False)
-    record.set_checkpoint(job.id, 1, key="k", step=3, sha256="s")
-    record.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()])
+    record.leases.save_progress(job.id, 1, at(2))
+    record.leases.save_progress(job.id, 1, at(3), tell=False)
+    record.leases.set_checkpoint(job.id, 1, key="k", step=3, sha256="s")
+    record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()])
     return job
 
 
 def _fails(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
-    record.finish(job.id, 1, JobState.FAILED, JobError(code="c", title="t", detail="d", advice="a"))
+    record.leases.finish(job.id, 1, JobState.FAILED, JobError(code="c", title="t", detail="d", advice="a"))
     return job
 
 
@@ -45,44 +45,44 @@ def _is_canceled_while_it_runs(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
     record.request_cancel(job.id)
     record.request_cancel(job.id)
-    record.finish(job.id, 1, JobState.CANCELED)
+    record.leases.finish(job.id, 1, JobState.CANCELED)
     return job
 
 
 def _is_canceled_before_its_success_is_written(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
     record.request_cancel(job.id)
-    assert record.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()]) is JobState.CANCELED
+    assert record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()]) is JobState.CANCELED
     return job
 
 
 def _is_canceled_and_handed_back(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
     record.request_cancel(job.id)
-    record.release(job.id, 1)
+    record.leases.release(job.id, 1)
     return job
 
 
 def _is_canceled_and_loses_its_worker(record: JobRecord) -> Job:
     job = claimed(record, new_job(record), OVER)
     record.request_cancel(job.id)
-    assert record.reclaim_expired(3) == []
+    assert record.upkeep.reclaim_expired(3) == []
     return job
 
 
 def _is_handed_back(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
-    record.release(job.id, 1)
+    record.leases.release(job.id, 1)
     claimed(record, job)
-    record.finish(job.id, 2, JobState.SUCCEEDED)
+    record.leases.finish(job.id, 2, JobState.SUCCEEDED)
     return job
 
 
 def _is_recovered(record: JobRecord) -> Job:
     job = claimed(record, new_job(record), OVER)
-    assert record.reclaim_expired(3) == [job.id]
+    assert record.upkeep.reclaim_expired(3) == [job.id]
     claimed(record, job)
-    record.finish(job.id, 2, JobState.SUCCEEDED)
+    record.leases.finish(job.id, 2, JobState.SUCCEEDED)
     return job
 
 
@@ -90,7 +90,7 @@ def _loses_every_worker(record: JobRecord) -> Job:
     job = new_job(record)
     for _ in range(2):
         claimed(record, job, OVER)
-        record.reclaim_expired(2)
+        record.upkeep.reclaim_expired(2)
     return job
 
 
@@ -98,26 +98,26 @@ def _finds_no_memory(record: JobRecord) -> Job:
     job = new_job(record)
     for attempt in (1, 2):
         claimed(record, job)
-        record.out_of_memory(job.id, attempt, 2)
+        record.leases.out_of_memory(job.id, attempt, 2)
     return job
 
 
 def _is_late_in_the_queue(record: JobRecord) -> Job:
     job = late(record)
-    record.expire_deadlines()
+    record.upkeep.expire_deadlines()
     return job
 
 
 def _is_late_while_it_runs(record: JobRecord) -> Job:
     job = claimed(record, late(record))
-    assert record.expire_deadlines() == [job.id]
+    assert record.upkeep.expire_deadlines() == [job.id]
     return job
 
 
 def _is_late_and_canceled(record: JobRecord) -> Job:
     job = claimed(record, late(record))
     record.request_cancel(job.id)
-    assert record.expire_deadlines() == [job.id]
+    assert record.upkeep.expire_deadlines() == [job.id]
     return job
 
 
@@ -146,12 +146,12 @@ def test_events_tell_what_happened_without_a_gap_and_end_once(record: JobRecord,
     assert history(record, job.id) == expected.split()
     # A job that is over stays as it is, whoever tries what.
     if record.get(job.id).state.terminal:
-        record.reclaim_expired(1)
-        record.expire_deadlines()
-        assert record.claim(job.id, "another", LEASE_S) is None
+        record.upkeep.reclaim_expired(1)
+        record.upkeep.expire_deadlines()
+        assert record.leases.claim(job.id, "another", LEASE_S) is None
         for again in (
-            lambda: record.finish(job.id, record.get(job.id).attempt, JobState.FAILED),
-            lambda: record.save_progress(job.id, record.get(job.id).attempt, at(9)),
+            lambda: record.leases.finish(job.id, record.get(job.id).attempt, JobState.FAILED),
+            lambda: record.leases.save_progress(job.id, record.get(job.id).attempt, at(9)),
             lambda: record.request_cancel(job.id),
         ):
             with pytest.raises((StaleAttemptError, ConflictError)):
@@ -194,11 +194,11 @@ def test_many_that_write_to_one_job_at_once_leave_no_gap(record: JobRecord) -> N
             if number == 20:
                 record.request_cancel(job.id)
             elif number == 30:
-                record.finish(job.id, 1, JobState.SUCCEEDED)
+                record.leases.finish(job.id, 1, JobState.SUCCEEDED)
             elif number % 3:
-                record.save_progress(job.id, 1, at(number, 40))
+                record.leases.save_progress(job.id, 1, at(number, 40))
             else:
-                record.set_checkpoint(job.id, 1, key=f"k{number}", step=number, sha256="s")
+                record.leases.set_checkpoint(job.id, 1, key=f"k{number}", step=number, sha256="s")
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(write, range(40)))
@@ -213,12 +213,12 @@ def test_an_end_that_many_want_at_once_comes_once(record: JobRecord) -> None:
     for _ in range(5):
         job = claimed(record, late(record), OVER)
         ends: list[Callable[[], object]] = [
-            lambda job=job: record.finish(job.id, 1, JobState.SUCCEEDED),
+            lambda job=job: record.leases.finish(job.id, 1, JobState.SUCCEEDED),
             lambda job=job: record.request_cancel(job.id),
-            lambda: record.expire_deadlines(),
-            lambda: record.reclaim_expired(1),
-            lambda job=job: record.release(job.id, 1),
-            lambda job=job: record.out_of_memory(job.id, 1, 1),
+            lambda: record.upkeep.expire_deadlines(),
+            lambda: record.upkeep.reclaim_expired(1),
+            lambda job=job: record.leases.release(job.id, 1),
+            lambda job=job: record.leases.out_of_memory(job.id, 1, 1),
         ]
 
         def attempt(end: Callable[[], object]) -> None:
@@ -227,7 +227,7 @@ def test_an_end_that_many_want_at_once_comes_once(record: JobRecord) -> None:
 
         with ThreadPoolExecutor(len(ends)) as pool:
             list(pool.map(attempt, ends))
-        record.expire_deadlines()
+        record.upkeep.expire_deadlines()
         assert history(record, job.id)[-1].terminal
 
 

@@ -22,7 +22,9 @@ def test_of_many_that_claim_one_job_at_once_one_gets_it(record: JobRecord, datab
         with ThreadPoolExecutor(len(records)) as pool:
             for _ in range(10):
                 job = new_job(record)
-                claims = [pool.submit(each.claim, job.id, f"worker {i}", LEASE_S) for i, each in enumerate(records)]
+                claims = [
+                    pool.submit(each.leases.claim, job.id, f"worker {i}", LEASE_S) for i, each in enumerate(records)
+                ]
                 won = [claim.result() for claim in claims if claim.result() is not None]
                 assert len(won) == 1
                 assert record.get(job.id).attempt == 1
@@ -36,14 +38,14 @@ def test_a_claim_is_a_new_attempt(record: JobRecord) -> None:
     assert (job.state, job.attempt, job.progress.attempt) == (JobState.RUNNING, 1, 1)
     assert job.started_at is not None
     assert job.version > 1
-    assert record.claim(job.id, "another", LEASE_S) is None
+    assert record.leases.claim(job.id, "another", LEASE_S) is None
 
 
 def test_a_heartbeat_keeps_the_lease(record: JobRecord) -> None:
     job = claimed(record, new_job(record), OVER)
-    assert record.heartbeat(job.id, 1, LEASE_S) is JobState.RUNNING
-    assert record.reclaim_expired(3) == []
-    assert record.claim(job.id, "another", LEASE_S) is None
+    assert record.leases.heartbeat(job.id, 1, LEASE_S) is JobState.RUNNING
+    assert record.upkeep.reclaim_expired(3) == []
+    assert record.leases.claim(job.id, "another", LEASE_S) is None
 
 
 def test_progress_is_published_and_its_fraction_never_goes_back(record: JobRecord) -> None:
@@ -51,32 +53,32 @@ def test_progress_is_published_and_its_fraction_never_goes_back(record: JobRecor
     far = Progress(
         step=6, total_steps=10, fraction=0.6, phase="optimizing", losses={"guidance": 0.25}, eta_s=1.5, attempt=1
     )
-    record.save_progress(job.id, 1, far)
+    record.leases.save_progress(job.id, 1, far)
     assert record.get(job.id).progress == far
-    record.save_progress(job.id, 1, far.model_copy(update={"step": 2, "fraction": 0.2}))
+    record.leases.save_progress(job.id, 1, far.model_copy(update={"step": 2, "fraction": 0.2}))
     progress = record.get(job.id).progress
     assert (progress.step, progress.fraction) == (2, 0.6)
 
 
 def test_success_is_for_good(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
-    record.finish(job.id, 1, JobState.SUCCEEDED)
+    record.leases.finish(job.id, 1, JobState.SUCCEEDED)
     done = record.get(job.id)
     assert (done.state, done.progress.fraction) == (JobState.SUCCEEDED, 1.0)
     assert done.finished_at is not None
     with pytest.raises(StaleAttemptError):
-        record.finish(job.id, 1, JobState.FAILED)
+        record.leases.finish(job.id, 1, JobState.FAILED)
     with pytest.raises(ConflictError):
         record.request_cancel(job.id)
-    assert record.claim(job.id, "worker", LEASE_S) is None
-    assert record.reclaim_expired(1) == []
+    assert record.leases.claim(job.id, "worker", LEASE_S) is None
+    assert record.upkeep.reclaim_expired(1) == []
     assert record.get(job.id) == done
 
 
 def test_failure_keeps_its_error(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     error = JobError(code="numerical_failure", title="t", detail="d", advice="a", status=500)
-    record.finish(job.id, 1, JobState.FAILED, error)
+    record.leases.finish(job.id, 1, JobState.FAILED, error)
     assert record.get(job.id).error == error
     assert record.get(job.id).state is JobState.FAILED
 
@@ -84,29 +86,29 @@ def test_failure_keeps_its_error(record: JobRecord) -> None:
 def test_only_a_terminal_state_ends_a_job(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     with pytest.raises(ValueError, match="not terminal"):
-        record.finish(job.id, 1, JobState.QUEUED)
+        record.leases.finish(job.id, 1, JobState.QUEUED)
 
 
 def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in range(1, 6):
         claimed(record, job)
-        record.set_checkpoint(job.id, attempt, key=f"k{attempt}", step=10 * attempt, sha256="s")
-        record.release(job.id, attempt)
+        record.leases.set_checkpoint(job.id, attempt, key=f"k{attempt}", step=10 * attempt, sha256="s")
+        record.leases.release(job.id, attempt)
         assert record.get(job.id).state is JobState.QUEUED
-    checkpoint = record.checkpoints(job.id)[0]
+    checkpoint = record.leases.checkpoints(job.id)[0]
     assert (checkpoint.key, checkpoint.step, checkpoint.attempt) == ("k5", 50, 5)
     claimed(record, job, OVER)
-    assert record.reclaim_expired(2) == [job.id]
+    assert record.upkeep.reclaim_expired(2) == [job.id]
 
 
 def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in (1, 2):
         assert claimed(record, job, OVER).attempt == attempt
-        assert record.reclaim_expired(3) == [job.id]
+        assert record.upkeep.reclaim_expired(3) == [job.id]
     claimed(record, job, OVER)
-    assert record.reclaim_expired(3) == []
+    assert record.upkeep.reclaim_expired(3) == []
     failed = record.get(job.id)
     assert failed.state is JobState.FAILED
     assert failed.error is not None
@@ -116,36 +118,36 @@ def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRe
 
 def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_does(record: JobRecord) -> None:
     lost, kept = new_job(record), new_job(record)
-    held = record.claim(lost.id, "gone", LEASE_S)
+    held = record.leases.claim(lost.id, "gone", LEASE_S)
     assert held is not None
-    record.claim(kept.id, "alive", LEASE_S)
-    assert record.worker_ended("gone")
-    assert record.reclaim_expired(2) == [lost.id]
+    record.leases.claim(kept.id, "alive", LEASE_S)
+    assert record.leases.worker_ended("gone")
+    assert record.upkeep.reclaim_expired(2) == [lost.id]
     assert (record.get(lost.id).state, record.get(kept.id).state) == (JobState.QUEUED, JobState.RUNNING)
     with pytest.raises(StaleAttemptError):
-        record.heartbeat(lost.id, held.attempt, LEASE_S)
-    assert not record.worker_ended("gone")
+        record.leases.heartbeat(lost.id, held.attempt, LEASE_S)
+    assert not record.leases.worker_ended("gone")
     # It counts as a lost attempt.
-    record.claim(lost.id, "gone too", LEASE_S)
-    assert record.worker_ended("gone too")
-    assert record.reclaim_expired(2) == []
+    record.leases.claim(lost.id, "gone too", LEASE_S)
+    assert record.leases.worker_ended("gone too")
+    assert record.upkeep.reclaim_expired(2) == []
     assert record.get(lost.id).state is JobState.FAILED
 
 
 def test_the_newest_checkpoint_comes_first(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
-    assert record.checkpoints(job.id) == []
+    assert record.leases.checkpoints(job.id) == []
     for step in (100, 200, 300):
-        record.set_checkpoint(job.id, 1, key=f"k{step}", step=step, sha256="s")
-    record.set_checkpoint(job.id, 1, key="k300", step=300, sha256="again")
-    assert [(found.step, found.sha256) for found in record.checkpoints(job.id)] == [
+        record.leases.set_checkpoint(job.id, 1, key=f"k{step}", step=step, sha256="s")
+    record.leases.set_checkpoint(job.id, 1, key="k300", step=300, sha256="again")
+    assert [(found.step, found.sha256) for found in record.leases.checkpoints(job.id)] == [
         (300, "again"), (200, "s"), (100, "s"),
     ]  # fmt: skip
-    record.forget_checkpoint(job.id, 1, "k100")
-    record.release(job.id, 1)
+    record.leases.forget_checkpoint(job.id, 1, "k100")
+    record.leases.release(job.id, 1)
     claimed(record, job)
-    record.set_checkpoint(job.id, 2, key="later", step=250, sha256="s")
-    assert [found.step for found in record.checkpoints(job.id)] == [250, 300, 200]
+    record.leases.set_checkpoint(job.id, 2, key="later", step=250, sha256="s")
+    assert [found.step for found in record.leases.checkpoints(job.id)] == [250, 300, 200]
 
 
 def test_many_threads_write_without_an_error(record: JobRecord) -> None:
@@ -153,8 +155,10 @@ def test_many_threads_write_without_an_error(record: JobRecord) -> None:
 
     def publish(job: Job) -> None:
         for step in range(1, 26):
-            record.save_progress(job.id, 1, Progress(step=step, total_steps=25, fraction=step / 25, phase="optimizing"))
-            record.heartbeat(job.id, 1, LEASE_S)
+            record.leases.save_progress(
+                job.id, 1, Progress(step=step, total_steps=25, fraction=step / 25, phase="optimizing")
+            )
+            record.leases.heartbeat(job.id, 1, LEASE_S)
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(publish, jobs))
@@ -164,37 +168,37 @@ def test_many_threads_write_without_an_error(record: JobRecord) -> None:
 def test_an_attempt_that_is_over_writes_nothing(record: JobRecord) -> None:
     old = claimed(record, new_job(record), OVER)
     # Whoever has not taken it back yet does not give it away either.
-    assert record.claim(old.id, "another", LEASE_S) is None
-    assert record.reclaim_expired(3) == [old.id]
+    assert record.leases.claim(old.id, "another", LEASE_S) is None
+    assert record.upkeep.reclaim_expired(3) == [old.id]
     new = claimed(record, old)
     assert (new.attempt, new.started_at) == (2, old.started_at)
     writes: list[Callable[[], object]] = [
-        lambda: record.heartbeat(old.id, 1, LEASE_S),
-        lambda: record.save_progress(old.id, 1, at(9)),
-        lambda: record.set_checkpoint(old.id, 1, key="k", step=1, sha256="s"),
-        lambda: record.forget_checkpoint(old.id, 1, key="k"),
-        lambda: record.finish(old.id, 1, JobState.SUCCEEDED, results=[artifact()]),
-        lambda: record.release(old.id, 1),
-        lambda: record.out_of_memory(old.id, 1, 3),
+        lambda: record.leases.heartbeat(old.id, 1, LEASE_S),
+        lambda: record.leases.save_progress(old.id, 1, at(9)),
+        lambda: record.leases.set_checkpoint(old.id, 1, key="k", step=1, sha256="s"),
+        lambda: record.leases.forget_checkpoint(old.id, 1, key="k"),
+        lambda: record.leases.finish(old.id, 1, JobState.SUCCEEDED, results=[artifact()]),
+        lambda: record.leases.release(old.id, 1),
+        lambda: record.leases.out_of_memory(old.id, 1, 3),
     ]
     for write in writes:
         with pytest.raises(StaleAttemptError):
             write()
     assert record.get(old.id) == new
-    assert record.checkpoints(old.id) == []
+    assert record.leases.checkpoints(old.id) == []
     assert record.artifacts(old.id) == []
     assert len(record.events.after(old.id)) == new.event_seq
 
 
 def test_workers_take_the_most_urgent_job_and_of_equal_ones_the_oldest(record: JobRecord) -> None:
     usual, low, urgent, later = (posted(record, priority=priority) for priority in (0, -5, 7, 0))
-    taken = [record.claim_next("worker", LEASE_S) for _ in range(5)]
+    taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(5)]
     assert [job.id if job else None for job in taken] == [urgent.id, usual.id, later.id, low.id, None]
     assert {job.attempt for job in taken if job} == {1}
     # One that is handed back is as old as it was.
-    record.release(usual.id, 1)
+    record.leases.release(usual.id, 1)
     posted(record, priority=0)
-    again = record.claim_next("worker", LEASE_S)
+    again = record.leases.claim_next("worker", LEASE_S)
     assert again is not None
     assert (again.id, again.attempt) == (usual.id, 2)
 
@@ -204,7 +208,7 @@ def test_many_that_take_the_next_job_at_once_take_each_job_once(record: JobRecor
     records = [JobRecord(database_url) for _ in range(6)]
 
     def take(each: JobRecord) -> list[str]:
-        return [job.id for job in iter(lambda: each.claim_next("worker", LEASE_S), None)]
+        return [job.id for job in iter(lambda: each.leases.claim_next("worker", LEASE_S), None)]
 
     with ThreadPoolExecutor(len(records)) as pool:
         taken = [job_id for found in pool.map(take, records) for job_id in found]
@@ -219,7 +223,7 @@ def test_a_job_that_somebody_holds_does_not_keep_workers_from_the_next_one(recor
     first, second = new_job(record), new_job(record)
     with record.database.write() as connection:
         connection.exec_driver_sql(f"SELECT id FROM jobs WHERE id = '{first.id}' FOR UPDATE")
-        taken = record.claim_next("worker", LEASE_S)
+        taken = record.leases.claim_next("worker", LEASE_S)
     assert taken is not None
     assert taken.id == second.id
 
@@ -228,28 +232,28 @@ def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRec
     job = new_job(record)
     for attempt in (1, 2):
         claimed(record, job)
-        assert record.out_of_memory(job.id, attempt, 3) is JobState.QUEUED
+        assert record.leases.out_of_memory(job.id, attempt, 3) is JobState.QUEUED
         assert record.get(job.id).oom_attempts == attempt
     claimed(record, job)
-    assert record.out_of_memory(job.id, 3, 3) is JobState.FAILED
+    assert record.leases.out_of_memory(job.id, 3, 3) is JobState.FAILED
     failed = record.get(job.id)
     assert failed.error is not None
     assert (failed.error.code, failed.oom_attempts) == ("gpu_oom", 3)
     assert failed.finished_at is not None
     asked = claimed(record, new_job(record))
     record.request_cancel(asked.id)
-    assert record.out_of_memory(asked.id, 1, 1) is JobState.CANCELED
+    assert record.leases.out_of_memory(asked.id, 1, 1) is JobState.CANCELED
     assert record.get(asked.id).error is None
 
 
 def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> None:
     job = claimed(record, new_job(record), OVER)
-    record.save_progress(job.id, 1, at(6))
-    record.reclaim_expired(3)
+    record.leases.save_progress(job.id, 1, at(6))
+    record.upkeep.reclaim_expired(3)
     assert record.get(job.id).progress.fraction == 0.6
     claimed(record, job)
     for step in (2, 5, 7):
-        record.save_progress(job.id, 2, at(step))
+        record.leases.save_progress(job.id, 2, at(step))
     told = [event.data for event in record.events.after(job.id) if event.type == "progress"]
     assert [(data["step"], data["fraction"], data["attempt"]) for data in told] == [
         (6, 0.6, 1), (2, 0.6, 2), (5, 0.6, 2), (7, 0.7, 2),
@@ -258,8 +262,8 @@ def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> No
 
 def test_a_checkpoint_keeps_the_mesh_of_its_step(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
-    record.set_checkpoint(job.id, 1, key="k", step=5, sha256="s", size=11, mesh=artifact("mesh.glb", "m" * 64))
-    found = record.checkpoints(job.id)[0]
+    record.leases.set_checkpoint(job.id, 1, key="k", step=5, sha256="s", size=11, mesh=artifact("mesh.glb", "m" * 64))
+    found = record.leases.checkpoints(job.id)[0]
     assert (found.size, found.mesh_key, found.mesh_sha256, found.mesh_size) == (11, "jobs/x/mesh.glb", "m" * 64, 7)
     assert found.created_at is not None
     assert found.created_at.tzinfo is not None
@@ -267,8 +271,8 @@ def test_a_checkpoint_keeps_the_mesh_of_its_step(record: JobRecord) -> None:
 
 def test_a_heartbeat_that_comes_after_its_worker_was_found_dead_renews_nothing(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
-    assert record.worker_ended("worker")
-    assert not record.worker_ended("worker")
+    assert record.leases.worker_ended("worker")
+    assert not record.leases.worker_ended("worker")
     with pytest.raises(StaleAttemptError):
-        record.heartbeat(job.id, 1, LEASE_S)
-    assert record.reclaim_expired(max_attempts=3) == [job.id]
+        record.leases.heartbeat(job.id, 1, LEASE_S)
+    assert record.upkeep.reclaim_expired(max_attempts=3) == [job.id]

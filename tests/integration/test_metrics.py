@@ -8,6 +8,7 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import metadata
 from tests.integration.conftest import Api, new_job
@@ -41,14 +42,14 @@ def value(samples: Samples, name: str, **labels: str) -> float:
 @pytest.mark.both_databases
 def test_the_record_is_counted(api: Api) -> None:
     jobs = [new_job(api.record) for _ in range(4)]
-    api.record.claim(jobs[0].id, "a worker", 60.0)
-    api.record.finish(jobs[0].id, 1, JobState.SUCCEEDED, step_s=0.03)
-    api.record.claim(jobs[1].id, "a worker", 60.0)
-    api.record.worker_ended("a worker")
-    api.record.reclaim_expired(max_attempts=3)
+    api.record.leases.claim(jobs[0].id, "a worker", 60.0)
+    api.record.leases.finish(jobs[0].id, 1, JobState.SUCCEEDED, step_s=0.03)
+    api.record.leases.claim(jobs[1].id, "a worker", 60.0)
+    api.record.leases.worker_ended("a worker")
+    api.record.upkeep.reclaim_expired(max_attempts=3)
     api.record.request_cancel(jobs[2].id)
-    api.record.registry.seen("a worker", api.settings.queue, "cpu")
-    api.record.registry.seen("of another queue", "another", "cpu")
+    api.record.leases.idle(WorkerIdentity("a worker", api.settings.queue, "cpu"))
+    api.record.leases.idle(WorkerIdentity("of another queue", "another", "cpu"))
     samples = scraped(api)
     assert value(samples, "record_up") == 1
     assert value(samples, "jobs", state="queued") == 2
@@ -70,8 +71,8 @@ def test_the_record_is_counted(api: Api) -> None:
 
 def test_sums_outlive_the_jobs_that_made_them(api: Api) -> None:
     job = new_job(api.record)
-    api.record.claim(job.id, "a worker", 60.0)
-    api.record.finish(job.id, 1, JobState.FAILED)
+    api.record.leases.claim(job.id, "a worker", 60.0)
+    api.record.leases.finish(job.id, 1, JobState.FAILED)
     api.record.delete(job.id)
     samples = scraped(api)
     assert value(samples, "jobs", state="failed") == 0

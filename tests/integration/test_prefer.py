@@ -46,9 +46,9 @@ def test_an_answer_is_held_back_until_the_job_is_over(server: tuple[httpx.Client
     with ThreadPoolExecutor() as pool:
         answer = pool.submit(http.get, f"/v1/jobs/{job.id}", headers=WAIT)
         waiting(app, 1)
-        assert record.claim(job.id, "worker", 60.0)
+        assert record.leases.claim(job.id, "worker", 60.0)
         assert not answer.done()
-        record.finish(job.id, 1, JobState.SUCCEEDED)
+        record.leases.finish(job.id, 1, JobState.SUCCEEDED)
         found = answer.result(DEADLINE_S)
     assert found.status_code == 200
     assert found.json()["state"] == "succeeded"

@@ -11,7 +11,7 @@ from rq import Queue
 from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.record.queue import TASK, JobQueue
+from meshdeform.record.queue import JobQueue, job_of
 from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
 
@@ -35,7 +35,7 @@ def test_redis_holds_the_id_and_nothing_else_of_the_job(queue: JobQueue, redis_u
     queue.enqueue("job_1")
     with redis.Redis.from_url(redis_url) as connection:
         (told,) = Queue("test", connection=connection, serializer=JSONSerializer).jobs
-        assert (told.func_name, list(told.args), told.kwargs) == (TASK, ["job_1"], {})
+        assert (job_of(told.id), list(told.args), told.kwargs) == ("job_1", [], {})
         assert told.timeout == -1
         assert told.result_ttl == 0
 

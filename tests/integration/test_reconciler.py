@@ -44,9 +44,9 @@ def until(true: Callable[[], bool]) -> None:
 def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
     jobs = [new_job(record) for _ in range(3)]
     queue.enqueue(jobs[1].id)
-    assert record.untold() == ids(jobs)
+    assert record.upkeep.untold() == ids(jobs)
     assert reconciler(record, queue).run_once() == [jobs[0].id, jobs[2].id]
-    assert record.untold() == []
+    assert record.upkeep.untold() == []
     assert reconciler(record, queue).run_once() == []
     assert queue.length() == 3
 
@@ -94,12 +94,12 @@ def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_
         for _ in range(2):
             # A worker hears of any job and takes the most urgent one.
             connection.lpop("rq:queue:test")
-            taken = record.claim_next("worker", LEASE_S)
+            taken = record.leases.claim_next("worker", LEASE_S)
             assert taken is not None
         assert looks.run_once() == []
         connection.lpop("rq:queue:test", 3)
     assert len(looks.run_once()) >= 3
-    assert queue.length() >= record.queued_count() == len(jobs) - 2
+    assert queue.length() >= record.upkeep.queued_count() == len(jobs) - 2
 
 
 def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: JobRecord, tmp_path: Path) -> None:
@@ -113,11 +113,11 @@ def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: Jo
         server.kill()
         more = new_job(record)
         assert looks.run_once() == []
-        assert record.untold() == [more.id]
+        assert record.upkeep.untold() == [more.id]
         server.start()
         assert looks.run_once() == ids([*jobs, more])
         assert looks.run_once() == []
-        assert record.untold() == []
+        assert record.upkeep.untold() == []
     finally:
         queue.close()
         server.stop()
@@ -138,17 +138,17 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
         each.close()
     assert queue.told() == jobs
     # What was told twice is taken once.
-    taken = [record.claim_next("worker", LEASE_S) for _ in range(queue.length())]
+    taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(queue.length())]
     assert {job.id for job in taken if job} == jobs
     assert {record.get(job_id).attempt for job_id in jobs} == {1}
 
 
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
-    record.told([job.id])
+    record.upkeep.told([job.id])
     assert reconciler(record, queue).run_once() == [job.id]
     assert record.get(job.id).state is JobState.QUEUED
-    assert record.untold() == []
+    assert record.upkeep.untold() == []
 
 
 @pytest.mark.both_databases
@@ -156,7 +156,7 @@ def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, q
     job = claimed(record, new_job(record), 86_400.0)
     usual = claimed(record, new_job(record), LEASE_S)
     reconciler(record, queue).run_once()
-    assert record.shorten_leases(LEASE_S / 2 + 1.0) == 0
+    assert record.upkeep.shorten_leases(LEASE_S / 2 + 1.0) == 0
     assert {record.get(each.id).state for each in (job, usual)} == {JobState.RUNNING}
 
 
@@ -190,14 +190,14 @@ def test_what_lost_attempts_stored_goes_with_the_end_of_the_job(
     store = ObjectStore(tmp_path)
     job = claimed(record, new_job(record), OVER)
     store.put(f"jobs/{job.id}/1/result.glb", b"never published")
-    record.reclaim_expired(3)
+    record.upkeep.reclaim_expired(3)
     claimed(record, job)
     store.put(f"jobs/{job.id}/2/result.glb", b"result")
     looks = reconciler(record, queue, store)
     looks.run_once()
     assert len(list(store.list("jobs/"))) == 2
-    record.save_progress(job.id, 2, at(9))
-    record.finish(job.id, 2, JobState.SUCCEEDED)
+    record.leases.save_progress(job.id, 2, at(9))
+    record.leases.finish(job.id, 2, JobState.SUCCEEDED)
     looks.run_once()
     assert [key for key, _ in store.list("jobs/")] == [f"jobs/{job.id}/2/result.glb"]
 
@@ -221,7 +221,7 @@ def test_an_upload_past_its_time_goes_and_a_job_keeps_its_file(
     with record.database.write() as connection:
         connection.exec_driver_sql("UPDATE uploads SET expires_at = '2026-01-01 00:00:00.000000'")
     looks.run_once()
-    assert record.expired_uploads() == []
+    assert record.upkeep.expired_uploads() == []
     assert not store.exists(stored_file("1").key)
     assert store.exists(stored_file("2").key)
     assert [key for key, _ in store.list()] == [stored_file("2").key]
@@ -258,7 +258,7 @@ def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, qu
 
     store.delete_prefix = away  # type: ignore[method-assign]
     assert reconciler(record, queue, store).run_once() == [job.id]
-    assert record.discarded_prefixes() == [f"jobs/{gone.id}/"]
+    assert record.upkeep.discarded_prefixes() == [f"jobs/{gone.id}/"]
 
 
 @pytest.mark.both_databases

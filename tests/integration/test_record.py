@@ -46,16 +46,16 @@ def test_a_job_of_an_earlier_version_is_read_without_the_parameters_that_are_gon
     assert claimed(record, old).request == found.request
     # Whoever waits behind it is told when it is over: its steps are those of the preset.
     asked = JobRequest.model_validate({"prompt": "a vase"})
-    estimate(record.database, record.registry, asked, default_model="builtin", queue="test")
+    estimate(record.database, record.leases, asked, default_model="builtin", queue="test")
 
 
 def test_there_is_no_job_of_an_unknown_id(record: JobRecord) -> None:
     for look in (record.get, record.artifacts, record.delete, record.request_cancel):
         with pytest.raises(NotFoundError):
             look("job_nothing")
-    assert record.claim("job_nothing", "worker", LEASE_S) is None
+    assert record.leases.claim("job_nothing", "worker", LEASE_S) is None
     with pytest.raises(NotFoundError):
-        record.heartbeat("job_nothing", 1, LEASE_S)
+        record.leases.heartbeat("job_nothing", 1, LEASE_S)
 
 
 def test_pages_hold_every_job_once_newest_first_also_when_jobs_come_in_between(record: JobRecord) -> None:
@@ -90,15 +90,15 @@ def test_the_version_changes_with_everything_that_a_user_sees(record: JobRecord)
         seen.append(record.get(job.id).version)
         return seen[-1] > seen[-2]
 
-    record.claim(job.id, "worker", LEASE_S)
+    record.leases.claim(job.id, "worker", LEASE_S)
     assert changed()
-    record.save_progress(job.id, 1, Progress(step=1, total_steps=2, fraction=0.5, phase="optimizing"))
+    record.leases.save_progress(job.id, 1, Progress(step=1, total_steps=2, fraction=0.5, phase="optimizing"))
     assert changed()
-    record.heartbeat(job.id, 1, LEASE_S)
+    record.leases.heartbeat(job.id, 1, LEASE_S)
     assert not changed()
     record.request_cancel(job.id)
     assert changed()
-    record.finish(job.id, 1, JobState.CANCELED)
+    record.leases.finish(job.id, 1, JobState.CANCELED)
     assert changed()
 
 
@@ -106,14 +106,14 @@ def test_a_queued_job_is_canceled_at_once(record: JobRecord) -> None:
     job = record.request_cancel(new_job(record).id)
     assert job.state is JobState.CANCELED
     assert job.finished_at is not None
-    assert record.claim(job.id, "worker", LEASE_S) is None
+    assert record.leases.claim(job.id, "worker", LEASE_S) is None
 
 
 def test_a_running_job_is_asked_to_stop_and_asking_twice_is_no_error(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     assert record.request_cancel(job.id).state is JobState.CANCELING
     assert record.request_cancel(job.id).state is JobState.CANCELING
-    assert record.heartbeat(job.id, 1, LEASE_S) is JobState.CANCELING
+    assert record.leases.heartbeat(job.id, 1, LEASE_S) is JobState.CANCELING
 
 
 @pytest.mark.parametrize("end", ["finish", "release", "reclaim"])
@@ -121,11 +121,11 @@ def test_a_cancel_that_was_promised_is_kept(record: JobRecord, end: str) -> None
     job = claimed(record, new_job(record), OVER if end == "reclaim" else LEASE_S)
     record.request_cancel(job.id)
     if end == "finish":
-        record.finish(job.id, 1, JobState.SUCCEEDED)
+        record.leases.finish(job.id, 1, JobState.SUCCEEDED)
     elif end == "release":
-        record.release(job.id, 1)
+        record.leases.release(job.id, 1)
     else:
-        assert record.reclaim_expired(3) == []
+        assert record.upkeep.reclaim_expired(3) == []
     canceled = record.get(job.id)
     assert canceled.state is JobState.CANCELED
     assert canceled.finished_at is not None
@@ -178,7 +178,7 @@ def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRec
     with pytest.raises(IdempotencyBusyError):
         record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), stored_file(), claim=claim))
     assert record.list_jobs().jobs == []
-    assert record.untold() == []
+    assert record.upkeep.untold() == []
     assert record.files.unused() == []
 
 
@@ -208,7 +208,7 @@ def test_an_owner_has_only_so_many_unfinished_jobs_also_when_they_come_at_once(r
     with pytest.raises(TooManyJobsError) as refused:
         posted(record, "me", 3)
     assert refused.value.status == 429
-    record.finish(made[0].id, 1, JobState.SUCCEEDED)
+    record.leases.finish(made[0].id, 1, JobState.SUCCEEDED)
     assert posted(record, "me", 3).state is JobState.QUEUED
     # Nothing of those that were refused is left.
     assert len(record.list_jobs(owner="me").jobs) == 4
@@ -218,16 +218,16 @@ def test_artifacts_are_published_with_success_and_only_then(record: JobRecord) -
     made = [artifact("result.glb"), artifact("report.json")]
     success = claimed(record, new_job(record))
     assert record.artifacts(success.id) == []
-    record.finish(success.id, 1, JobState.SUCCEEDED, results=made)
+    record.leases.finish(success.id, 1, JobState.SUCCEEDED, results=made)
     assert record.artifacts(success.id) == sorted(made, key=lambda result: result.name)
     assert record.events.after(success.id)[-1].data == {"artifacts": ["report.json", "result.glb"]}
     for end in (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED):
         other = claimed(record, new_job(record))
-        record.finish(other.id, 1, end, results=made)
+        record.leases.finish(other.id, 1, end, results=made)
         assert record.artifacts(other.id) == []
     asked = claimed(record, new_job(record))
     record.request_cancel(asked.id)
-    assert record.finish(asked.id, 1, JobState.SUCCEEDED, results=made) is JobState.CANCELED
+    assert record.leases.finish(asked.id, 1, JobState.SUCCEEDED, results=made) is JobState.CANCELED
     assert record.artifacts(asked.id) == []
     assert record.get(asked.id).progress.fraction == 0.0
 
@@ -237,21 +237,21 @@ def test_only_a_job_that_is_over_is_deleted_with_all_that_belongs_to_it(record: 
     with pytest.raises(ConflictError, match="queued"):
         record.delete(job.id)
     claimed(record, job)
-    record.set_checkpoint(job.id, 1, key="k", step=1, sha256="s")
+    record.leases.set_checkpoint(job.id, 1, key="k", step=1, sha256="s")
     with pytest.raises(ConflictError, match="running"):
         record.delete(job.id)
-    record.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()])
+    record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()])
     record.delete(job.id)
     with pytest.raises(NotFoundError):
         record.get(job.id)
     with pytest.raises(NotFoundError):
         record.events.after(job.id)
-    assert record.checkpoints(job.id) == []
+    assert record.leases.checkpoints(job.id) == []
     assert record.events.heads([job.id]) == {}
     assert record.list_jobs(metadata={"a": "1"}).jobs == []
-    assert record.discarded_prefixes() == [f"jobs/{job.id}/"]
-    record.forget_discarded(f"jobs/{job.id}/")
-    assert record.discarded_prefixes() == []
+    assert record.upkeep.discarded_prefixes() == [f"jobs/{job.id}/"]
+    record.upkeep.forget_discarded(f"jobs/{job.id}/")
+    assert record.upkeep.discarded_prefixes() == []
 
 
 def test_heads_say_where_many_jobs_stand(record: JobRecord) -> None:

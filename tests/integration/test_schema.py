@@ -42,7 +42,7 @@ def test_many_may_start_on_an_empty_database_at_once(database_url: str, record: 
         connection.execute(sa.text("DROP TABLE alembic_version"))
     with ThreadPoolExecutor(4) as pool:
         opened = list(pool.map(JobRecord, [database_url] * 4))
-    assert opened[0].queued_ids() == []
+    assert opened[0].upkeep.queued_ids() == []
     for each in opened:
         each.close()
 
@@ -184,16 +184,16 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         failed = opened.get(_old_id(JobState.FAILED))
         assert failed.error is not None
         assert opened.events.after(failed.id)[-1].data["error"] == failed.error.model_dump()
-        assert opened.untold() == [_old_id(JobState.QUEUED)]
+        assert opened.upkeep.untold() == [_old_id(JobState.QUEUED)]
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
-        (checkpoint,) = opened.checkpoints(_old_id(JobState.RUNNING))
+        (checkpoint,) = opened.leases.checkpoints(_old_id(JobState.RUNNING))
         assert (checkpoint.step, checkpoint.size, checkpoint.created_at) == (5, 0, _MADE)
         assert opened.files.unused() == []
         # And they go on: the lease of the one that ran is over, the one that waited is taken.
-        assert opened.reclaim_expired(5) == [_old_id(JobState.RUNNING)]
+        assert opened.upkeep.reclaim_expired(5) == [_old_id(JobState.RUNNING)]
         assert history(opened, _old_id(JobState.RUNNING))[-1] is EventType.RECOVERED
         assert opened.get(_old_id(JobState.CANCELING)).state is JobState.CANCELED
-        taken = opened.claim_next("worker", LEASE_S)
+        taken = opened.leases.claim_next("worker", LEASE_S)
         assert taken is not None
         assert (taken.id, taken.attempt) == (_old_id(JobState.QUEUED), 1)
     finally:
@@ -215,7 +215,7 @@ def test_a_record_can_go_back_to_the_first_version_and_come_again(
     assert [tuple(row) for row in states] == [(state.value, 5) for state in JobState]
     migrate(HEAD)
     assert history(record, _old_id(JobState.FAILED)) == _PAST[JobState.FAILED]
-    assert record.untold() == [_old_id(JobState.QUEUED)]
+    assert record.upkeep.untold() == [_old_id(JobState.QUEUED)]
 
 
 def _columns(connection: sa.Connection) -> dict[str, list[str]]:

@@ -25,7 +25,7 @@ def collector(monkeypatch: pytest.MonkeyPatch) -> Iterator[Collector]:
 
 def test_without_a_collector_nothing_is_loaded() -> None:
     code = (
-        "import sys; from meshdeform import telemetry as t; assert not t.start_tracing('api')\n"
+        "import sys; from meshdeform.support import telemetry as t; assert not t.start_tracing('api')\n"
         "with t.span('x', {'a': 1}, traceparent='00-' + 'a' * 32 + '-' + 'b' * 16 + '-01'): pass\n"
         "assert t.current_traceparent() is None; assert not any('opentelemetry' in name for name in sys.modules)"
     )

@@ -9,7 +9,7 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, StaleAttemptError
-from meshdeform.record.counters import BUCKETS_S, Tallies
+from meshdeform.record.counters import BUCKETS_S, Counters
 from meshdeform.record.models import Job, JobState, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import outbox
@@ -22,54 +22,54 @@ pytestmark = pytest.mark.both_databases
 def test_queued_jobs_are_told_the_most_urgent_first(record: JobRecord) -> None:
     usual, urgent, other = posted(record), posted(record, priority=3), posted(record)
     taken = claimed(record, posted(record))
-    assert record.queued_ids() == [urgent.id, usual.id, other.id]
-    assert record.queued_count() == 3
-    assert taken.id not in record.queued_ids()
+    assert record.upkeep.queued_ids() == [urgent.id, usual.id, other.id]
+    assert record.upkeep.queued_count() == 3
+    assert taken.id not in record.upkeep.queued_ids()
 
 
 def test_who_is_to_be_told_is_on_the_record_until_they_are(record: JobRecord) -> None:
     first, second, third = (new_job(record) for _ in range(3))
-    assert record.untold() == ids([first, second, third])
-    record.told([second.id, "job_nothing"])
-    record.told([])
-    assert record.untold() == ids([first, third])
+    assert record.upkeep.untold() == ids([first, second, third])
+    record.upkeep.told([second.id, "job_nothing"])
+    record.upkeep.told([])
+    assert record.upkeep.untold() == ids([first, third])
     # Whoever is over needs no worker; whoever comes back to the queue needs one again.
     record.request_cancel(first.id)
-    assert record.untold() == [third.id]
+    assert record.upkeep.untold() == [third.id]
     claimed(record, second, OVER)
-    record.reclaim_expired(3)
-    assert record.untold() == ids([second, third])
-    record.told([second.id, third.id])
+    record.upkeep.reclaim_expired(3)
+    assert record.upkeep.untold() == ids([second, third])
+    record.upkeep.told([second.id, third.id])
     claimed(record, second)
-    record.release(second.id, 2)
+    record.leases.release(second.id, 2)
     claimed(record, third)
-    record.out_of_memory(third.id, 1, 3)
-    assert record.untold() == ids([second, third])
+    record.leases.out_of_memory(third.id, 1, 3)
+    assert record.upkeep.untold() == ids([second, third])
     # Also twice, for a row that is there already.
     claimed(record, second)
-    record.release(second.id, 3)
-    assert record.untold() == ids([second, third])
+    record.leases.release(second.id, 3)
+    assert record.upkeep.untold() == ids([second, third])
 
 
 def test_many_jobs_are_taken_back_in_one_look(record: JobRecord) -> None:
     jobs = [claimed(record, new_job(record), OVER) for _ in range(230)]
     asked = jobs[7]
     record.request_cancel(asked.id)
-    assert record.reclaim_expired(3) == [job.id for job in jobs if job.id != asked.id]
+    assert record.upkeep.reclaim_expired(3) == [job.id for job in jobs if job.id != asked.id]
     assert record.get(asked.id).state is JobState.CANCELED
-    assert record.reclaim_expired(3) == []
-    assert record.tallies()["lease_expirations", ""] == 230
-    assert record.tallies()["recoveries", ""] == 229
+    assert record.upkeep.reclaim_expired(3) == []
+    assert record.counters()["lease_expirations", ""] == 230
+    assert record.counters()["recoveries", ""] == 229
 
 
 def test_reconcilers_that_look_at_once_take_each_job_back_once(record: JobRecord, database_url: str) -> None:
     jobs = [claimed(record, new_job(record), OVER) for _ in range(40)]
     records = [JobRecord(database_url) for _ in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        taken = [job_id for found in pool.map(lambda each: each.reclaim_expired(3), records) for job_id in found]
+        taken = [job_id for found in pool.map(lambda each: each.upkeep.reclaim_expired(3), records) for job_id in found]
     for each in records:
         each.close()
-    taken += record.reclaim_expired(3)
+    taken += record.upkeep.reclaim_expired(3)
     assert sorted(taken) == sorted(ids(jobs))
     for job in jobs:
         assert history(record, job.id) == ["queued", "started", "recovered"]
@@ -81,16 +81,16 @@ def test_a_job_ends_at_its_deadline_wherever_it_is(record: JobRecord) -> None:
     record.request_cancel(asked.id)
     assert in_time.deadline_at is not None
     assert (in_time.deadline_at - in_time.created_at).total_seconds() == pytest.approx(3600.0, abs=60.0)
-    assert record.expire_deadlines() == sorted(ids([running, asked]))
-    assert record.expire_deadlines() == []
+    assert record.upkeep.expire_deadlines() == sorted(ids([running, asked]))
+    assert record.upkeep.expire_deadlines() == []
     assert record.get(queued.id).state is JobState.EXPIRED
     assert record.get(running.id).finished_at is not None
     # Its user was told that it would be canceled.
     assert record.get(asked.id).state is JobState.CANCELED
     assert record.get(in_time.id).state is JobState.QUEUED
     with pytest.raises(StaleAttemptError):
-        record.heartbeat(running.id, 1, LEASE_S)
-    assert record.untold() == [in_time.id]
+        record.leases.heartbeat(running.id, 1, LEASE_S)
+    assert record.upkeep.untold() == [in_time.id]
 
 
 def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
@@ -108,24 +108,24 @@ def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
     assert kept[forever.id] is None
     assert kept[by_default.id] == pytest.approx(3600.0, abs=60.0)
     assert kept[by_request.id] == pytest.approx(7200.0, abs=60.0)
-    assert record.delete_retained() == []
+    assert record.upkeep.delete_retained() == []
     set_to(record, by_default, retain_until=record.database.now(-1.0))
-    assert record.delete_retained() == [by_default.id]
+    assert record.upkeep.delete_retained() == [by_default.id]
     with pytest.raises(NotFoundError):
         record.get(by_default.id)
-    assert record.discarded_prefixes() == [f"jobs/{by_default.id}/"]
-    assert record.delete_retained() == []
+    assert record.upkeep.discarded_prefixes() == [f"jobs/{by_default.id}/"]
+    assert record.upkeep.delete_retained() == []
     assert record.get(by_request.id).state is JobState.CANCELED
 
 
 def test_a_lease_of_a_clock_that_was_set_back_is_cut(record: JobRecord) -> None:
     ahead, usual = claimed(record, new_job(record), 86_400.0), claimed(record, new_job(record), LEASE_S)
-    assert record.shorten_leases(LEASE_S) == 1
-    assert record.shorten_leases(LEASE_S) == 0
-    assert record.reclaim_expired(3) == []
+    assert record.upkeep.shorten_leases(LEASE_S) == 1
+    assert record.upkeep.shorten_leases(LEASE_S) == 0
+    assert record.upkeep.reclaim_expired(3) == []
     # Whoever lives keeps it, as ever.
-    assert record.heartbeat(ahead.id, 1, OVER) is JobState.RUNNING
-    assert record.reclaim_expired(3) == [ahead.id]
+    assert record.leases.heartbeat(ahead.id, 1, OVER) is JobState.RUNNING
+    assert record.upkeep.reclaim_expired(3) == [ahead.id]
     assert record.get(usual.id).state is JobState.RUNNING
 
 
@@ -134,22 +134,22 @@ def test_results_of_lost_attempts_are_given_up_but_no_checkpoint_that_the_record
     for attempt in (1, 2, 3):
         claimed(record, job, OVER)
         if attempt == 2:
-            record.set_checkpoint(job.id, attempt, key=f"jobs/{job.id}/2/checkpoint-000005", step=5, sha256="s")
-        record.reclaim_expired(9)
+            record.leases.set_checkpoint(job.id, attempt, key=f"jobs/{job.id}/2/checkpoint-000005", step=5, sha256="s")
+        record.upkeep.reclaim_expired(9)
     claimed(record, job)
-    assert record.discarded_prefixes() == []
-    record.finish(job.id, 4, JobState.SUCCEEDED)
-    assert sorted(record.discarded_prefixes()) == [f"jobs/{job.id}/1/", f"jobs/{job.id}/3/"]
+    assert record.upkeep.discarded_prefixes() == []
+    record.leases.finish(job.id, 4, JobState.SUCCEEDED)
+    assert sorted(record.upkeep.discarded_prefixes()) == [f"jobs/{job.id}/1/", f"jobs/{job.id}/3/"]
     record.delete(job.id)
-    assert sorted(record.discarded_prefixes()) == [f"jobs/{job.id}/", f"jobs/{job.id}/1/", f"jobs/{job.id}/3/"]
+    assert sorted(record.upkeep.discarded_prefixes()) == [f"jobs/{job.id}/", f"jobs/{job.id}/1/", f"jobs/{job.id}/3/"]
 
 
 def test_sums_count_every_end_once(record: JobRecord) -> None:
     for state in (JobState.SUCCEEDED, JobState.SUCCEEDED, JobState.FAILED):
         job = claimed(record, new_job(record))
-        record.finish(job.id, 1, state, step_s=0.2)
+        record.leases.finish(job.id, 1, state, step_s=0.2)
     record.request_cancel(new_job(record).id)
-    sums = record.tallies()
+    sums = record.counters()
     assert [sums["jobs_ended", state] for state in ("succeeded", "failed", "canceled")] == [2, 1, 1]
     assert sums["step_seconds_bucket", "0.25"] == 3
     assert sums["step_seconds_sum", ""] == pytest.approx(0.6)
@@ -159,11 +159,11 @@ def test_sums_count_every_end_once(record: JobRecord) -> None:
 
 def test_a_duration_is_in_the_first_bucket_that_holds_it(record: JobRecord) -> None:
     with record.database.write() as connection:
-        tallies = Tallies(record.database, connection)
+        tallies = Counters(record.database, connection)
         for seconds in (-3.0, 0.005, 0.0051, 31.0):
             tallies.observe("step_seconds", seconds)
         tallies.write()
-    sums = record.tallies()
+    sums = record.counters()
     assert [sums["step_seconds_bucket", label] for label in ("0.005", "0.01", "inf")] == [2, 1, 1]
     assert sums["step_seconds_sum", ""] == pytest.approx(31.0101)
 
@@ -174,17 +174,17 @@ def test_many_that_end_and_take_back_at_once_never_wait_in_a_circle(record: JobR
 
     def look(each: JobRecord) -> None:
         for _ in range(4):
-            each.reclaim_expired(9)
-            each.expire_deadlines()
-            each.shorten_leases(LEASE_S)
+            each.upkeep.reclaim_expired(9)
+            each.upkeep.expire_deadlines()
+            each.upkeep.shorten_leases(LEASE_S)
 
     def work(each: JobRecord, mine: list[Job]) -> None:
         for job in mine:
             with suppress(StaleAttemptError):
-                each.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.1)
-            if (taken := each.claim_next("worker", OVER)) is not None:
+                each.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.1)
+            if (taken := each.leases.claim_next("worker", OVER)) is not None:
                 with suppress(StaleAttemptError):
-                    each.release(taken.id, taken.attempt)
+                    each.leases.release(taken.id, taken.attempt)
 
     with ThreadPoolExecutor(6) as pool:
         running = [pool.submit(look, each) for each in records[:3]]
@@ -196,7 +196,7 @@ def test_many_that_end_and_take_back_at_once_never_wait_in_a_circle(record: JobR
     ended = 0
     for job in jobs:
         ended += history(record, job.id)[-1].terminal
-    assert ended == sum(value for (name, _), value in record.tallies().items() if name == "jobs_ended")
+    assert ended == sum(value for (name, _), value in record.counters().items() if name == "jobs_ended")
 
 
 def test_who_tells_many_does_not_wait_for_a_job_that_ends_this_moment(postgres_url: str) -> None:
@@ -205,8 +205,8 @@ def test_who_tells_many_does_not_wait_for_a_job_that_ends_this_moment(postgres_u
     with record.database.write() as connection:
         connection.execute(sa.select(outbox.c.job_id).where(outbox.c.job_id == held.id).with_for_update())
         with ThreadPoolExecutor(1) as pool:
-            pool.submit(record.told, [held.id, free.id]).result(DEADLINE_S)
-    assert record.untold() == [held.id]
-    record.told([held.id])
-    assert record.untold() == []
+            pool.submit(record.upkeep.told, [held.id, free.id]).result(DEADLINE_S)
+    assert record.upkeep.untold() == [held.id]
+    record.upkeep.told([held.id])
+    assert record.upkeep.untold() == []
     record.close()

@@ -16,9 +16,10 @@ pytest.importorskip("pxr", reason="needs usd-core (the extra usd)")
 
 from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.runs import text_deform
+from meshdeform.record.leases import WorkerIdentity
+from meshdeform.runs import start_run
 from tests.integration.conftest import Api
-from worker.context import Workplace
+from worker.context import WorkerContext
 from worker.runner import JobRunner
 
 
@@ -43,20 +44,20 @@ def test_result_usdz_is_listed_and_downloads(api: Api) -> None:
     assert made.status_code == 202, made.text
     job_id = made.json()["id"]
     assert made.json()["output"] == {"morph": False, "usd": True}
-    workplace = Workplace(
+    context = WorkerContext(
         settings=api.settings,
         record=api.record,
         store=api.store,
         listen=_listen,
-        start=text_deform.start,
+        start=start_run,
         load_prior=lambda _model: pytest.fail("target guidance needs no prior"),
         device="cpu",
         stopping=lambda: False,
-        worker_id="a worker",
+        worker=WorkerIdentity("a worker", "meshdeform", "cpu"),
         renew=lambda: None,
-        patience_s=60.0,
+        retry_for_s=60.0,
     )
-    JobRunner(workplace).run(job_id)
+    JobRunner(context).run(job_id)
     listed = {each["name"]: each for each in api.http.get(f"/v1/jobs/{job_id}/artifacts").json()["artifacts"]}
     assert set(listed) == {"result.glb", "result.usdz", "report.json", "preview.png"}
     answer = api.http.get(listed["result.usdz"]["href"])

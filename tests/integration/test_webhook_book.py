@@ -25,10 +25,10 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     quick, _ = record.webhooks.create("quick", "https://quick.example/")
     for owner in ["slow"] * 20 + ["quick"]:
         record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
-    taken = [found.webhook_id for found in record.webhooks.due(8, each=4)]
+    taken = [found.webhook_id for found in record.deliveries.due(8, each=4)]
     assert (taken.count(slow.id), taken.count(quick.id)) == (4, 1)
-    assert record.webhooks.due(8, without=[slow.id]) == []
-    assert len(record.webhooks.due(3)) == 3
+    assert record.deliveries.due(8, without=[slow.id]) == []
+    assert len(record.deliveries.due(3)) == 3
 
 
 def test_owners_see_only_their_own(record: JobRecord, delivery: WebhookDelivery) -> None:

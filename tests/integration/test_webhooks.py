@@ -13,8 +13,8 @@ import sqlalchemy as sa
 
 from meshdeform.api.webhooks import WebhookEvent
 from meshdeform.errors import ConflictError
+from meshdeform.record.deliveries import RETRY_AFTER_S
 from meshdeform.record.models import EventType
-from meshdeform.record.outgoing import RETRY_AFTER_S
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 from meshdeform.record.webhooks import Webhook
@@ -38,7 +38,7 @@ def only_delivery(record: JobRecord, webhook: Webhook, owner: str = "") -> Any:
 
 
 def sums(record: JobRecord) -> dict[str, float]:
-    return {label: value for (name, label), value in record.tallies().items() if name == "webhook_deliveries"}
+    return {label: value for (name, label), value in record.counters().items() if name == "webhook_deliveries"}
 
 
 def eventually(found: Callable[[], Any]) -> Any:
@@ -290,16 +290,16 @@ def test_what_one_has_taken_another_does_not_get_until_the_takers_time_is_over(
 ) -> None:
     webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
     new_job(record)
-    (taken,) = record.webhooks.due(8)
-    assert record.webhooks.due(8) == []
+    (taken,) = record.deliveries.due(8)
+    assert record.deliveries.due(8) == []
     make_due(record)  # its taker has died, perhaps after it sent the message
-    (again,) = record.webhooks.due(8)
+    (again,) = record.deliveries.due(8)
     assert (again.id, again.message_id) == (taken.id, taken.message_id)
     now = datetime.now(UTC)
-    record.webhooks.failed(again, at=now, status=503, error="busy", seconds=0.1)
+    record.deliveries.failed(again, at=now, status=503, error="busy", seconds=0.1)
     # The first one was only slow, and comes too late.
-    record.webhooks.succeeded(taken, at=now, status=200, seconds=0.1)
-    record.webhooks.failed(taken, at=now, status=410, error="gone", seconds=0.1)
+    record.deliveries.succeeded(taken, at=now, status=200, seconds=0.1)
+    record.deliveries.failed(taken, at=now, status=410, error="gone", seconds=0.1)
     found = only_delivery(record, webhook)
     assert (found.state, found.attempts, len(found.log)) == ("pending", 1, 1)
     assert record.webhooks.get(webhook.id, "").disabled_at is None
@@ -311,9 +311,9 @@ def test_a_webhook_that_is_deleted_is_sent_nothing_more(
 ) -> None:
     webhook, _ = record.webhooks.create("", receiver.url)
     new_job(record)
-    (taken,) = record.webhooks.due(1)
+    (taken,) = record.deliveries.due(1)
     record.webhooks.delete(webhook.id, "")
-    record.webhooks.succeeded(taken, at=datetime.now(UTC), status=200, seconds=0.1)
+    record.deliveries.succeeded(taken, at=datetime.now(UTC), status=200, seconds=0.1)
     new_job(record)
     make_due(record)
     assert delivery.run_once() == 0

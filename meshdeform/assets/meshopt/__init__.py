@@ -1,4 +1,4 @@
-"""EXT_meshopt_compression and KHR_meshopt_compression: a decoder in numpy, written from the specifications.
+"""Decode EXT_meshopt_compression and KHR_meshopt_compression in numpy, following the specifications.
 
-`attributes` and `indices` hold the three bitstreams, `filters` what is applied after them, `views` the buffer views.
+`attributes` and `indices` decode the three bitstreams, `filters` applies the filters, `views` handles buffer views.
 """

@@ -1,8 +1,8 @@
-"""Mode 0 of meshopt's bitstreams: attributes, versions 0 and 1.
+"""Decode mode 0 of meshopt's bitstreams: attributes, versions 0 and 1.
 
-Bytes of equal place in their elements are stored together, as differences to the element before, in groups of 16 of
-1, 2, 4 or 8 bits each; a value of all ones says that a whole byte follows the group. One pass in Python finds where
-each group lies, since that depends on the data; everything else is done on all groups at once.
+The bytes at one position of all elements are stored together, as differences from the previous element, in groups of
+16 with 1, 2, 4 or 8 bits each; a value of all ones means that a whole byte follows the group. One pass in Python finds
+the offset of each group, which depends on the data; all other steps process all groups at once.
 
 Source: EXT_meshopt_compression and KHR_meshopt_compression, appendix A, "Mode 0: attributes".
 """
@@ -30,7 +30,7 @@ Groups = dict[int, list[tuple[int, int]]]  # bits -> (offset in the stream, inde
 
 
 def _sentinel_counts(bits: int) -> bytes:
-    """Tell for each byte how many of its `bits`-wide values are all ones."""
+    """Return, for each byte value, how many of its `bits`-wide fields are all ones."""
     ones = (1 << bits) - 1
     return bytes(sum(byte >> shift & ones == ones for shift in range(0, 8, bits)) for byte in range(256))
 
@@ -81,7 +81,7 @@ def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
 def _find_groups(
     data: bytes, end: int, shape: tuple[int, int], count: int, version: int, groups: Groups
 ) -> Iterator[tuple[int, int, int]]:
-    """Walk the stream, note every group and yield what is stored literally: (offset, first delta, size)."""
+    """Walk the stream, record every group in `groups`, and yield literal ranges: (offset, first delta, size)."""
     stride, row = shape
     block_elements = min(8192 // stride & ~15, 256)
     at = 1
@@ -110,7 +110,7 @@ def _find_groups(
 def _find_in_block(
     data: bytes, at: int, end: int, start: int, count: int, bits_of: tuple[int, ...], groups: Groups
 ) -> int:
-    """Note the groups of one data block; return where it ends."""
+    """Record the groups of one data block and return its end offset."""
     header = at
     at += -(-count // 4)
     _require(at <= end)
@@ -129,18 +129,18 @@ def _find_in_block(
 
 def _require(good: bool) -> None:
     if not good:
-        raise AssetError("A meshopt attribute stream ends too early, or holds more than its elements.")
+        raise AssetError("A meshopt attribute stream ends too early, or contains more than its elements.")
 
 
 def _place_groups(stream: Bytes, end: int, deltas: Bytes, bits: int, groups: list[tuple[int, int]]) -> None:
-    """Unpack all groups of one width and put their deltas where they belong."""
+    """Unpack all groups of one width into `deltas`."""
     if not groups:
         return
     offsets, starts = np.array(groups, np.int64).T
     packed = stream[offsets[:, None] + np.arange(2 * bits)]
     values = packed
     if bits != _BYTES:
-        # One bit runs from the least significant, two and four from the most significant of each byte.
+        # One-bit fields start at the least significant bit of a byte, two- and four-bit fields at the most significant.
         shifts = np.arange(8) if bits == 1 else np.arange(8 - bits, -1, -bits)
         ones = (1 << bits) - 1
         values = (packed[:, :, None] >> shifts.astype(np.uint8) & ones).reshape(len(groups), _GROUP)
@@ -151,7 +151,7 @@ def _place_groups(stream: Bytes, end: int, deltas: Bytes, bits: int, groups: lis
 
 
 def _integrate(deltas: Bytes, baseline: Bytes, modes: Bytes) -> Bytes:
-    """Sum the deltas up from the baseline element, each channel of four bytes in its own arithmetic."""
+    """Accumulate the deltas from the baseline element, using each four-byte channel's own mode."""
     elements = np.empty((deltas.shape[1], len(deltas)), np.uint8)
     for channel, mode in enumerate(modes):
         places = slice(4 * channel, 4 * channel + 4)

@@ -1,4 +1,4 @@
-"""What meshopt applies after its attribute streams: unit vectors, quaternions, floats and colours from fewer bits.
+"""Apply meshopt's filters, which expand unit vectors, quaternions, floats and colours from fewer bits.
 
 Source: EXT_meshopt_compression and KHR_meshopt_compression, appendix B (filters 1 to 4).
 """
@@ -16,19 +16,19 @@ Bytes = NDArray[np.uint8]
 
 
 def apply_filter(name: str, elements: Bytes) -> Bytes:
-    """Return the filtered elements, as many bytes as there were.
+    """Return the filtered elements, in the shape of the input.
 
     Parameters
     ----------
     name : str
         `NONE`, `OCTAHEDRAL`, `QUATERNION`, `EXPONENTIAL` or `COLOR`; the stride has been checked to fit.
     elements : (N, stride) uint8
-        What the attribute stream held.
+        The decoded attribute stream.
     """
     if name == "NONE":
         return elements
     elements = np.ascontiguousarray(elements)
-    # Values that the specification leaves undefined (a scale of zero) must not stop a file that never uses them.
+    # Values that the specification leaves undefined (a scale of zero) must not reject a file that never uses them.
     with np.errstate(all="ignore"):
         filtered = _FILTERS[name](elements)
     return np.ascontiguousarray(filtered).view(np.uint8).reshape(elements.shape)
@@ -76,7 +76,7 @@ def _color(elements: Bytes) -> NDArray[Any]:
     luma = elements.view(unsigned)[:, 0].astype(np.int32)
     alpha = elements.view(unsigned)[:, 3].astype(np.int32)
     orange, green = elements.view(signed)[:, 1:3].T.astype(np.int32)
-    # The highest set bit of alpha says how many bits every component has.
+    # The highest set bit of alpha gives the number of bits per component.
     bits = np.frexp(alpha.astype(np.float64))[1]
     full = (np.int32(1) << bits) - 1
     alpha = alpha & full >> 1

@@ -1,4 +1,4 @@
-"""Modes 1 and 2 of meshopt's bitstreams: triangle lists and other index sequences.
+"""Decode modes 1 and 2 of meshopt's bitstreams: triangle lists and other index sequences.
 
 Source: EXT_meshopt_compression and KHR_meshopt_compression, appendix A, "Mode 1: triangles", "Mode 2: indices".
 """
@@ -18,7 +18,7 @@ _RESERVED_BYTES = 4
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
-    """Decode an index sequence, (count,) uint32: each a difference to one of two running baselines.
+    """Decode an index sequence, (count,) uint32. Each index is a difference from one of two running baselines.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
     starts = np.concatenate([[0], ends[:-1]])
     lengths = ends - starts
     if len(ends) != count or ends[-1] != len(stream) or lengths.max() > 5:
-        raise AssetError("A meshopt index stream does not hold as many indices as it should.")
+        raise AssetError("A meshopt index stream has the wrong number of indices.")
     values = np.zeros(count, np.uint64)
     for place in range(5):
         there = lengths > place
@@ -68,9 +68,9 @@ def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
 
 
 class _TriangleDecoder:
-    """The state of a triangle stream: what comes next, and the last 16 edges and vertices.
+    """The state of a triangle stream: the next vertex, and the last 16 edges and vertices.
 
-    The FIFOs are rings; an entry that was never written is -1 and makes the stream invalid once it is used.
+    The FIFOs are ring buffers. Unwritten entries are -1; using one makes the stream invalid.
     """
 
     def __init__(self, extra: bytes, table: bytes) -> None:
@@ -100,7 +100,7 @@ class _TriangleDecoder:
         return corners
 
     def _third(self, low: int) -> int:
-        """Return the vertex that makes a triangle with a recent edge."""
+        """Return the third vertex of a triangle on a recent edge."""
         if 0 < low < 13:
             return self.vertices[(self.vertex_end - 1 - low) & 15]
         if low == 0:
@@ -123,7 +123,7 @@ class _TriangleDecoder:
         else:
             pair = self.table[low]
         a = self._read_index() if low == 15 else self._take_next()
-        # Both are looked up before any of the three is pushed: the codes count from the FIFO as it was.
+        # Look up both before pushing any of the three: the codes refer to the FIFO before this triangle.
         b, b_is_new = self._corner(pair >> 4)
         c, c_is_new = self._corner(pair & 15)
         self._push_vertex(a)

@@ -1,7 +1,7 @@
-"""Decode the buffer views of a document that exist only compressed, and make it a plain one.
+"""Decode the buffer views of a document that exist only in compressed form.
 
-A view whose buffer has real data is read as it stands: that is what core glTF says it means. Views into a placeholder
-buffer are decoded and appended; the placeholders go, with the extension.
+A view whose buffer has real data is read directly, as core glTF specifies. Views into a placeholder buffer are decoded
+and appended; the placeholders and the extension are removed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def decode_view(data: bytes, view: CompressedView) -> bytes:
 
 
 def decode_meshopt(document: Document) -> None:
-    """Decode every view that has no plain data, in place."""
+    """Decode in place every view that has no uncompressed data."""
     root = document.root
     if not any(name in root.get("extensionsUsed", []) for name in MESHOPT_EXTENSIONS) and not _mentions(root):
         return
@@ -61,9 +61,9 @@ def _mentions(root: Json) -> bool:
 
 
 def _decode_in_place(document: Document, i: int, view: Json) -> str:
-    """Make one view plain; return the filter that was applied, which is lossy."""
+    """Decode one view in place and return the name of its filter, which is lossy."""
     found = compressed_view(document.root, i)
-    assert found is not None  # checked: a view into a placeholder is compressed
+    assert found is not None  # checked before: every view into a placeholder is compressed
     name, compressed = found
     start = compressed.offset
     data = bytes(document.buffer_bytes(compressed.buffer)[start : start + compressed.length])
@@ -86,7 +86,7 @@ def _drop(holder: Json, *names: str) -> None:
 
 
 def _remove_buffers(root: Json, gone: set[int]) -> None:
-    """Remove buffers that nothing refers to any more and count the others anew."""
+    """Remove unreferenced buffers and renumber the others."""
     if not gone:
         return
     kept = [i for i in range(len(root["buffers"])) if i not in gone]

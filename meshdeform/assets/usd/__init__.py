@@ -1,4 +1,4 @@
-"""Write an asset as USDZ, by Pixar's usd-core. Loaded only where a job asks for it."""
+"""Write an asset as USDZ with Pixar's usd-core. Imported only if a job requests it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A new layer, written spec by spec.
+"""Write a new USD layer spec by spec.
 
-Through `Usd.Stage` every attribute would be composed anew: a thousand small meshes took seconds.
-Source: UsdGeom and UsdShade schemas (Pixar), which say how their properties are stored.
+`Usd.Stage` would recompose on every attribute, which took seconds for a thousand small meshes.
+Source: UsdGeom and UsdShade schemas (Pixar), which define how their properties are stored.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ __all__ = ["Layer", "attribute", "connect"]
 
 
 class Layer:
-    """A layer of +Y up and metres, with one root prim that is the default one.
+    """A layer with +Y up, in metres, whose only root prim is the default prim.
 
     Parameters
     ----------
     path : Path
-        The `.usdc` file to make.
+        The `.usdc` file to create.
     root : str
         Path of the root prim.
     creator : str
@@ -37,20 +37,20 @@ class Layer:
         self.prim(root, "Xform").kind = "component"
 
     def prim(self, path: str, kind: str, name: str = "") -> Sdf.PrimSpec:
-        """Make a prim below one that was made before.
+        """Create a prim below one that exists.
 
         Parameters
         ----------
         path : str
         kind : str
-            Its schema.
+            The prim's schema.
         name : str
-            What the asset calls it, kept as the display name where it differs.
+            The name in the asset, stored as the display name if it differs.
         """
         parent, _, own = path.rpartition("/")
         made = self._prims[path] = Sdf.PrimSpec(self._prims[parent], own, Sdf.SpecifierDef, kind)
         if name and name != own:
-            # JSON can say half of a surrogate pair, which no file of text can hold.
+            # JSON can contain half of a surrogate pair, which cannot be encoded as UTF-8.
             made.SetInfo("displayName", name.encode("utf-8", "replace").decode())
         return made
 
@@ -62,7 +62,7 @@ class Layer:
 def attribute(
     prim: Sdf.PrimSpec, name: str, kind: Any, value: Any = None, *, uniform: bool = False, interpolation: str = ""
 ) -> Sdf.AttributeSpec:
-    """Add an attribute of a type out of `Sdf.ValueTypeNames`, with its value where it has one."""
+    """Add an attribute with a type from `Sdf.ValueTypeNames`, and a value if given."""
     made = Sdf.AttributeSpec(prim, name, kind, Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying)
     if value is not None:
         made.default = value
@@ -72,5 +72,5 @@ def attribute(
 
 
 def connect(target: Sdf.AttributeSpec, source: Sdf.AttributeSpec) -> None:
-    """Let an attribute take its value from another one."""
+    """Connect an attribute to another one, its source."""
     target.connectionPathList.explicitItems = [source.path]

@@ -1,8 +1,7 @@
-"""glTF's metallic-roughness materials as UsdPreviewSurface networks.
+"""Convert glTF's metallic-roughness materials to UsdPreviewSurface networks.
 
-Both are the same model, with the same meaning of every number, so that factors, channels and samplers carry over one to
-one. What differs: USD's texture coordinates grow upwards, and a preview surface cannot multiply colours of vertices
-onto a texture.
+Both are the same model with the same parameters, so that factors, channels and samplers carry over unchanged, with two
+differences: USD's texture coordinates grow upwards, and a preview surface cannot multiply textures by vertex colours.
 
 Sources: UsdPreviewSurface specification 2.6 (Pixar); glTF 2.0, section 3.9; KHR_texture_transform.
 """
@@ -27,18 +26,18 @@ _ONE = (1.0, 1.0, 1.0, 1.0)
 
 
 def texcoord_name(number: int) -> str:
-    """Return the primvar that holds a set of texture coordinates."""
+    """Return the name of the primvar for a set of texture coordinates."""
     return "st" if number == 0 else f"st{number}"
 
 
 class Materials:
-    """Makes each material when the first mesh needs it.
+    """Creates each material when the first mesh needs it.
 
     Parameters
     ----------
     layer : Layer
     scope : str
-        Path of the prim below which materials are made.
+        Path of the prim that holds the materials.
     scene : SceneView
     textures : Textures
     """
@@ -49,11 +48,11 @@ class Materials:
         self._made: dict[tuple[int | None, bool], Sdf.Path] = {}
 
     def of(self, number: int | None) -> Material:
-        """Return a primitive's material; glTF's default where it names none."""
+        """Return a primitive's material, or glTF's default material for None."""
         return Material() if number is None else self._scene.materials[number]
 
     def bind(self, prim: Sdf.PrimSpec, number: int | None, *, colored: bool) -> None:
-        """Give a mesh its material.
+        """Bind a material to a mesh.
 
         Parameters
         ----------
@@ -78,7 +77,7 @@ class Materials:
 
 
 class _Network:
-    """The shaders of one material; `surface` is the output that a material connects to."""
+    """The shaders of one material. `surface` is the output to connect the material to."""
 
     def __init__(self, layer: Layer, path: str, look: Material, textures: Textures, *, colored: bool) -> None:
         self._layer, self._path, self._look, self._textures, self._colored = layer, path, look, textures, colored
@@ -86,7 +85,7 @@ class _Network:
         self._surface = self._shader("Surface", "UsdPreviewSurface")
         self.surface = self._output(self._surface, "surface", _TYPES.Token)
         self._base()
-        if look.unlit:  # light that it gives off, and no other
+        if look.unlit:  # emission only, no reflection
             self._set("useSpecularWorkflow", _TYPES.Int, 1)
             self._set("specularColor", _TYPES.Color3f, Gf.Vec3f(0.0))
             self._set("diffuseColor", _TYPES.Color3f, Gf.Vec3f(0.0))
@@ -109,7 +108,7 @@ class _Network:
             self._connect(name, _TYPES.Color3f, reader, "result")
         else:
             self._set(name, _TYPES.Color3f, Gf.Vec3f(*look.base_color[:3]))
-        # A mask that nothing falls below shows everything; a threshold of 0 would mean a blend.
+        # A mask with cutoff 0 hides nothing, but an opacityThreshold of 0 would mean blending.
         if look.alpha_mode == "BLEND" or (look.alpha_mode == "MASK" and look.alpha_cutoff > 0.0):
             if texture is not None:
                 self._connect("opacity", _TYPES.Float, texture, "a")
@@ -145,7 +144,7 @@ class _Network:
         use = self._look.textures.get("normal")
         if use is None:
             return
-        # 0..1 becomes -1..1; the strength is one of x and y alone.
+        # Map 0..1 to -1..1; the strength scales only x and y.
         scale, bias = (2 * use.strength, 2 * use.strength, 2.0, 1.0), (-use.strength, -use.strength, -1.0, 0.0)
         texture = self._texture("normal", "raw", scale=scale, bias=bias)
         if texture is not None:
@@ -191,7 +190,7 @@ class _Network:
         reader = self._output(self._reader(variable, "UsdPrimvarReader_float2", variable), "result", _TYPES.Float2)
         if (use.offset, use.rotation, use.scale) == ((0.0, 0.0), 0.0, (1.0, 1.0)):
             return reader
-        # glTF turns and scales about the upper left corner, USD about the lower left one, in the same direction.
+        # glTF rotates and scales about the upper left corner, USD about the lower left one, in the same direction.
         (x, y), (across, down) = use.offset, use.scale
         sine, cosine = math.sin(use.rotation), math.cos(use.rotation)
         shader = self._shader(f"{name}Transform", "UsdTransform2d")
@@ -219,7 +218,7 @@ class _Network:
         _input(self._surface, name, kind, value)
 
     def _connect(self, name: str, kind: Any, source: Sdf.PrimSpec, output: str) -> None:
-        """Connect an input of the surface: three channels to a colour or a normal, one to anything else."""
+        """Connect an input of the surface, with three channels for a colour or normal and one for anything else."""
         made = _TYPES.Float if kind == _TYPES.Float else _TYPES.Float3
         connect(_input(self._surface, name, kind), self._output(source, output, made))
 

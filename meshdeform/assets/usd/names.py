@@ -1,4 +1,4 @@
-"""Names of prims: what an asset's names become where only letters, digits and underscores are allowed."""
+"""Turn an asset's names into prim names, which allow only letters, digits and underscores."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MAX_LENGTH = 120
 
 
 class Names:
-    """Makes names valid, and different from each other below one parent."""
+    """Makes names valid, and unique below each parent."""
 
     def __init__(self) -> None:
         self._next: dict[tuple[str, str], int] = {}
@@ -25,14 +25,14 @@ class Names:
         parent : str
             Path of the parent.
         wanted : str
-            The asset's name; may be empty, and may hold anything.
+            The asset's name. May be empty or contain any character.
         otherwise : str
-            A valid name to take where nothing is left of the wanted one.
+            A valid name to use if no valid character of `wanted` remains.
 
         Returns
         -------
-        An ASCII identifier: other characters become underscores, a leading digit gets one before it, and the second of
-        its name gets a number.
+        An ASCII identifier: other characters become underscores, a leading digit gets an underscore before it, and a
+        duplicate gets a number.
         """
         name = _INVALID.sub("_", wanted)[:_MAX_LENGTH]
         if not name.strip("_"):

@@ -1,4 +1,4 @@
-"""`result.usdz`: the stage and its textures in one package, laid out as AR viewers ask (USDZ specification, Pixar)."""
+"""Write `result.usdz`: the stage and its textures in one package, as the USDZ specification (Pixar) requires."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from meshdeform.errors import DependencyError
 
 __all__ = ["Usdz", "require_usd", "write_usdz"]
 
-_WRITTEN = (1980, 1, 2, 0, 0, 0, 0, 2, -1)  # in local time; ZIP's calendar begins a day before
+_WRITTEN = (1980, 1, 2, 0, 0, 0, 0, 2, -1)  # in local time; ZIP's calendar begins one day earlier
 _INSTEAD = {
     "animations": "the nodes as they stand in the file",
     "skins": "the bind pose, deformed",
@@ -25,15 +25,15 @@ _INSTEAD = {
 
 @dataclass(frozen=True)
 class Usdz:
-    """A package, and what it does not hold.
+    """A package, and a list of what it leaves out.
 
     Attributes
     ----------
     data : bytes
     meshes : int
-        How many there are in it.
+        Number of meshes in the package.
     left_out : list of dict
-        `what` of the asset is not in it, its `count`, and, where there is one, what stands there `instead`.
+        For each omitted feature, `what` it is, its `count` and, if applicable, what is shown `instead`.
     """
 
     data: bytes
@@ -42,7 +42,7 @@ class Usdz:
 
 
 def require_usd() -> None:
-    """Refuse early where usd-core is not installed.
+    """Check that usd-core is installed, to fail before the job runs.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def require_usd() -> None:
     """
     if importlib.util.find_spec("pxr") is None:
         raise DependencyError(
-            "output.usd asks for result.usdz, and usd-core is not installed where the job runs.",
+            "output.usd requests result.usdz, but usd-core is not installed where the job runs.",
             advice='Install it there: pip install "meshdeform[usd]". Or leave output.usd out.',
         )
 
@@ -64,7 +64,7 @@ def write_usdz(scene: SceneView) -> Usdz:
 
     Returns
     -------
-    The same bytes for the same scene: +Y is up, a unit is a metre.
+    A package with +Y up, in metres; the same bytes for the same scene.
 
     Raises
     ------
@@ -90,9 +90,9 @@ def write_usdz(scene: SceneView) -> Usdz:
 
 
 def _pack(layer: Path, textures: list[str], package: Path) -> None:
-    """Put the layer first and the textures after it, uncompressed and each at a multiple of 64 bytes.
+    """Pack the layer and then the textures, uncompressed and each at a multiple of 64 bytes.
 
-    `UsdUtils.CreateNewUsdzPackage` would write the layer anew to rename the textures, with the time of day.
+    `UsdUtils.CreateNewUsdzPackage` is not used: it rewrites the layer to rename the textures, and stores the time.
     """
     from pxr import Sdf
 
@@ -101,6 +101,6 @@ def _pack(layer: Path, textures: list[str], package: Path) -> None:
     for name in (layer.name, *textures):
         os.utime(layer.parent / name, (written, written))
         if not writer.AddFile(str(layer.parent / name), name):
-            raise OSError(f"usd-core did not take {name} into the USDZ package; its own message is in the log.")
+            raise OSError(f"usd-core could not add {name} to the USDZ package; its own message is in the log.")
     if not writer.Save():
-        raise OSError("usd-core did not write the USDZ package; its own message is in the log.")
+        raise OSError("usd-core could not write the USDZ package; its own message is in the log.")

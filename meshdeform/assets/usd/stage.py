@@ -1,4 +1,4 @@
-"""The scene as a stage: the hierarchy as Xforms, each primitive as a Mesh with its material bound.
+"""Write the scene as a USD stage: nodes as Xforms, and each primitive as a Mesh with its material bound.
 
 Source: UsdGeom's schema documentation (Pixar), Mesh, PrimvarsAPI and Xformable.
 """
@@ -24,7 +24,7 @@ __all__ = ["StageWriter"]
 _TYPES = Sdf.ValueTypeNames
 _ROOT = "/Root"
 _MATERIALS = f"{_ROOT}/Materials"
-_MAX_DEPTH = 64  # USD goes through its prims recursively; what lies deeper is moved up, where it stands
+_MAX_DEPTH = 64  # USD traverses prims recursively; deeper nodes are moved up and keep their world transforms
 _COLORS = "vertex colors that a texture hides"
 
 
@@ -35,20 +35,20 @@ class StageWriter:
     ----------
     scene : SceneView
     path : Path
-        The `.usdc` file to make; textures go to a folder `textures` beside it.
+        The `.usdc` file to create. Textures go to the folder `textures` beside it.
 
     Attributes
     ----------
     meshes : int
-        Meshes written.
+        Number of meshes written.
     left_out : dict of str to int
-        What of the asset is not in the stage, and how often.
+        Features of the asset that are not in the stage, with their counts.
     """
 
     def __init__(self, scene: SceneView, path: Path) -> None:
         self._scene = scene
         self._names = Names()
-        # By node: the path that its children go below, that path's depth, and the matrix from it to the node.
+        # By node: the path for its children, that path's depth, and the matrix from the node to that path.
         self._places: dict[int, tuple[str, int, NDArray[np.float64]]] = {}
         self._layer = Layer(path, _ROOT, f"Meshdeform {__version__}")
         self._textures = Textures(scene, path.parent)
@@ -63,7 +63,7 @@ class StageWriter:
 
     @property
     def left_out(self) -> dict[str, int]:
-        """What of the asset is not in the stage, and how often."""
+        """Features of the asset that are not in the stage, with their counts."""
         own = {
             "images that are broken or of a kind that USDZ does not allow": self._textures.left_out,
             _COLORS: self._hidden_colors,
@@ -88,7 +88,7 @@ class StageWriter:
             self._places[node.number] = (above, depth, local)
         if node.mesh is None:
             return
-        if node.placement is not None:  # a skin's mesh stands where its joints say, wherever its node is
+        if node.placement is not None:  # a skinned mesh is placed by its joints, not by its node
             place = self._xform(_ROOT, f"{node.name}_mesh" if node.name else node.mesh_name, node.placement)
         for primitive in self._scene.primitives(node.mesh):
             self._mesh(place, node.mesh_name, primitive)
@@ -129,14 +129,14 @@ class StageWriter:
         attribute(prim, "extent", _TYPES.Float3Array, _vectors(bounds))
         if primitive.normals is not None:
             normals, interpolation = primitive.normals, "vertex"
-        else:  # glTF: without normals each triangle is flat
+        else:  # glTF requires flat shading for a mesh without normals
             normals, interpolation = np.repeat(_face_normals(primitive), 3, axis=0), "faceVarying"
         attribute(prim, "normals", _TYPES.Normal3fArray, _vectors(normals), interpolation=interpolation)
 
     def _colors(self, prim: Sdf.PrimSpec, colors: NDArray[np.float32], look: Material) -> None:
         if "base_color" in look.textures:
             self._hidden_colors += bool((colors != 1.0).any())
-        else:  # a preview surface cannot multiply, so that the product is what is written
+        else:  # a preview surface cannot multiply the two: write their product
             colors = (colors * np.array(look.base_color)).astype(np.float32)
         rows = _vectors(colors[:, :3])
         attribute(prim, "primvars:displayColor", _TYPES.Color3fArray, rows, interpolation="vertex")
@@ -154,7 +154,7 @@ def _integers(values: NDArray[np.int64]) -> Vt.IntArray:
 
 
 def _face_normals(primitive: ScenePrimitive) -> NDArray[np.float64]:
-    """Unit normals of triangles, (T, 3); zero where a triangle has no area."""
+    """Return the triangles' unit normals, (T, 3), zero for triangles without area."""
     a, b, c = (primitive.positions[primitive.triangles[:, i]].astype(np.float64) for i in range(3))
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1, keepdims=True)

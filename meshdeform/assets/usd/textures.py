@@ -1,4 +1,4 @@
-"""The images of an asset as files of a package: PNG and JPEG as they are, WebP as PNG; USDZ allows no others."""
+"""Write an asset's images as files: PNG and JPEG unchanged, WebP as PNG, since USDZ does not allow WebP."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _MAX_PIXELS = 8192 * 8192
 
 
 class Textures:
-    """Writes each image that is asked for once.
+    """Writes each requested image once.
 
     Parameters
     ----------
     scene : SceneView
     folder : Path
-        Where the layer lies; textures go to `textures/` in it.
+        The layer's folder. Textures go to `textures/` in it.
     """
 
     def __init__(self, scene: SceneView, folder: Path) -> None:
@@ -33,7 +33,7 @@ class Textures:
         self.left_out = 0
 
     def path(self, image: int) -> str | None:
-        """Return the path of an image, relative to the layer; None where it is of a kind that USDZ does not allow."""
+        """Return an image's path relative to the layer, or None if it is broken or USDZ does not allow its format."""
         if image not in self._paths:
             self._paths[image] = self._write(image)
         return self._paths[image]
@@ -41,7 +41,7 @@ class Textures:
     def _write(self, number: int) -> str | None:
         try:
             image = self._scene.image(number)
-        except AssetError:  # the deformation does not read images: no reason to fail after it
+        except AssetError:  # the deformation did not need the image: leave it out instead of failing
             image = Image(b"", "")
         data, kind = (_png(image), "png") if image.kind == "webp" else (image.data, image.kind)
         if not data or not kind:
@@ -55,7 +55,7 @@ class Textures:
 
 
 def _png(image: Image) -> bytes:
-    """Return a WebP image as a PNG, or nothing where it is broken or too large."""
+    """Return a WebP image as a PNG, or b"" if it is broken or too large."""
     try:
         with Picture.open(io.BytesIO(image.data), formats=["WEBP"]) as picture:
             if picture.width * picture.height > _MAX_PIXELS:

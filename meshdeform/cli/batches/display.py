@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.batches.work import Outcome, Tick
+from meshdeform.cli.batches.work import RowOutcome, Tick
 from meshdeform.cli.output import duration, note, plain
 from meshdeform.cli.progress import LINE_EVERY_S, Pace, StepBars, is_terminal
 
@@ -28,7 +28,7 @@ class BatchView(Protocol):
     def tick(self, row: Row, tick: Tick) -> None:
         """A row is so far."""
 
-    def end(self, row: Row, outcome: Outcome) -> None:
+    def end(self, row: Row, outcome: RowOutcome) -> None:
         """A row is over."""
 
 
@@ -39,7 +39,7 @@ class _Silence:
     def tick(self, row: Row, tick: Tick) -> None:
         """Nothing."""
 
-    def end(self, row: Row, outcome: Outcome) -> None:
+    def end(self, row: Row, outcome: RowOutcome) -> None:
         """Nothing."""
 
 
@@ -56,7 +56,7 @@ class _Lines:
             self._last = now
             note(f"{self._done}/{self._total} done; {row.name}: step {tick.step}/{tick.total_steps}")
 
-    def end(self, row: Row, outcome: Outcome) -> None:
+    def end(self, row: Row, outcome: RowOutcome) -> None:
         self._done, self._last = self._done + 1, time.monotonic()
         note(f"{self._done}/{self._total}  {_told(row, outcome)}")
 
@@ -81,14 +81,14 @@ class _Bars:
         loss = "" if math.isnan(tick.loss) else f"loss {tick.loss:.4f}"
         self._progress.update(self._tasks[row.key], completed=tick.step, total=tick.total_steps, note=loss)
 
-    def end(self, row: Row, outcome: Outcome) -> None:
+    def end(self, row: Row, outcome: RowOutcome) -> None:
         self._progress.remove_task(self._tasks.pop(row.key))
         self._done, self._failed = self._done + 1, self._failed + (outcome.state != "succeeded")
         self._progress.console.print(plain(_told(row, outcome)), markup=False, highlight=False)
         self._show()
 
 
-def _told(row: Row, outcome: Outcome) -> str:
+def _told(row: Row, outcome: RowOutcome) -> str:
     why = f": {outcome.error['detail']}" if outcome.error else ""
     return f"{row.name}  {outcome.state}  {duration(outcome.seconds)}{why}"
 

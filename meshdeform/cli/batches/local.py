@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.batches.work import Outcome, Tick
+from meshdeform.cli.batches.work import RowOutcome, Tick
 from meshdeform.errors import UnavailableError
 from meshdeform.serving.processes import python_command
 
@@ -45,21 +45,21 @@ class LocalRunner:
         self._all: list[_Process] = []
         self._lock, self._closed = threading.Lock(), False
 
-    def do(self, row: Row, told: Callable[[Tick], None]) -> Outcome:
+    def do(self, row: Row, told: Callable[[Tick], None]) -> RowOutcome:
         """Deform; goes on from the row's last checkpoint where there is one."""
         start = time.monotonic()
         process = self._process()
         answer = process.ask(self._order(row), told)
         if answer is None:
             error = {"code": "worker_lost", "detail": process.last_words(), "advice": "Often: out of memory."}
-            return Outcome("failed", round(time.monotonic() - start, 3), error=error)
+            return RowOutcome("failed", round(time.monotonic() - start, 3), error=error)
         self._idle.put(process)
         if answer["event"] == "failed" and answer["error"]["code"] == UnavailableError.code:
             # There is no place for results: the next row would fail as well.
             raise UnavailableError(answer["error"]["detail"], advice=answer["error"]["advice"])
         if answer["event"] == "failed":
-            return Outcome("failed", round(time.monotonic() - start, 3), error=answer["error"])
-        return Outcome("succeeded", answer["elapsed_s"], files=answer["files"], losses=answer["losses"])
+            return RowOutcome("failed", round(time.monotonic() - start, 3), error=answer["error"])
+        return RowOutcome("succeeded", answer["elapsed_s"], files=answer["files"], losses=answer["losses"])
 
     def close(self) -> None:
         """End every process."""

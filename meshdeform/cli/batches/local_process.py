@@ -12,9 +12,12 @@ import threading
 import time
 import traceback
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from meshdeform.errors import CheckpointError, MeshdeformError
+
+if TYPE_CHECKING:
+    from meshdeform.requests.document import JobRequest
 
 __all__ = ["main"]
 
@@ -99,7 +102,7 @@ def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
         state.unlink(missing_ok=True)
         summary = job(None).run(ticks)
     state.unlink(missing_ok=True)
-    return {"event": "done", **summary, "files": _digests(folder)}
+    return {"event": "done", **summary, "files": _digests(folder, request)}
 
 
 @functools.cache
@@ -109,10 +112,11 @@ def _prior_loader() -> Any:
     return functools.lru_cache(maxsize=1)(load_prior)
 
 
-def _digests(folder: Path) -> dict[str, str]:
+def _digests(folder: Path, request: JobRequest) -> dict[str, str]:
+    from meshdeform.runs import kind_of
     from meshdeform.runs.report import sha256_hex
 
-    names = ("result.glb", "report.json", "preview.png", "morph.glb", "result.usdz")
+    names = [artifact.name for artifact in kind_of(request.kind).artifacts]
     return {name: sha256_hex((folder / name).read_bytes()) for name in names if (folder / name).exists()}
 
 

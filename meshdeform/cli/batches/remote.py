@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.batches.work import Outcome, Tick
+from meshdeform.cli.batches.work import RowOutcome, Tick
 from meshdeform.cli.fetch import fetched
 from meshdeform.cli.following import Deadline, follow
 from meshdeform.errors import AssetError, ConflictError, LimitError, ModelError, NotFoundError, RequestError
@@ -44,7 +44,7 @@ class ServiceRunner:
         self._client, self._ledger, self._folder = client, ledger, folder
         self._stop = threading.Event()
 
-    def do(self, row: Row, told: Callable[[Tick], None]) -> Outcome:
+    def do(self, row: Row, told: Callable[[Tick], None]) -> RowOutcome:
         """Find the row's job, or make it; wait; fetch what it made."""
         start = time.monotonic()
         try:
@@ -55,7 +55,7 @@ class ServiceRunner:
         except (AssetError, RequestError, ModelError, NotFoundError, ConflictError) as error:
             # The service takes other rows; this one it does not, or somebody has deleted it meanwhile.
             refused = {"code": error.code, "detail": error.detail, "advice": error.advice_text}
-            return Outcome("failed", round(time.monotonic() - start, 3), error=refused)
+            return RowOutcome("failed", round(time.monotonic() - start, 3), error=refused)
 
     def close(self) -> None:
         """Close the connections; jobs go on, and the same command finds them again."""
@@ -95,18 +95,18 @@ class ServiceRunner:
                 self._ledger.append("submitted", row.key, row.name, job_id=job.id, **{"try": tries})
                 return job
 
-    def _outcome(self, row: Row, job: JobView, start: float) -> Outcome:
+    def _outcome(self, row: Row, job: JobView, start: float) -> RowOutcome:
         if job.state.value != "succeeded":
             error = {"code": f"job_{job.state.value}", "detail": f"The job is {job.state.value}.", "advice": ""}
             if job.error is not None:
                 error = {"code": job.error.code, "detail": job.error.detail, "advice": job.error.advice}
-            return Outcome(job.state.value, round(time.monotonic() - start, 3), job.id, error=error)
+            return RowOutcome(job.state.value, round(time.monotonic() - start, 3), job.id, error=error)
         files = fetched(self._client, job.id, self._folder / row.name)
         seconds = time.monotonic() - start
         if job.finished_at is not None:
             seconds = (job.finished_at - job.created_at).total_seconds()
         digests = {str(file["name"]): str(file["sha256"]) for file in files}
-        return Outcome("succeeded", round(seconds, 3), job.id, digests, dict(job.progress.losses))
+        return RowOutcome("succeeded", round(seconds, 3), job.id, digests, dict(job.progress.losses))
 
 
 def _pass_on(told: Callable[[Tick], None], event: EventView) -> None:

@@ -11,7 +11,7 @@ from meshdeform.cli.batches.display import BatchView, show_batch
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.batches.summary import count_states, record_of, write_summary
-from meshdeform.cli.batches.work import Outcome, Runner, do_rows
+from meshdeform.cli.batches.work import RowOutcome, Runner, do_rows
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.output import emit, note
 from meshdeform.errors import UnavailableError
@@ -104,7 +104,7 @@ class Session:
             return retry_failed
         return line.get("event") != "done" or not (self.folder / row.name / "result.glb").exists()
 
-    def _end(self, row: Row, outcome: Outcome, view: BatchView) -> None:
+    def _end(self, row: Row, outcome: RowOutcome, view: BatchView) -> None:
         more: dict[str, Any] = {"state": outcome.state, "seconds": outcome.seconds, "losses": outcome.losses}
         if outcome.job_id is not None:
             more["job_id"] = outcome.job_id

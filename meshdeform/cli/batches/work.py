@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from meshdeform.cli.batches.rows import Row
 
-__all__ = ["Outcome", "Runner", "Tick", "do_rows"]
+__all__ = ["RowOutcome", "Runner", "Tick", "do_rows"]
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Tick:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RowOutcome:
     """What became of a row.
 
     Attributes
@@ -54,7 +54,7 @@ class Outcome:
 class Runner(Protocol):
     """Who does rows; several threads call it."""
 
-    def do(self, row: Row, told: Callable[[Tick], None]) -> Outcome:
+    def do(self, row: Row, told: Callable[[Tick], None]) -> RowOutcome:
         """Do a row. An exception ends the batch; what is wrong with the row alone is an outcome."""
 
     def close(self) -> None:
@@ -68,7 +68,7 @@ def do_rows(
     parallel: int,
     on_start: Callable[[Row], None],
     on_tick: Callable[[Row, Tick], None],
-    on_end: Callable[[Row, Outcome], None],
+    on_end: Callable[[Row, RowOutcome], None],
 ) -> None:
     """Do all rows.
 

@@ -219,11 +219,11 @@ def check_workers(patient: Patient) -> Iterator[Finding]:
         yield skip("workers", "the record has no tables of this version yet")
         return
     from meshdeform.record.database import Database
-    from meshdeform.record.workers import WorkerRegistry
+    from meshdeform.record.leases import Leases
 
     database = Database(url)
     try:
-        alive = WorkerRegistry(database).alive(patient.settings.queue)
+        alive = Leases(database).alive(patient.settings.queue)
     finally:
         database.close()
     if alive:

@@ -5,8 +5,7 @@ import base64
 import pytest
 
 from meshdeform.errors import ParameterError
-from meshdeform.record.cursors import decode_cursor, encode_cursor
-from meshdeform.record.ids import new_id, new_job_id
+from meshdeform.record.ids import decode_cursor, encode_cursor, new_id, new_job_id
 from tests.cases import each_case
 
 

@@ -11,16 +11,31 @@ import pytest
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.document import JobKind, JobRequest
-from meshdeform.runs import _CHECKS, check_request
+from meshdeform.runs import check_request, kinds
 from meshdeform.settings import Settings
 
 
 def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any) -> None:
-    check_request(JobRequest.model_validate(request), Settings(**settings), has_target=has_target)
+    check_request(
+        JobRequest.model_validate(request), Settings(**settings), files=["asset", "target"] if has_target else ["asset"]
+    )
 
 
-def test_every_kind_has_a_check() -> None:
-    assert set(_CHECKS) == set(JobKind)
+def test_every_kind_is_described() -> None:
+    assert {kind.name for kind in kinds()} >= set(JobKind)
+    for kind in kinds():
+        for sentence in (kind.summary, *(each.summary for each in (*kind.reads, *kind.artifacts))):
+            assert sentence[0].isupper()
+            assert sentence.endswith(".")
+
+
+def test_files_that_a_kind_needs_or_does_not_read_are_refused() -> None:
+    request = JobRequest(prompt="a mushroom")
+    with pytest.raises(ParameterError, match="`asset` is missing"):
+        check_request(request, Settings(), files=[])
+    with pytest.raises(ParameterError, match="does not read `pose`") as caught:
+        check_request(request, Settings(), files=["asset", "pose"])
+    assert caught.value.extra["errors"][0]["loc"] == ["pose"]
 
 
 def test_what_can_run_passes() -> None:
@@ -89,7 +104,7 @@ def test_the_check_loads_neither_torch_nor_numpy() -> None:
     code = (
         "import sys; from meshdeform.runs import check_request; from meshdeform.requests.document import JobRequest;"
         "from meshdeform.settings import Settings;"
-        "check_request(JobRequest(prompt='a mushroom'), Settings(), has_target=False);"
+        "check_request(JobRequest(prompt='a mushroom'), Settings(), files=['asset']);"
         "print(sorted({'torch', 'numpy', 'diffusers'} & set(sys.modules)))"
     )
     result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -16,7 +16,7 @@ import pytest
 
 from meshdeform.errors import UnavailableError
 from meshdeform.serving.directory_lock import DirectoryLock
-from meshdeform.serving.processes import Backoff, Child, KeptChild, SignalInbox
+from meshdeform.serving.processes import Backoff, Child, SignalInbox, SupervisedChild
 
 SLEEP = [sys.executable, "-c", "import time; time.sleep(600)"]
 
@@ -88,12 +88,12 @@ def test_the_wait_before_a_restart_doubles_and_is_forgiven() -> None:
 def test_a_kept_child_comes_back() -> None:
     said: list[str] = []
     ended: list[int] = []
-    kept = KeptChild(lambda: Child("sleeper", SLEEP), said.append, lambda: ended.append(kept.child.pid))
+    kept = SupervisedChild(lambda: Child("sleeper", SLEEP), said.append, lambda: ended.append(kept.child.pid))
     first = kept.child.pid
     os.kill(first, signal.SIGKILL)
 
     def back() -> bool:
-        kept.tend()
+        kept.supervise()
         return kept.child.pid != first
 
     until(back)

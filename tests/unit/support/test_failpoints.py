@@ -41,5 +41,5 @@ def test_a_file_keeps_it_from_striking_again(tmp_path: Path) -> None:
 
 @each_case("text", ["worker.step", "worker.stepp=kill", "worker.step=die", "worker.step=pause", "worker.step=kill:f"])
 def test_what_is_no_failpoint_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="is no failpoint"):
+    with pytest.raises(ValueError, match="is not a failpoint"):
         _parse(text)

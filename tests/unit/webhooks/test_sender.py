@@ -212,7 +212,7 @@ def test_a_receiver_that_drips_for_ever_is_left_in_time(first: bytes, drop: byte
     with answering(drip(first, drop)) as port:
         outcome = send(Sender(LOOPBACK, total_s=0.5), f"http://127.0.0.1:{port}/")
     assert (outcome.status, outcome.delivered) == (None, False)
-    assert outcome.error in ("The receiver did not answer in time.", "The answer is not HTTP.")
+    assert outcome.error in ("The receiver did not answer in time.", "The response is not HTTP.")
 
 
 def test_a_handshake_that_drips_is_left_in_time(authority: trustme.CA) -> None:
@@ -239,7 +239,7 @@ def test_what_is_no_http_is_a_failure(nonsense: bytes) -> None:
     with answering(speak) as port:
         outcome = send(Sender(LOOPBACK), f"http://127.0.0.1:{port}/")
     assert (outcome.status, outcome.delivered) == (None, False)
-    assert outcome.error in ("The answer is not HTTP.", "The connection failed.")
+    assert outcome.error in ("The response is not HTTP.", "The connection failed.")
 
 
 def test_nothing_of_an_answer_is_in_what_is_told() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from meshdeform.api.webhooks import WebhookEvent
-from meshdeform.record.outgoing import RETRY_AFTER_S
+from meshdeform.record.deliveries import RETRY_AFTER_S
 from meshdeform.webhooks.sender import signed_headers
 
 SECRET = "whsec_" + base64.b64encode(b"s" * 32).decode()

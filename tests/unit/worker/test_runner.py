@@ -13,8 +13,10 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import NumericalError
-from meshdeform.record.models import Job, JobState
+from meshdeform.record.models import Job, JobState, NewJob
 from meshdeform.record.schema import jobs
+from meshdeform.requests.document import resolve
+from meshdeform.runs.base import InputFile
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.worker_world import STEPS, World, new_world
@@ -36,18 +38,24 @@ def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> No
     assert (job.progress.step, job.progress.fraction) == (STEPS, 1.0)
     assert world.kept(job) == [40, 30, 20, 10]
     (given,) = world.kind.started
-    assert (given["asset"], given["filename"], given["target"], given["prior"]) == (
-        b"an asset",
-        "a.glb",
-        b"an asset",
-        None,
-    )
+    file = InputFile(b"an asset", "a.glb", hashlib.sha256(b"an asset").hexdigest())
+    assert given.files == {"asset": file, "target": file}
 
 
-def test_only_score_distillation_loads_a_prior(world: World) -> None:
+def test_a_run_gets_the_parameters_as_they_were_resolved_at_the_door(world: World) -> None:
+    job = world.run(world.create())
+    resolved = resolve(job.request.params)
+    world.run(world.record.create(NewJob(job.request, job.asset, job.target, resolved=resolved)))
+    before, after = world.kind.started
+    assert before.resolved is None
+    assert after.resolved == resolved.model_dump(mode="json")
+
+
+def test_a_kind_that_needs_a_prior_loads_it_through_the_worker(world: World) -> None:
+    world.run(world.create())
+    assert world.priors == []
     world.run(world.create(guidance="sds"))
     assert world.priors == ["builtin"]
-    assert world.kind.started[0]["prior"] is not None
 
 
 def test_a_duplicate_delivery_does_nothing(world: World) -> None:
@@ -139,7 +147,7 @@ def lose(world: World, job: Job, at: int) -> None:
         world.runner().run(job.id)
     world.kind.on_step = lambda step: None
     world.expire(job)
-    assert world.record.reclaim_expired(3) == [job.id]
+    assert world.record.upkeep.reclaim_expired(3) == [job.id]
 
 
 def test_a_lost_attempt_is_resumed_from_the_last_checkpoint(world: World) -> None:
@@ -160,7 +168,7 @@ def test_a_torn_checkpoint_falls_back_to_the_one_before(
 ) -> None:
     job = world.create()
     lose(world, job, at=35)
-    references = world.record.checkpoints(job.id)
+    references = world.record.leases.checkpoints(job.id)
     for index in damaged:
         if damage == "gone":
             world.store.delete(references[index].key)
@@ -174,12 +182,14 @@ def test_a_torn_checkpoint_falls_back_to_the_one_before(
 def test_a_checkpoint_that_the_kind_refuses_is_passed_over(world: World) -> None:
     job = world.create()
     lose(world, job, at=35)
-    claimed = world.record.claim(job.id, "another", 30.0)
+    claimed = world.record.leases.claim(job.id, "another", 30.0)
     assert claimed is not None
     data = b"whole, but of another format"
     world.store.put("jobs/x", data, "application/octet-stream")
-    world.record.set_checkpoint(job.id, claimed.attempt, key="jobs/x", step=40, sha256=hashlib.sha256(data).hexdigest())
-    world.record.release(job.id, claimed.attempt)
+    world.record.leases.set_checkpoint(
+        job.id, claimed.attempt, key="jobs/x", step=40, sha256=hashlib.sha256(data).hexdigest()
+    )
+    world.record.leases.release(job.id, claimed.attempt)
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at[-1] == 30
 
@@ -190,8 +200,8 @@ def test_an_attempt_that_lost_its_lease_writes_nothing_more(world: World) -> Non
     def usurp(step: int) -> None:
         if step == 15:
             world.expire(job)
-            assert world.record.reclaim_expired(3) == [job.id]
-            assert world.record.claim(job.id, "another", 30.0) is not None
+            assert world.record.upkeep.reclaim_expired(3) == [job.id]
+            assert world.record.leases.claim(job.id, "another", 30.0) is not None
 
     world.kind.on_step = usurp
     world.runner(settings=Settings(lease_s=1.0)).run(job.id)
@@ -203,7 +213,7 @@ def test_an_attempt_that_lost_its_lease_writes_nothing_more(world: World) -> Non
 def test_only_so_many_checkpoints_stay_and_each_has_its_mesh(world: World) -> None:
     job = world.create()
     world.runner(settings=Settings(checkpoints_kept=2)).run(job.id)
-    references = world.record.checkpoints(job.id)
+    references = world.record.leases.checkpoints(job.id)
     assert [reference.step for reference in references] == [40, 30]
     for reference in references:
         data = world.store.get(reference.key)
@@ -223,7 +233,7 @@ def test_a_mesh_that_cannot_be_written_costs_no_checkpoint(world: World, monkeyp
     job = world.create()
     world.kind.on_step = lambda step: setattr(world, "stop", step == 17)
     assert world.run(job).state is JobState.QUEUED
-    assert [(each.step, each.mesh_key) for each in world.record.checkpoints(job.id)] == [(17, None), (10, None)]
+    assert [(each.step, each.mesh_key) for each in world.record.leases.checkpoints(job.id)] == [(17, None), (10, None)]
 
 
 def test_the_most_urgent_job_comes_first_whichever_was_told(world: World) -> None:
@@ -242,7 +252,7 @@ def test_a_deadline_that_passes_stops_the_run_and_the_next_job_begins(world: Wor
         if step == 15:
             with world.record._database.write() as connection:
                 connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(deadline_at=jobs.c.created_at))
-            assert world.record.expire_deadlines() == [job.id]
+            assert world.record.upkeep.expire_deadlines() == [job.id]
         time.sleep(0.001)
 
     world.kind.on_step = expire

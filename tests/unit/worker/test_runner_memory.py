@@ -13,7 +13,7 @@ from meshdeform.record.models import Job, JobState
 from meshdeform.settings import Settings
 from tests.fake_kind import OutOfMemoryError
 from tests.worker_world import World, new_world
-from worker.memory import is_out_of_memory
+from worker.attempt import is_out_of_memory
 
 
 @pytest.fixture

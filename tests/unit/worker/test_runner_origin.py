@@ -34,7 +34,7 @@ def state(world: World) -> tuple[bytes, bytes]:
     """The checkpoint of step 30 of an uninterrupted run, and that run's result."""
     whole = world.create()
     world.run(whole)
-    (key,) = [each.key for each in world.record.checkpoints(whole.id) if each.step == 30]
+    (key,) = [each.key for each in world.record.leases.checkpoints(whole.id) if each.step == 30]
     return world.store.get(key), world.result(whole)
 
 
@@ -72,7 +72,7 @@ def test_a_branch_begins_with_the_shape_at_step_0(world: World) -> None:
     job = continued(world, OriginMode.BRANCH, data, steps=5)
     assert world.run(job).state is JobState.SUCCEEDED
     given = world.kind.started[-1]
-    assert (given["checkpoint"], given["initial"], world.kind.started_at[-1]) == (None, data, 0)
+    assert (given.checkpoint, given.initial, world.kind.started_at[-1]) == (None, data, 0)
     value = json.loads(data)["value"]
     for step in range(1, 6):
         value = value * 3 + step

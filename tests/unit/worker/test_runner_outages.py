@@ -20,13 +20,17 @@ def world(tmp_path: Path) -> Iterator[World]:
         yield world
 
 
+def _part(world: World, name: str) -> Any:
+    return world.store if name == "store" else getattr(world.record, name)
+
+
 def test_a_store_that_is_away_for_good_leaves_the_job_to_the_next_attempt(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = world.create()
     with monkeypatch.context() as patch:
         patch.setattr(world.store, "put", away)
-        world.runner(patience_s=0.3).run(job.id)
+        world.runner(retry_for_s=0.3).run(job.id)
     left = world.record.get(job.id)
     assert (left.state, left.attempt, world.record.artifacts(job.id)) == (JobState.QUEUED, 1, [])
     assert world.run(job).state is JobState.SUCCEEDED
@@ -34,24 +38,24 @@ def test_a_store_that_is_away_for_good_leaves_the_job_to_the_next_attempt(
 
 @pytest.mark.parametrize(
     ("part", "method"),
-    [("store", "get"), ("store", "put"), ("record", "checkpoints"), ("record", "finish")],
+    [("store", "get"), ("store", "put"), ("leases", "checkpoints"), ("leases", "finish")],
 )
 def test_an_outage_costs_no_attempt(world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str) -> None:
     job = world.create(checkpoint_every_steps=STEPS)
-    calls = fail_for_a_while(monkeypatch, getattr(world, part), method, times=2)
+    calls = fail_for_a_while(monkeypatch, _part(world, part), method, times=2)
     done = world.run(job)
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 1)
     assert len(calls) > 2
 
 
-@pytest.mark.parametrize(("part", "method"), [("store", "put"), ("record", "set_checkpoint")])
+@pytest.mark.parametrize(("part", "method"), [("store", "put"), ("leases", "set_checkpoint")])
 def test_a_checkpoint_that_cannot_be_stored_is_stored_a_little_later(
     world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str
 ) -> None:
-    monkeypatch.setattr("worker.checkpoints._PAUSE_S", 0.0)
-    monkeypatch.setattr("worker.checkpoints._PAUSE_PER_S", 0.0)
+    monkeypatch.setattr("worker.outputs._PAUSE_S", 0.0)
+    monkeypatch.setattr("worker.outputs._PAUSE_PER_S", 0.0)
     job = world.create()
-    fail_for_a_while(monkeypatch, getattr(world, part), method, times=3)
+    fail_for_a_while(monkeypatch, _part(world, part), method, times=3)
     done = world.run(job)
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 1)
     assert world.kept(job) == [40, 30, 20, 13], "three tries failed, one after each step"
@@ -84,7 +88,7 @@ def test_a_cancel_is_heard_while_the_store_is_away(world: World, monkeypatch: py
         return away()
 
     monkeypatch.setattr(world.store, "get", get)
-    world.runner(settings=Settings(lease_s=1.0), patience_s=60.0).run(job.id)
+    world.runner(settings=Settings(lease_s=1.0), retry_for_s=60.0).run(job.id)
     assert world.record.get(job.id).state is JobState.CANCELED
 
 
@@ -98,7 +102,7 @@ def test_a_worker_that_stops_while_the_store_is_away_hands_the_job_back(
         return away()
 
     monkeypatch.setattr(world.store, "get", get)
-    world.runner(patience_s=60.0).run(job.id)
+    world.runner(retry_for_s=60.0).run(job.id)
     assert world.record.get(job.id).state is JobState.QUEUED
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from meshdeform.errors import StaleAttemptError, UnavailableError
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress, StoredFile
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs.base import StepReport
@@ -26,6 +27,9 @@ JOB = Job(
 )
 
 
+WORKER = WorkerIdentity("a worker", "meshdeform", "cpu")
+
+
 class RecordStub:
     """The three calls that a watch makes, remembered; `failing` is raised by each while it is set."""
 
@@ -37,8 +41,9 @@ class RecordStub:
         self.state = JobState.RUNNING
         self.failing: Exception | None = None
 
-    def heartbeat(self, job_id: str, attempt: int, lease_s: float) -> JobState:
+    def heartbeat(self, job_id: str, attempt: int, lease_s: float, *, worker: WorkerIdentity) -> JobState:
         self._called(job_id, attempt)
+        assert worker == WORKER
         self.beats.append(lease_s)
         return self.state
 
@@ -87,7 +92,7 @@ def ear() -> Ear:
 
 
 def watch_of(record: RecordStub, ear: Ear, job: Job = JOB, lease_s: float = 30.0) -> JobWatch:
-    return JobWatch(record, job, ear.listen, lease_s)  # type: ignore[arg-type]
+    return JobWatch(record, WORKER, job, ear.listen, lease_s)  # type: ignore[arg-type]
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -98,11 +103,12 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def step(n: int, total: int = 100) -> StepReport:
-    return StepReport(n, total, "optimizing", {"total": 1.0 / n})
+    return StepReport(n, total, {"total": 1.0 / n})
 
 
 def test_the_newest_step_is_published_and_only_from_the_thread(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
+        watch.phase("optimizing", step=0, total_steps=100)
         for n in range(1, 51):
             watch.step(step(n))
         until(lambda: bool(record.progress) and record.progress[-1].step == 50)
@@ -141,7 +147,7 @@ def test_a_cancel_is_heard(record: RecordStub, ear: Ear) -> None:
         until(lambda: watch.canceled)
 
 
-def test_the_end_does_not_wait_for_the_ear(record: RecordStub, ear: Ear) -> None:
+def test_the_end_does_not_wait_for_the_cancel_listener(record: RecordStub, ear: Ear) -> None:
     ear.wait = lambda timeout_s: ear.heard.wait(60.0)  # type: ignore[method-assign]
     with watch_of(record, ear) as watch:
         watch.step(step(100))
@@ -151,7 +157,7 @@ def test_the_end_does_not_wait_for_the_ear(record: RecordStub, ear: Ear) -> None
     until(lambda: ear.closed)
 
 
-def test_a_job_whose_ear_is_deaf_goes_on_and_is_canceled_all_the_same(record: RecordStub, ear: Ear) -> None:
+def test_a_job_without_a_cancel_listener_goes_on_and_is_canceled_all_the_same(record: RecordStub, ear: Ear) -> None:
     def deaf() -> contextlib.AbstractContextManager[Ear]:
         raise RuntimeError("no Redis client")
 
@@ -217,7 +223,7 @@ def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, m
 
 def test_losses_that_are_not_finite_are_left_out(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
-        watch.step(StepReport(1, 2, "optimizing", {"total": float("nan"), "guidance": 1.0}))
+        watch.step(StepReport(1, 2, {"total": float("nan"), "guidance": 1.0}))
     assert record.progress[-1].losses == {"guidance": 1.0}
 
 

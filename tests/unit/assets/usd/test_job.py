@@ -21,7 +21,7 @@ from meshdeform.errors import DependencyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import text_deform
+from meshdeform.runs import start_run, text_deform
 from tests.worker_world import World, new_world
 
 needs_usd = pytest.mark.skipif(importlib.util.find_spec("pxr") is None, reason="needs usd-core (the extra usd)")
@@ -109,7 +109,7 @@ def worked(world: World) -> Any:
 
     wanted = NewJob(request(usd=True), stored("assets/a", glb()), stored("assets/b", glb(2.0)))
     job = world.record.create(wanted)
-    world.runner(start=text_deform.start).run(job.id)
+    world.runner(start=start_run).run(job.id)
     return world.record.get(job.id)
 
 

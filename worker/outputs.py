@@ -1,7 +1,8 @@
-"""Checkpoints of a job in the object store: uploaded, read back, and only then pointed at."""
+"""What an attempt stores, checkpoints and results: it is uploaded, read back, and only then pointed at."""
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 import logging
 import time
@@ -13,10 +14,9 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import ArtifactData, JobRun
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
-from worker.results import store_artifact
-from worker.retry import Patience
+from worker.retry import Retry
 
-__all__ = ["CheckpointStore"]
+__all__ = ["CheckpointStore", "store_results"]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
@@ -48,25 +48,25 @@ class CheckpointStore:
         self._missed = False
         self.step = 0
 
-    def usable(self, patience: Patience) -> Iterator[bytes]:
+    def usable(self, retry: Retry) -> Iterator[bytes]:
         """The stored checkpoints that are whole, newest first."""
         about = f"job {self._job.id}: the checkpoints"
-        for reference in patience.insist(about, lambda: self._record.checkpoints(self._job.id)):
+        for reference in retry.until_answered(about, lambda: self._record.leases.checkpoints(self._job.id)):
             what = f"the checkpoint of step {reference.step}"
-            data = self._whole(reference.key, reference.sha256, what, patience)
+            data = self._whole(reference.key, reference.sha256, what, retry)
             if data is not None:
                 yield data
 
-    def origin(self, patience: Patience) -> bytes | None:
+    def origin(self, retry: Retry) -> bytes | None:
         """The checkpoint that the job's origin names; None where there is none or it is not whole."""
         origin = self._job.origin
         if origin is None or not origin.key:
             return None
-        return self._whole(origin.key, origin.sha256, f"the checkpoint of job {origin.job_id}", patience)
+        return self._whole(origin.key, origin.sha256, f"the checkpoint of job {origin.job_id}", retry)
 
-    def _whole(self, key: str, sha256: str, what: str, patience: Patience) -> bytes | None:
+    def _whole(self, key: str, sha256: str, what: str, retry: Retry) -> bytes | None:
         try:
-            data = patience.insist(f"job {self._job.id}: {what}", lambda: self._store.get(key))
+            data = retry.until_answered(f"job {self._job.id}: {what}", lambda: self._store.get(key))
         except NotFoundError:
             _log.warning("job %s: %s is gone", self._job.id, what)
             return None
@@ -118,12 +118,12 @@ class CheckpointStore:
         stored = store_artifact(self._store, job, name, ArtifactData(run.checkpoint(), _CONTENT_TYPE))
         shape = self._save_mesh(run, name) if mesh else None
         failpoint("worker.checkpoint.stored")
-        self._record.set_checkpoint(
+        self._record.leases.set_checkpoint(
             job.id, job.attempt, key=stored.key, step=step, sha256=stored.sha256, size=stored.size, mesh=shape
         )
         failpoint("worker.checkpoint.recorded")
         self.step = step
-        self._forget(self._record.checkpoints(job.id)[self._kept :])
+        self._forget(self._record.leases.checkpoints(job.id)[self._kept :])
 
     def _save_mesh(self, run: JobRun, name: str) -> Artifact | None:
         """The mesh is for people to look at: a checkpoint without it still saves the work."""
@@ -136,10 +136,50 @@ class CheckpointStore:
 
     def _forget(self, references: list[CheckpointRef]) -> None:
         for reference in references:
-            self._record.forget_checkpoint(self._job.id, self._job.attempt, reference.key)
+            self._record.leases.forget_checkpoint(self._job.id, self._job.attempt, reference.key)
             try:
                 for key in filter(None, (reference.key, reference.mesh_key)):
                     self._store.delete(key)
             except MeshdeformError as error:
                 # Nothing points at it any more; it goes with the job.
                 _log.warning("job %s: an old checkpoint stays for now: %s", self._job.id, error.detail)
+
+
+def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactData) -> Artifact:
+    """Store one artifact under the job's attempt, so that no two attempts write the same object.
+
+    Raises
+    ------
+    UnavailableError
+        The store does not answer, or gives back something else than was written.
+    """
+    key = f"jobs/{job.id}/{job.attempt}/{name}"
+    stored = store.put_verified(key, artifact.data, artifact.content_type)
+    return Artifact(
+        name=name,
+        content_type=artifact.content_type,
+        size=stored.size,
+        sha256=stored.sha256,
+        key=key,
+        created_at=dt.datetime.now(dt.UTC),
+    )
+
+
+def store_results(store: ObjectStore, job: Job, artifacts: dict[str, ArtifactData], retry: Retry) -> list[Artifact]:
+    """Store all results of a job.
+
+    Raises
+    ------
+    UnavailableError
+        The store has not answered for as long as `retry` lasts.
+    """
+    results = []
+    for name, artifact in artifacts.items():
+        results.append(
+            retry.until_answered(
+                f"job {job.id}: {name}",
+                lambda n=name, a=artifact: store_artifact(store, job, n, a),  # type: ignore[misc]
+            )
+        )
+        failpoint("worker.result.stored")
+    return results

@@ -1,0 +1,23 @@
+"""Write what docs/http.md says of the kinds of job: the files that each reads and the artifacts that it writes."""
+
+from __future__ import annotations
+
+from docs.generation.between import renewed
+from meshdeform.runs import kinds
+from meshdeform.runs.base import Kind
+
+__all__ = ["page"]
+
+
+def page(text: str) -> str:
+    """Return docs/http.md with its tables of files and artifacts renewed."""
+    return renewed(text, "meshdeform/runs", "\n".join(tables(kind) for kind in kinds()))
+
+
+def tables(kind: Kind) -> str:
+    """Return what a kind reads and writes."""
+    reads = [f"| `{each.name}` | {'yes' if each.required else 'no'} | {each.summary} |" for each in kind.reads]
+    writes = [f"| `{each.name}` | `{each.media_type}` | {each.summary} |" for each in kind.artifacts]
+    lines = [f"The kind `{kind.name}`. {kind.summary} It reads:", "", "| part | required | |", "|---|---|---|", *reads]
+    lines += ["", "and writes:", "", "| artifact | media type | |", "|---|---|---|", *writes]
+    return "\n".join(lines) + "\n"

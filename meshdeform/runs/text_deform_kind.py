@@ -1,0 +1,207 @@
+"""The kind `text_deform`: what it reads and writes, the check at the door, and what starts it. Torch-free."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.requests.document import (
+    BUILTIN_MODEL,
+    DeformParams,
+    GuidanceKind,
+    JobKind,
+    JobRequest,
+    ResolvedParams,
+    resolve,
+)
+from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["TEXT_DEFORM", "check"]
+
+_log = logging.getLogger(__name__)
+
+_GLB = "model/gltf-binary"
+_MESHES = (_GLB, "model/obj", "model/ply", "model/stl")
+
+
+def check(
+    request: JobRequest,
+    *,
+    default_model: str,
+    allowed_models: Sequence[str] = (),
+    revision: str = "",
+    has_target: bool = False,
+) -> ResolvedParams:
+    """Refuse a request that could not run; return its parameters as they would run.
+
+    Parameters
+    ----------
+    request : JobRequest
+    default_model : str
+        The model where the request names none; always allowed, as `builtin` is.
+    allowed_models : sequence of str
+        What else a request may name.
+    revision : str
+        Revision of the default model.
+    has_target : bool
+        Whether the second mesh is there that `target` guidance needs.
+
+    Raises
+    ------
+    ParameterError
+        `target` guidance without a target, a target without `target` guidance, or parameters that contradict the preset
+        or each other.
+    PromptError, VocabularyError
+        The prompt is empty, or it or the negative prompt says what the builtin prior does not know.
+    ModelError
+        The model is not allowed, or not there.
+    """
+    params = request.params
+    resolved = resolve(params, default_model=default_model)
+    if params.guidance is GuidanceKind.TARGET:
+        if not has_target:
+            raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
+        return resolved
+    if has_target:
+        raise _refusal(
+            "guidance",
+            "A target was sent, but the guidance is `sds`, which does not look at it.",
+            "Set params.guidance to `target`, or leave the part `target` out.",
+        )
+    if not request.prompt:
+        raise PromptError("The prompt is empty.")
+    model = params.model or default_model
+    if model == BUILTIN_MODEL:
+        from meshdeform.priors.builtin.grammar import parse, parse_negative
+
+        parse(request.prompt)
+        if params.negative_prompt.strip():
+            try:
+                parse_negative(params.negative_prompt, request.prompt)
+            except (PromptError, VocabularyError) as error:
+                # The same error, that also says which of the two texts it is about.
+                error.extra |= _at("negative_prompt", error.detail)
+                raise
+        return resolved
+    if model != default_model and model not in allowed_models:
+        known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
+        raise ModelError(
+            f"The model {model!r} is not one that this server runs.",
+            advice=f"Use one of: {', '.join(known)}. Who runs the server can add it to MESHDEFORM_ALLOWED_MODELS.",
+            models=known,
+        )
+    from meshdeform.priors import check_model
+
+    check_model(model, revision if model == default_model else "")
+    return resolved
+
+
+def _refusal(name: str, detail: str, advice: str) -> ParameterError:
+    return ParameterError(detail, advice=advice, **_at(name, detail))
+
+
+def _at(name: str, detail: str) -> dict[str, Any]:
+    """The member of a problem document that says which parameter it is about."""
+    return {"errors": [{"loc": ["params", name], "msg": detail, "type": "value_error"}]}
+
+
+def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
+    if request.output.usd and not settings.writes_usd:
+        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
+        raise ParameterError(
+            detail,
+            advice="Leave output.usd out. Whoever runs the service can install the extra `usd` and set MESHDEFORM_USD.",
+            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
+        )
+    return check(
+        request,
+        default_model=settings.model,
+        allowed_models=settings.allowed_models,
+        revision=settings.model_revision,
+        has_target="target" in files,
+    )
+
+
+def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
+    """Return the parameters as they were kept when the request was accepted, else resolve them."""
+    if kept is not None:
+        try:
+            return ResolvedParams.model_validate(kept)
+        except ValidationError as error:
+            # Another version wrote them, which knew other parameters: the request still says what was asked for.
+            _log.info("the resolved parameters cannot be read, and are resolved anew: %s", error)
+    return resolve(request.params, default_model=default_model)
+
+
+def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
+    try:
+        return _resolved(request, default_model, kept).steps
+    except MeshdeformError:
+        # A default that has changed since it was accepted; its worker will say so.
+        return request.params.steps if "steps" in request.params.model_fields_set else 0
+
+
+def _load() -> StartRun:
+    from meshdeform.runs import text_deform
+
+    def start(given: RunInput) -> JobRun:
+        asset, target = given.files["asset"], given.files.get("target")
+        params = _resolved(given.request, given.default_model, given.resolved)
+        return text_deform.start(
+            asset=asset.data,
+            filename=asset.filename,
+            request=given.request,
+            prior=given.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None,
+            target=target.data if target else None,
+            target_filename=target.filename if target else "",
+            checkpoint=given.checkpoint,
+            initial=given.initial,
+            default_model=given.default_model,
+            limits=given.limits,
+            device=given.device,
+            asset_sha256=asset.sha256,
+            resolved=params,
+        )
+
+    return start
+
+
+TEXT_DEFORM = Kind(
+    name=JobKind.TEXT_DEFORM,
+    summary="Deforms an asset until its pictures show what a prompt says, or until it looks like a second mesh.",
+    reads=(
+        FilePart("asset", "The file to deform: GLB, OBJ, PLY or STL.", required=True, media_types=_MESHES),
+        FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
+    ),
+    params=DeformParams,
+    check=_check,
+    steps=_steps,
+    load=_load,
+    artifacts=(
+        ArtifactKind("result.glb", _GLB, "The asset with its new shape."),
+        ArtifactKind(
+            "report.json",
+            "application/json",
+            "Parameters, seed, versions, hashes, losses, times, what was skipped, and the quality of the mesh before "
+            "and after.",
+        ),
+        ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
+        ArtifactKind(
+            "morph.glb",
+            _GLB,
+            "The source with the deformation as a morph target and an animation, where `output.morph` asked for it.",
+        ),
+        ArtifactKind(
+            "result.usdz",
+            "model/vnd.usdz+zip",
+            "The result as USDZ, where `output.usd` asked for it ([assets.md](assets.md#usdz)).",
+        ),
+    ),
+)

@@ -1,0 +1,43 @@
+"""The prior of a worker is loaded as the settings say, and kept between jobs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from meshdeform.settings import Settings
+from worker.engine import PriorCache, torch_engine
+
+
+@pytest.fixture
+def loads(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """What each prior was loaded with."""
+    seen: list[dict[str, Any]] = []
+
+    def load(model: str, **how: Any) -> object:
+        seen.append({"model": model, **how})
+        return object()
+
+    monkeypatch.setattr("meshdeform.priors.load_prior", load)
+    return seen
+
+
+def test_the_settings_decide_the_revision_and_the_precision(loads: list[dict[str, Any]]) -> None:
+    settings = Settings(model="some/model", model_revision="v2", dtype="float16", device="cpu")
+    engine = torch_engine(settings)
+    engine.load_prior("some/model")
+    engine.load_prior("another/model")
+    assert loads == [
+        {"model": "some/model", "device": "cpu", "revision": "v2", "dtype": "float16"},
+        {"model": "another/model", "device": "cpu", "revision": "", "dtype": "float16"},
+    ]
+
+
+def test_the_last_prior_is_kept_unless_another_one_is_asked_for(loads: list[dict[str, Any]]) -> None:
+    cache = PriorCache()
+    first = cache.get("a", device="cpu", dtype="float32")
+    assert cache.get("a", device="cpu", dtype="float32") is first
+    for different in ({"dtype": "float16"}, {"dtype": "float16", "revision": "v2"}):
+        assert cache.get("a", device="cpu", **different) is not first
+    assert len(loads) == 3
