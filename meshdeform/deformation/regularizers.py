@@ -51,7 +51,7 @@ REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
 _CREASE = 1 - math.cos(math.radians(15))
-"""y_0: on the reference mesh, a change of more than 15 degrees between neighbours counts as a crease."""
+"""y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
 _LEAST_DETERMINANT = 1e-16
 """Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
 
