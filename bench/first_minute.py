@@ -1,16 +1,17 @@
-"""What a newcomer needs until there is a picture of a deformed mesh: commands, seconds, megabytes and words.
+"""Measure what a new user needs to get a first picture: commands, seconds, megabytes and words.
 
     python bench/first_minute.py                   # the committed state
-    python bench/first_minute.py 42f77fb HEAD      # two states, in turn, and the ratio of the second to the first
+    python bench/first_minute.py 42f77fb HEAD      # two revisions, alternating, and the ratio of the second to the
+    first
 
-Each state is cloned into an empty folder, with an empty home and without caches, and README's first command is run as
-it stands. Counted are:
+Each revision is cloned into an empty folder, with an empty home and without caches, and the first command of README is
+run unchanged. It counts:
 
-* commands: the clone, and the lines of README's first block up to the one that ends with the picture;
-* seconds: from the first command's start to the picture, the clone left out; beside it the processor's seconds, which
-  other work on the machine disturbs less;
-* megabytes: what lies on the disk afterwards that did not before, the clone left out;
-* words: those of README up to the end of that line, and all that the command prints.
+* commands: the clone, and the lines of README's first block up to the one that makes the picture;
+* seconds: from the start of the first command to the picture, without the clone; also processor seconds, which depend
+  less on other work on the machine;
+* megabytes: additional disk space, without the clone;
+* words: those of README up to the end of that line, and all output of the command.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ _KEPT = ("PATH", "LANG", "TMPDIR", "SSL_CERT_FILE", "PIP_INDEX_URL", "PIP_FIND_L
 
 @dataclass
 class Count:
-    """What one newcomer needed."""
+    """Counts for one revision."""
 
     commands: int
     seconds: float
@@ -89,7 +90,7 @@ def _megabytes(folder: Path) -> float:
 
 
 def main() -> None:
-    """Print a table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("revisions", nargs="*", default=["HEAD"])
     revisions = parser.parse_args().revisions

@@ -1,11 +1,11 @@
-"""What a run and the API cost as processes: ``python bench/footprint.py [--preset preview] [--prompt "a mushroom"]``.
+"""Measure the time and memory of a run and of the API: ``python bench/footprint.py [--preset NAME] [--prompt TEXT]``.
 
 * run: `meshdeform run` from shell to file on a sphere of 5,120 faces: wall seconds, CPU seconds, peak resident memory
 * api: `meshdeform api` on an empty SQLite record: seconds until `/healthz` answers, resident memory then and after
-  the checks of 20 posted assets
+  checking 20 posted assets
 
-Both are whole processes, measured by the operating system; times are this machine's, and the ratio of wall to CPU
-seconds says how busy it was.
+Both are whole processes, measured by the operating system. Times depend on the machine; the ratio of wall to CPU
+seconds shows how busy it was.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""A fuzz of the asset reader: ``python -m bench.fuzz [--minutes M | --mutants N] [--seed N] [--keep FOLDER]``.
+"""Fuzz the asset reader: ``python -m bench.fuzz [--minutes M | --mutants N] [--seed N] [--keep FOLDER]``.
 
-Files that the project makes itself are damaged in every way that we could think of (`mutations.py`), and go through
-what the service does with an upload: the inspection that runs inside the API, then the whole decoding under the memory
-limit of the check; what is accepted is written back both ways and read again. The outcome must be an asset or a
-`MeshdeformError` of a status below 500: no other exception, no signal, no hang, and no memory past the limit, which the
-kernel keeps.
+Generated files are damaged in many ways (`mutations.py`) and then processed like an upload to the service: the
+inspection inside the API, then the full decoding under the memory limit of the check. Accepted files are written back
+in both ways and read again. The outcome must be an asset or a `MeshdeformError` with a status below 500: no other
+exception, no signal, no hang, and no memory beyond the limit, which the kernel enforces.
 
-A child process does some hundred mutants, since a process for each would do ten a second; when it dies, the mutant that
-killed it is known and the next child goes on behind it. Mutant `i` of a seed is always the same one:
-``--seed S --only I --keep FOLDER`` makes it again and saves it.
+A child process handles some hundred mutants, because one process per mutant would limit the rate to ten per second. If
+it dies, the mutant that killed it is known, and the next child continues after it. Mutant `i` of a seed is always the
+same: ``--seed S --only I --keep FOLDER`` recreates and saves it.
 """
 
 from __future__ import annotations
@@ -30,17 +29,17 @@ from typing import Any
 from bench.mutations import LARGEST, ROOT, corpus, mutant
 
 MUTANT_S = 20
-"""Seconds that one mutant may take."""
+"""Time limit for one mutant, in seconds."""
 _BATCH = 500
 
 
 def outcome(name: str, data: bytes) -> str:
-    """Do with a file what the service and the worker do; return `accepted` or the code of the refusal.
+    """Process a file like the service and the worker; return `accepted` or the code of the refusal.
 
     Raises
     ------
     Exception
-        A defect: anything that the caller of the service would see as the server's fault.
+        A defect: anything that the service would report as a server error.
     """
     from meshdeform.assets import Limits, inspect_asset, load_asset
     from meshdeform.assets.check import has_area
@@ -49,7 +48,7 @@ def outcome(name: str, data: bytes) -> str:
     limits = Limits()
     try:
         if not data:
-            return "asset_truncated"  # an empty file cannot be mapped; the check says this without reading it
+            return "asset_truncated"  # an empty file cannot be mapped; the check refuses it without reading
         inspect_asset(data, name, limits)
     except AssetError as error:
         return str(error.code)
@@ -58,7 +57,7 @@ def outcome(name: str, data: bytes) -> str:
         if not has_area(asset.surface):
             return "asset_no_triangles"
     except MemoryError:
-        return "asset_too_large"  # the check says so, too
+        return "asset_too_large"  # as in the check
     except MeshdeformError as error:
         if error.status >= 500:
             raise
@@ -68,19 +67,19 @@ def outcome(name: str, data: bytes) -> str:
         result = asset.replace(surface.positions, surface.normals, surface.tangents, morph=morph)
         again = load_asset(result, "result.glb", Limits(max_primitives=2**40, max_bare_elements=2**40)).surface
         if again.triangles.tobytes() != surface.triangles.tobytes():
-            raise AssertionError("the triangles that come back are others")
+            raise AssertionError("the triangles read back differ")
     return "accepted"
 
 
 def child(seed: int, first: int, last: int) -> None:
-    """Do mutants `first` to `last - 1`; print the number before each one, and its outcome after it."""
+    """Process mutants `first` to `last - 1`; print each number before and each outcome after processing."""
     from meshdeform.assets import Limits
     from meshdeform.assets.check import bound_memory
 
     faulthandler.enable()
     corpus()
     bound_memory(Limits().memory_bytes(LARGEST))
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # ends the process, whatever it is in
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # ends the process, whatever it is doing
     for number in range(first, last):
         name, data = mutant(seed, number)
         print(number, end=" ", flush=True)
@@ -94,11 +93,11 @@ def child(seed: int, first: int, last: int) -> None:
 
 
 def run(seed: int, *, mutants: int | None = None, seconds: float | None = None) -> dict[str, Any]:
-    """Run the fuzz until so many mutants are done, or so much time is over.
+    """Run the fuzz for a number of mutants or a time.
 
     Returns
     -------
-    `outcomes` (how many of each), `defects` (number, what) and `peak_bytes` (the largest resident set of a child).
+    `outcomes` (counts), `defects` (number, description) and `peak_bytes` (the largest resident set of a child).
     """
     outcomes: collections.Counter[str] = collections.Counter()
     defects: list[tuple[int, str]] = []
@@ -128,20 +127,20 @@ def run(seed: int, *, mutants: int | None = None, seconds: float | None = None) 
 
 
 def main() -> int:
-    """Run the fuzz and print what came out; the exit status tells whether there was a defect."""
+    """Run the fuzz and print the outcomes; return 1 if there was a defect."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--mutants", type=int, help="so many, instead of a time")
+    parser.add_argument("--mutants", type=int, help="number of mutants, instead of a time")
     parser.add_argument("--seed", type=int, default=int(time.time()))
-    parser.add_argument("--only", type=int, help="do one mutant, in this process")
-    parser.add_argument("--keep", type=Path, help="folder for the files that found a defect")
+    parser.add_argument("--only", type=int, help="process one mutant, in this process")
+    parser.add_argument("--keep", type=Path, help="folder for the files that revealed a defect")
     parser.add_argument("--child", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
         child(options.seed, *options.child)
         return 0
     if options.only is not None:
-        found: dict[str, Any] = {"defects": [(options.only, "asked for")]}
+        found: dict[str, Any] = {"defects": [(options.only, "requested")]}
     else:
         seconds = None if options.mutants else 60 * options.minutes
         found = run(options.seed, mutants=options.mutants, seconds=seconds)
@@ -155,7 +154,7 @@ def main() -> int:
             name, data = mutant(options.seed, number)
             kept = options.keep / f"{options.seed}-{number}{Path(name.replace(chr(0), '_')).suffix}"
             kept.write_bytes(data)
-            print(f"kept as {kept}")
+            print(f"saved as {kept}")
     if options.only is not None:
         print(outcome(*mutant(options.seed, options.only)))
         return 0

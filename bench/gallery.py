@@ -1,7 +1,7 @@
-"""One picture of many prompts: ``python bench/gallery.py -o gallery.png [--preset NAME] [--seed N] ["a vase" ...]``.
+"""Draw a sheet of many prompts: ``python bench/gallery.py -o gallery.png [--preset NAME] [--seed N] ["a vase" ...]``.
 
 Deforms one asset by each prompt, as `meshdeform run` does, and puts two views of each result into a contact sheet.
-Prints, for each prompt, what the report says of the mesh, and the means.
+Prints the mesh quality of each prompt, and the totals.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The meshes of `bench.inputs`, each made by formula: what deformation and mesh processing systems fail on."""
+"""Generate the meshes of `bench.inputs`: difficult input for deformation and mesh processing."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ _Faces = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Input:
-    """A mesh and where it stands.
+    """A mesh and the position of its node.
 
     Attributes
     ----------
     special : str
-        What is hard about it.
+        Description of the difficulty.
     verts : (V, 3) float64
     faces : (F, 3) int64
     translation : tuple of 3 floats
-        Of its node.
+        Translation of its node.
     meets : bool
-        Its components cut or touch each other at rest, so cuts between them are n/a; each by itself may have none.
+        Whether its components cut or touch each other at rest. Cuts between components are then not counted, only
+        those within a component.
     """
 
     special: str
@@ -52,7 +53,7 @@ def _moved(mesh: TriangleMesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, s
 
 
 def _sphere(size: float) -> TriangleMesh:
-    """Even triangles, 2,000 at size 1."""
+    """Return a sphere of even triangles, 2,000 at size 1."""
     return geodesic_sphere(max(2, round(10 * size)))
 
 
@@ -69,13 +70,13 @@ def _book(size: float) -> Input:
         pages.append(
             TriangleMesh(torch.stack([x * math.cos(turn), page.verts[:, 1], x * math.sin(turn)], 1), page.faces)
         )
-    return _of("three sheets at one line: edges of three faces", join(*pages))
+    return _of("three sheets that share a line: edges of three faces", join(*pages))
 
 
 def _walled(size: float) -> Input:
     n = _count(size, 10)
     halves = [_moved(box(n), x=-0.5), _moved(box(n), x=0.5)]
-    return _of("two boxes with a wall in common: edges of four faces, the wall's faces twice", join(*halves))
+    return _of("two boxes with a common wall: edges of four faces, the wall's faces twice", join(*halves))
 
 
 def _bow_tie(size: float) -> Input:
@@ -112,7 +113,7 @@ def _charts(size: float) -> Input:
 def _soup(size: float) -> Input:
     ball = _sphere(size)
     faces = torch.arange(3 * len(ball.faces)).view(-1, 3)
-    return _of("three vertices of its own for every face", TriangleMesh(ball.verts[ball.faces].reshape(-1, 3), faces))
+    return _of("three separate vertices for every face", TriangleMesh(ball.verts[ball.faces].reshape(-1, 3), faces))
 
 
 def _repeated(size: float) -> Input:
@@ -126,7 +127,7 @@ def _double_sided(size: float) -> Input:
 
 
 def _zero_area(size: float) -> Input:
-    """Faces of one line that fill the gap where one side of an edge was split, and faces of one or two vertices."""
+    """Return a sphere with collinear faces, which fill gaps at split edges, and faces of one or two vertices."""
     ball = _sphere(size)
     verts, faces = ball.verts.float().double(), ball.faces
     a, b, c = faces[::6].unbind(1)
@@ -136,11 +137,11 @@ def _zero_area(size: float) -> Input:
     kept[::6] = False
     points = torch.stack([a[:20], a[:20], b[:20]], 1), torch.stack([c[:20]] * 3, 1)
     mesh = TriangleMesh(torch.cat([verts, (verts[a] + verts[b]) / 2]), torch.cat([faces[kept], *split, *points]))
-    return _of("every sixth face beside a face of one line; faces of one and two vertices", mesh)
+    return _of("every sixth face next to a collinear face; faces of one and two vertices", mesh)
 
 
 def _needles(size: float) -> Input:
-    """A sphere with bands so narrow that their triangles are ten thousand times as long as wide."""
+    """Return a sphere with narrow bands of triangles that are 10,000 times as long as wide."""
     n, rings = _count(size, 36), _count(size, 10)
     narrow = 2 * math.pi / n * 1e-4
     profile = [(0.0, -1.0)]
@@ -162,7 +163,7 @@ def _pinched(size: float) -> Input:
     ball = _sphere(size)
     verts = ball.verts.clone()
     verts[verts[:, 1].argmax()] = verts[verts[:, 1].argmin()]
-    return _of("a spike whose tip lies at another vertex's place", TriangleMesh(verts, ball.faces))
+    return _of("a spike whose tip is at the position of another vertex", TriangleMesh(verts, ball.faces))
 
 
 def _moebius(size: float, across: int, special: str) -> Input:
@@ -174,7 +175,7 @@ def _moebius(size: float, across: int, special: str) -> Input:
     verts = torch.stack([radius * turn.sin(), out * (turn / 2).sin(), radius * turn.cos()], -1).reshape(-1, 3)
     i, j = torch.meshgrid(torch.arange(n), torch.arange(across), indexing="ij")
     i, j = i.reshape(-1), j.reshape(-1)
-    # The last column meets the first one upside down.
+    # The last column joins the first one upside down.
     last = i == n - 1
     a, b = i * (across + 1) + j, i * (across + 1) + j + 1
     c = torch.where(last, across - j - 1, (i + 1) * (across + 1) + j + 1)
@@ -183,7 +184,7 @@ def _moebius(size: float, across: int, special: str) -> Input:
 
 
 def _genus_two(size: float) -> Input:
-    """A slab of 5 x 3 x 1 blocks with two of them taken out, each block finely divided."""
+    """Return a slab of 5 x 3 x 1 finely divided blocks, two of them removed."""
     k = _count(size, 5)
     solid = np.ones((5, 3, 1), bool)
     solid[1, 1], solid[3, 1] = False, False
@@ -201,7 +202,7 @@ def _genus_two(size: float) -> Input:
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     index = index.reshape(-1, 4)
     faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
-    return Input("two holes to look through, right angles", points / k - points.max(0) / (2 * k), faces)
+    return Input("two through-holes, right angles", points / k - points.max(0) / (2 * k), faces)
 
 
 def _parts(size: float) -> Input:
@@ -217,7 +218,7 @@ def _nested(size: float) -> Input:
 def _touching(size: float) -> Input:
     n = _count(size, 10)
     stood = join(_moved(box(n), y=0.5), _moved(box(max(2, n - 3)), y=-0.75, scale=1.5))
-    return _of("a box that stands on another, with no vertex in common", stood, meets=True)
+    return _of("a box that stands on another, without common vertices", stood, meets=True)
 
 
 def _overlapping(size: float) -> Input:
@@ -243,7 +244,7 @@ def _confetti(size: float) -> Input:
 
 def _speck(size: float) -> Input:
     speck = _moved(icosphere(1), x=1.5, scale=1e-4)
-    return _of("a sphere of a ten-thousandth beside a sphere", join(_sphere(size), speck))
+    return _of("a sphere next to one of a ten-thousandth of its size", join(_sphere(size), speck))
 
 
 def _far(size: float) -> Input:
@@ -269,7 +270,7 @@ def _large(size: float) -> Input:
 
 
 INPUTS: dict[str, Callable[[float], Input]] = {
-    "sphere": lambda size: _of("plain: what the ratios refer to", _sphere(size)),
+    "sphere": lambda size: _of("plain: the reference of the ratios", _sphere(size)),
     "parts": _parts,
     "nested": _nested,
     "touching": _touching,
@@ -300,8 +301,8 @@ INPUTS: dict[str, Callable[[float], Input]] = {
     "tiny": lambda size: _of("radius 1e-6", _moved(_sphere(size), scale=1e-6)),
     "moebius": lambda size: _moebius(size, 10, "one-sided: no winding is consistent"),
     "moebius-narrow": lambda size: _moebius(size, 1, "one-sided, one row of faces: every vertex on the border"),
-    "genus-1": lambda size: _of("a hole to look through", torus(0.7, 0.25, _count(size, 45), _count(size, 22))),
+    "genus-1": lambda size: _of("a through-hole", torus(0.7, 0.25, _count(size, 45), _count(size, 22))),
     "genus-2": _genus_two,
     "large": _large,
 }
-"""Every input by name, as a function of its size: 1 is the benchmark's, less is a coarser mesh of the same kind."""
+"""Every input by name, as a function of its size: 1 in the benchmark, less for a coarser mesh of the same kind."""

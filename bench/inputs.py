@@ -1,15 +1,15 @@
-"""Input that such systems fail on, the whole way: ``python -m bench.inputs [--steps N] [--only NAME]``.
+"""Deform difficult input meshes from file to file: ``python -m bench.inputs [--steps N] [--only NAME]``.
 
-Each input is made by formula (`bench/input_meshes.py`), written as a GLB, deformed from start to end by the builtin
+Each input is generated (`bench/input_meshes.py`), written as a GLB, deformed from start to end by the builtin
 prior ("a mushroom", preset `preview`, safeguard `intersections`), and read back. Prints a table and fails when an
 invariant of any input does.
 
 * prepare, step: processor time of reading and preparing, and of a step, as ratios to the plain sphere of the same run
-* look: what a look of the guard costs, in steps without one; there is one every five steps
-* moved: root mean square displacement over the diagonal; an input that nothing moves fails
-* peak: resident memory of the input's own process, the prior and all imports included
+* look: cost of a check by the surface guard, in steps without one; there is one every five steps
+* moved: root mean square displacement over the diagonal; an input that does not move fails
+* peak: resident memory of the input's process, including the prior and all imports
 
-Processor time, because other processes may run; each input has a process of its own, so no peak is another's.
+Times are processor times, because other processes may run; each input has its own process, for a separate peak.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ __all__ = ["Outcome", "glb", "outcome"]
 
 
 def glb(made: Input) -> bytes:
-    """The file, with UVs, so that it can be seen whether they come back."""
+    """Return the file, with UVs, so that their return can be checked."""
     box_low = made.verts.min(0)
     uvs = (made.verts - box_low)[:, :2] / max(float(np.ptp(made.verts, axis=0).max()), 1e-300)
     data = build_glb(made.verts, made.faces, uvs=uvs, material="clay")
@@ -58,19 +58,19 @@ def glb(made: Input) -> bytes:
 
 @dataclass
 class Outcome:
-    """What came of one input.
+    """Result of one input.
 
     Attributes
     ----------
     vertices, faces, components : int
-        Vertices and faces of the file, components of the welded mesh.
+        Vertices and faces of the file, and components of the welded mesh.
     prepare_s, step_s : float
         Processor seconds.
     look : float
-        Cost of a look of the guard in steps.
+        Cost of a check by the guard, in steps.
     moved : float
     held : float
-        Share of the faces that the guard held back, mean over its looks.
+        Share of the faces that the guard held back, mean over its checks.
     flipped, cuts : int
         Faces that were fine at rest.
     broken : list of str
@@ -92,7 +92,7 @@ class Outcome:
 
 
 def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome:
-    """Take an input the whole way, with `changes` to the benchmark's parameters, and check what came back."""
+    """Deform an input, with `changes` to the benchmark's parameters, and check the result."""
     asset = glb(made)
     params = {"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
@@ -100,13 +100,13 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
     run = text_deform.start(asset=asset, filename="input.glb", request=request, prior=prior)
     prepared = time.process_time()
     plain: list[float] = []
-    looked: list[float] = []
+    checked: list[float] = []
     held: list[float] = []
     last = prepared
     for step in run:
         now = time.process_time()
         if step.step % EVERY_STEPS == 0 or step.step == steps:
-            looked.append(now - last)
+            checked.append(now - last)
             held.append(step.losses.get("held_faces", 0.0))
         else:
             plain.append(now - last)
@@ -116,7 +116,7 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
     found = _checked(asset, artifacts["result.glb"].data, meets=made.meets)
     found.prepare_s, found.step_s = prepared - start, stepped / steps
     if plain:
-        found.look = max(0.0, statistics.mean(looked) / statistics.mean(plain) - 1)
+        found.look = max(0.0, statistics.mean(checked) / statistics.mean(plain) - 1)
     found.held = statistics.mean(held) / found.faces
     found.peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return found
@@ -157,14 +157,14 @@ def _checked(asset: bytes, result: bytes, *, meets: bool) -> Outcome:
 def _safely(name: str, size: float, steps: int, prior: Prior) -> Outcome:
     try:
         return outcome(INPUTS[name](size), prior, steps)
-    except Exception as error:  # whatever it is, it is this input's result
+    except Exception as error:  # any error is a result of this input
         traceback.print_exc()
         return Outcome(broken=[f"{type(error).__name__}: {error}"])
 
 
 def _outcomes(names: list[str], size: float, steps: int) -> Iterator[tuple[str, Outcome]]:
     prior = load_prior("builtin", device="cpu")
-    _safely("sphere", 0.3, 2, prior)  # what is compiled or read at the first use is nobody's time
+    _safely("sphere", 0.3, 2, prior)  # so that compiling and loading at first use count for no input
     context = multiprocessing.get_context("fork")
     for name in names:
         with context.Pool(1) as pool:
@@ -172,7 +172,7 @@ def _outcomes(names: list[str], size: float, steps: int) -> Iterator[tuple[str, 
 
 
 def main() -> int:
-    """Print the table; 1 where an input failed."""
+    """Print the table; return 1 if an input failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=30)
     parser.add_argument("--only", action="append", choices=list(INPUTS), help="an input; may be repeated")

@@ -3,8 +3,8 @@
     python bench/job_modules.py [--list]
 
 Starts `meshdeform serve` with a profile hook in every process, posts one short job, downloads the result, and counts
-the files of meshdeform, service and worker in which a function was called in between, without the client's own. What
-runs beside a job (the reconciler, heartbeats) counts as well.
+the files of meshdeform, service and worker in which a function was called in between, except those of the client.
+Background work (the reconciler, heartbeats) also counts.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Two hundred clients against one API with ten thousand jobs in its record.
+"""Measure one API with two hundred clients and ten thousand jobs in its record.
 
     python bench/load.py                          PostgreSQL
     python bench/load.py --database sqlite
 
-Prints p50 and p99 of creating, getting and following jobs, each also as a ratio to one client alone in the same run,
-the API's memory before and after, and every answer that was not the expected one. No worker runs: the jobs stay queued,
-so nothing but the API, its database and Redis is measured. All of them, and the clients, share the machine.
+Prints p50 and p99 of creating, getting and following jobs, each also relative to a single client in the same run, the
+API's memory before and after, and all unexpected answers. No worker runs: the jobs stay queued, so only the API, its
+database and Redis are measured. They share the machine with the clients.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ REQUEST = json.dumps({"prompt": "a mushroom", "params": {"preset": "preview"}})
 
 
 def seed(record: JobRecord) -> list[str]:
-    """Write the jobs: all but a few are over, with five events each. Returns the ids of some of them."""
+    """Write the jobs, almost all finished, with five events each; return the ids of some of them."""
     file = StoredFile(key="assets/" + "a" * 64, filename="a.glb", size=1, sha256="a" * 64)
     request = JobRequest.model_validate_json(REQUEST)
     ids = [new_job_id() for _ in range(JOBS)]
@@ -66,7 +66,7 @@ def seed(record: JobRecord) -> list[str]:
 
 
 class Clients:
-    """Many clients of one API, and how long each of their requests took."""
+    """Clients of one API, and the durations of their requests."""
 
     def __init__(self, url: str, pause_s: float = 0.0) -> None:
         self._pause_s = pause_s
@@ -74,7 +74,7 @@ class Clients:
         self._asset = SPHERE.read_bytes()
 
     async def run(self, count: int, ids: list[str], rounds: int) -> None:
-        """Let so many clients go through their rounds at the same time."""
+        """Run `count` clients concurrently."""
         limits = httpx.Limits(max_connections=count, max_keepalive_connections=count)
         async with httpx.AsyncClient(base_url=self._url, timeout=300.0, limits=limits) as http:
             await asyncio.gather(*(self._client(http, number, ids, rounds) for number in range(count)))
@@ -109,7 +109,7 @@ class Clients:
 
 
 async def follow(url: str, job_id: str, count: int) -> float:
-    """Open so many event streams on one job, let it be canceled, and return the slowest one's delay in seconds."""
+    """Open `count` event streams on one job, cancel it, and return the largest delay in seconds."""
     heard: list[float] = []
     ready = asyncio.Semaphore(0)
     limits = httpx.Limits(max_connections=count + 1)
@@ -135,7 +135,7 @@ async def follow(url: str, job_id: str, count: int) -> float:
 
 
 def report(alone: Clients, many: Clients) -> None:
-    """Print what was measured."""
+    """Print the measurements."""
     print(f"{'':8}{'n':>7}{'p50 ms':>10}{'p99 ms':>10}{'p50 / alone':>14}")
     for what, seconds in many.seconds.items():
         ordered = sorted(seconds)
@@ -149,10 +149,10 @@ def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", choices=["postgresql", "sqlite"], default="postgresql")
-    parser.add_argument("--rounds", type=int, default=10, help="rounds of each client")
+    parser.add_argument("--rounds", type=int, default=10, help="rounds per client")
     parser.add_argument("--clients", type=int, default=CLIENTS)
     parser.add_argument(
-        "--pause", type=float, default=2.0, help="mean seconds between two requests of a client; 0: as fast as it gets"
+        "--pause", type=float, default=2.0, help="mean seconds between two requests of a client; 0: no pause"
     )
     options = parser.parse_args()
     base = Path(tempfile.mkdtemp(prefix="meshdeform-load-", dir="/tmp"))
@@ -180,10 +180,10 @@ def main() -> None:
         memory.append(api.memory_info().rss)
         asyncio.run(again.run(options.clients, ids, options.rounds))
         memory.append(api.memory_info().rss)
-        print(f"{options.clients} clients, a request of each every {options.pause:g} s")
+        print(f"{options.clients} clients, each with a request every {options.pause:g} s")
         report(alone, many)
         delay = asyncio.run(follow(url, ids[-1], options.clients))
-        print(f"{options.clients} event streams on one job: the slowest heard of its end after {delay:.2f} s")
+        print(f"{options.clients} event streams on one job: the slowest received its end after {delay:.2f} s")
         print("API memory in MB, before, after, and after the same again:", [round(size / 1e6) for size in memory])
 
 

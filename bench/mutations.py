@@ -1,6 +1,6 @@
-"""What `bench/fuzz.py` reads: files that the project makes itself, damaged in every way that we could think of.
+"""Generate the damaged files for `bench/fuzz.py`.
 
-A change here changes which file a seed and a number stand for.
+A change here changes the file of each seed and number.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
 
 @cache
 def corpus() -> list[tuple[str, bytes]]:
-    """Return the seeds: (name, file)."""
+    """Return the undamaged files: (name, file)."""
     from meshdeform.assets import load_asset
     from tests.unit.assets.builders import quad
     from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
@@ -61,7 +61,7 @@ def _as_gltf(glb: bytes) -> bytes:
 
 
 def mutant(seed: int, number: int) -> tuple[str, bytes]:
-    """Return one damaged file, always the same for a seed and a number."""
+    """Return the damaged file of a seed and a number."""
     chance = random.Random(f"{seed}/{number}")
     name, data = chance.choice(corpus())
     ways = [_flip, _flip, _cut, _lengths, _swap_parts]
@@ -72,7 +72,7 @@ def mutant(seed: int, number: int) -> tuple[str, bytes]:
     for _ in range(chance.choice([1, 1, 1, 2, 3])):
         try:
             data = chance.choice(ways)(chance, data)[:LARGEST]
-        except RecursionError:  # two deep nestings in one another; they can be read no more, and stay as they are
+        except RecursionError:  # nested too deeply to be parsed again; left as it is
             break
     if chance.random() < 0.02:
         name = chance.choice(["a.obj", "a.ply", "a.stl", "a.gltf", "a.glb", "a", "-x.glb", "\0.obj"])
@@ -100,7 +100,7 @@ def _cut(chance: random.Random, data: bytes) -> bytes:
 
 
 def _lengths(chance: random.Random, data: bytes) -> bytes:
-    """Put an odd number where four bytes are, best where a length is."""
+    """Replace four bytes, preferably a length, by an unusual number."""
     if len(data) < 24:
         return data
     broken = bytearray(data)
@@ -118,7 +118,7 @@ def _swap_parts(chance: random.Random, data: bytes) -> bytes:
 
 
 def _parts(data: bytes) -> tuple[dict[str, Any], bytes, bytes] | None:
-    """Return the JSON, the binary chunk and the rest, of a glTF that still has them."""
+    """Return the JSON, the binary chunk and the rest of a glTF; None if it cannot be parsed."""
     from tests.unit.assets.builders import unpack
 
     try:
@@ -139,7 +139,7 @@ def _joined(like: bytes, root: Any, binary: bytes, rest: bytes) -> bytes:
 
 
 def _places(value: Any) -> list[tuple[Any, ...]]:
-    """Return the paths to everything inside a JSON value, which may be nested deeper than Python calls."""
+    """Return the paths of all values inside a JSON value, without recursion, which could be too deep."""
     found: list[tuple[Any, ...]] = []
     todo: list[tuple[tuple[Any, ...], Any]] = [((), value)]
     while todo and len(found) < 20_000:
@@ -169,16 +169,16 @@ def _json_values(chance: random.Random, data: bytes) -> bytes:
             break
         *way, last = chance.choice(places)
         parent = _at(root, tuple(way))
-        deed = chance.randrange(10)
-        if deed == 0:
+        action = chance.randrange(10)
+        if action == 0:
             del parent[last]
-        elif deed == 1:
+        elif action == 1:
             parent[last] = json.loads(json.dumps(_at(root, chance.choice(places))))
-        elif deed == 2 and isinstance(parent, list):
+        elif action == 2 and isinstance(parent, list):
             parent += json.loads(json.dumps(parent)) * chance.choice([1, 1, 1, 20 if len(data) < 10_000 else 2])
-        elif deed == 3:
+        elif action == 3:
             parent[last] = _nested(chance)
-        elif deed == 4 and isinstance(parent[last], int):
+        elif action == 4 and isinstance(parent[last], int):
             parent[last] += chance.choice([-1, 1, 4, -4])
         else:
             parent[last] = _odd(chance, parent[last])
@@ -217,8 +217,8 @@ def _payload(chance: random.Random, data: bytes) -> bytes:
         if isinstance(start, int) and isinstance(length, int) and 0 <= start < start + length <= len(binary):
             span = (start, start + length)
     inside = binary[slice(*span)]
-    harm = chance.choice([_flip, _flip, _swap_parts])
-    changed = harm(chance, inside)[: len(inside)].ljust(len(inside), b"\0")
+    damage = chance.choice([_flip, _flip, _swap_parts])
+    changed = damage(chance, inside)[: len(inside)].ljust(len(inside), b"\0")
     if chance.random() < 0.1:
         changed = bytes(chance.choice([0, 1, 127, 255]) for _ in range(1)) * len(inside)
     return _joined(data, root, binary[: span[0]] + changed + binary[span[1] :], rest)
@@ -233,15 +233,15 @@ def _chunks(chance: random.Random, data: bytes) -> bytes:
         at += 8 + length
     if not chunks:
         return data
-    deed = chance.randrange(5)
-    if deed == 0:
+    action = chance.randrange(5)
+    if action == 0:
         chance.shuffle(chunks)
-    elif deed == 1:
+    elif action == 1:
         again = chance.choice(chunks)
         chunks += [again] * chance.choice([1, 3, 2000 if len(again) < 500 else 2])
-    elif deed == 2:
+    elif action == 2:
         chunks.pop(chance.randrange(len(chunks)))
-    elif deed == 3:
+    elif action == 3:
         at = chance.randrange(len(chunks))
         chunks[at] = chunks[at][:4] + chance.choice([b"JSON", b"BIN\0", b"XTRA", bytes(4)]) + chunks[at][8:]
     else:

@@ -1,9 +1,9 @@
-"""What a negative prompt does with the builtin prior: ``python -m bench.negative_prompts [--steps N] [--source NAME]``.
+"""Measure the effect of negative prompts: ``python -m bench.negative_prompts [--steps N] [--source NAME]``.
 
-For pairs of opposite attributes of a noun, the source is deformed by the noun alone, with neither, the one and the
-other as the negative prompt. The builtin judge, which shares nothing with the prior but the vocabulary, says for every
-result how much rather it sees the one attribute than the other, in nats. A negative prompt that works moves it to the
-other side.
+For pairs of opposite attributes of a noun, the source is deformed with the noun as prompt and three negative prompts:
+none, the noun with the first attribute, and with the second. For every result, the builtin judge, which shares only the
+vocabulary with the prior, gives the log likelihood ratio of the two attributes, in nats. An effective negative prompt
+moves it towards the other attribute.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Does the builtin prior know front from back? ``python -m bench.orientation [--timestep N] [--members N]``.
+"""Measure whether the prior tells front from back: ``python -m bench.orientation [--timestep N] [--members N]``.
 
-Its squared error of the clean picture where the prompt and the azimuth are all that it has to go by (a noisy timestep),
-with the true azimuth and with others, on members of the families that it has not seen. Ratios to the true azimuth.
+Computes its squared error of the clean picture at a noisy timestep, where it depends on prompt and azimuth alone, with
+the true azimuth and with others, on members of the families that it has not seen. Prints ratios to the true azimuth.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TURNS = (0.0, 90.0, 180.0, 270.0)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--timestep", type=int, default=960)
-    parser.add_argument("--members", type=int, default=3, help="of each noun")
+    parser.add_argument("--members", type=int, default=3, help="members per noun")
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)

@@ -1,7 +1,7 @@
-"""The pictures of the web page in the docs, made by a real browser on a real service.
+"""Take the pictures of the web page for the docs, with a real browser and a real service.
 
 python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png and web_phone.png
-python -m bench.page_pictures --job ID --url http://127.0.0.1:8765    of a service that runs, and a job of it
+python -m bench.page_pictures --job ID --url http://127.0.0.1:8765    from a running service and one of its jobs
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "is_mobile":
 
 @contextmanager
 def with_jobs(folder: Path, steps: int) -> Iterator[tuple[str, str]]:
-    """A service with finished jobs: its URL and one of them."""
+    """Run a service with finished jobs; yield its URL and the id of one of them."""
     with serving(folder) as service:
         jobs = []
         for seed, prompt in enumerate(PROMPTS):
@@ -50,7 +50,7 @@ def with_jobs(folder: Path, steps: int) -> Iterator[tuple[str, str]]:
 
 
 def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: str = "", **options: Any) -> None:
-    """Save a picture of a view once it is complete; `press` is the label of what is pressed before."""
+    """Save a picture of a view once it is complete; `press` is the label of the button to press before."""
     context = browser.new_context(base_url=url, reduced_motion="reduce", **options)
     context.set_default_timeout(2 * DEADLINE_MS)
     page: Page = context.new_page()
@@ -67,11 +67,11 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
 
 
 def main() -> None:
-    """Make the pictures."""
+    """Take the pictures of the web page."""
     parser = argparse.ArgumentParser(prog="python -m bench.page_pictures", description=main.__doc__)
-    parser.add_argument("--steps", type=int, default=200, help="of each job (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=200, help="steps of each job (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=PICTURES)
-    parser.add_argument("--url", default="", help="a service that runs; else one is started")
+    parser.add_argument("--url", default="", help="a running service; default: start one")
     parser.add_argument("--job", default="", help="a finished job of that service")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="meshdeform-pictures-") as folder, sync_playwright() as playwright:

@@ -1,11 +1,11 @@
-"""The Poisson solve with three factorisations: ``python bench/poisson.py [--subdivisions N ...] [--repeats N]``.
+"""Compare three factorisations for the Poisson solve: ``python bench/poisson.py [--subdivisions N ...] [--repeats N]``.
 
-* ours: QDLDL's factor, triangular solves compiled for three right-hand sides at once (what `PoissonSystem` uses)
-* qdldl: QDLDL's factor and its own solve, once for each coordinate
+* ours: QDLDL's factor, and triangular solves compiled for three right-hand sides at once (as in `PoissonSystem`)
+* qdldl: QDLDL's factor and its own solve, once per coordinate
 * splu: SuperLU in its symmetric mode
 
-All three factor the same grounded Laplacian in one run and take turns, so a busy machine slows them alike; read the
-ratios. Then the differentiable solve as a step of the optimisation sees it, forward and with its backward pass.
+All three factor the same grounded Laplacian alternately in one run, so other load affects them equally; compare the
+ratios. Then it measures the differentiable solve as in an optimisation step, forward and with its backward pass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from meshdeform.geometry.shapes import icosphere
 
 
 def medians_ms(actions: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Median milliseconds of each action, taken in turns after one warm-up."""
+    """Return the median milliseconds of each action, measured alternately after one warm-up."""
     times: dict[str, list[float]] = {name: [] for name in actions}
     for _ in range(repeats + 1):
         for name, action in actions.items():

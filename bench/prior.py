@@ -1,4 +1,4 @@
-"""What a step of score distillation costs with a prior, part by part.
+"""Measure the cost of a score distillation step with a prior, part by part.
 
     python -m bench.prior                         the builtin prior
     python -m bench.prior --model FOLDER_OR_ID    a Stable Diffusion checkpoint on this machine
@@ -26,7 +26,7 @@ from meshdeform.testing import build_tiny_stable_diffusion
 
 
 def median_seconds(action: Callable[[], object], device: torch.device, repeats: int) -> float:
-    """Median wall-clock time of `action` after one warm-up, with the device's queue drained."""
+    """Return the median wall-clock time of `action` after one warm-up, with the device's queue drained."""
     times = []
     for _ in range(repeats + 1):
         start = time.perf_counter()
@@ -38,7 +38,7 @@ def median_seconds(action: Callable[[], object], device: torch.device, repeats: 
 
 
 def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, float]:
-    """Median seconds of the parts of a step, and of the whole."""
+    """Return the median seconds of the parts of a step, and of the whole."""
     cameras = fixed_cameras(30.0, 15.0)
     side = 2 * prior.style.view_size
     guidance = ScoreDistillation(prior, prompt, guidance_scale=scale)
@@ -71,7 +71,7 @@ def parts(prior: Prior, prompt: str, scale: float, repeats: int) -> dict[str, fl
             ("whole step", step),
         )
     }
-    measured["encode a prompt (once a job)"] = median_seconds(lambda: prior.encode_texts(prompt, ""), device, repeats)
+    measured["encode a prompt (once per job)"] = median_seconds(lambda: prior.encode_texts(prompt, ""), device, repeats)
     return measured
 
 

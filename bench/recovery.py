@@ -1,9 +1,9 @@
-"""How long jobs wait when something dies: ``python -m bench.recovery [--times 7]``.
+"""Measure how long jobs wait after a failure: ``python -m bench.recovery [--times 7]``.
 
-A deployment of plain processes on PostgreSQL, with the default settings (a lease of 30 s), runs jobs whose steps cost
-nothing but 10 ms. Each fault strikes a running job so many times; printed are the median and the worst of the seconds
-from the fault to the moment at which the next worker has the job, or, where nothing was lost, at which it goes on. The
-seconds are this machine's where a process is started again; where a lease is waited for they are the lease's.
+A deployment of plain processes on PostgreSQL, with the default settings (a lease of 30 s), runs jobs whose steps only
+wait for 10 ms. Each fault hits a running job the given number of times. Printed are the median and the worst time from
+the fault until the next worker has the job or, if nothing was lost, until it continues. Times for restarting a process
+depend on the machine; times for waiting for a lease depend on its length.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEPS = 6000
 
 
 class Bench:
-    """One deployment, hit again and again."""
+    """One deployment, subjected to repeated faults."""
 
     def __init__(self, cluster: Cluster, postgres: PostgresServer) -> None:
         self.cluster, self.postgres = cluster, postgres
@@ -46,7 +46,7 @@ class Bench:
         return (event.at - after).total_seconds()
 
     def running(self) -> str:
-        """A job that runs."""
+        """Create a job and return its id once it runs."""
         job_id = self.cluster.submit(STEPS)
         self.cluster.at_step(job_id, 5)
         return job_id
@@ -59,7 +59,7 @@ class Bench:
         self.cluster.finished(job_id)
 
     def worker_killed(self) -> float:
-        """A first death: of those that follow soon the supervisor waits longer and longer, up to 30 s."""
+        """Kill the worker for the first time; after repeated deaths the supervisor waits longer, up to 30 s."""
         self.cluster.parts["worker"].stop()
         self.cluster.start_worker()
         job_id = self.running()
@@ -70,7 +70,7 @@ class Bench:
         return seconds
 
     def host_lost(self) -> float:
-        """Supervisor and worker fall silent; another supervisor is there."""
+        """Stop supervisor and worker, while another supervisor is running."""
         job_id = self.running()
         self.cluster.start_worker("other")
         until("the other is ready", lambda: "device" in self.cluster.parts["other"].log)
@@ -86,7 +86,7 @@ class Bench:
         return seconds
 
     def redis_emptied(self) -> float:
-        """A queued job's message is lost; a worker is free."""
+        """Lose the message of a queued job while a worker is free."""
         first = self.running()
         waiting = self.cluster.submit(STEPS)
         with redis.Redis.from_url(self.cluster.redis.url) as connection:
@@ -99,7 +99,7 @@ class Bench:
         return seconds
 
     def postgres_crashed(self) -> float:
-        """The running job's progress goes on being recorded."""
+        """Crash PostgreSQL; wait until the running job's progress is recorded again."""
         job_id = self.running()
         now = time.monotonic()
         self.postgres.kill()
@@ -112,7 +112,7 @@ class Bench:
         return seconds
 
     def step_hangs(self) -> float:
-        """The worker does no step; its supervisor waits for MESHDEFORM_STEP_TIMEOUT_S (here 5 s) first."""
+        """Hang a step; the supervisor waits for MESHDEFORM_STEP_TIMEOUT_S (here 5 s) first."""
         self.cluster.parts["worker"].stop()
         self.cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="5")
         job_id = self.running()
@@ -124,7 +124,7 @@ class Bench:
 
 
 def measure(name: str, times: int, once: Callable[[], float]) -> None:
-    """Print one row."""
+    """Measure one fault and print its row."""
     found = sorted(once() for _ in range(times))
     print(f"{name:<42}{times:>3}{statistics.median(found):>9.1f}{found[-1]:>9.1f}", flush=True)
 
@@ -133,10 +133,10 @@ def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=int, default=7)
-    parser.add_argument("--only", default="", help="words of the rows to measure; default: every row")
+    parser.add_argument("--only", default="", help="words in the names of the rows to measure; default: every row")
     options = parser.parse_args()
     times: int = options.times
-    # What the record's client says while its server is down is what is measured here.
+    # The record's client logs errors while its server is down, which is part of the measurement.
     logging.disable()
     base = Path(tempfile.mkdtemp(prefix="meshdeform-recovery-", dir="/tmp"))
     base.chmod(0o755)
@@ -153,7 +153,7 @@ def main() -> None:
         cluster.start_api()
         cluster.start_worker()
         bench = Bench(cluster, server)
-        print(f"{'seconds from the fault until a job goes on':<42}{'n':>3}{'median':>9}{'worst':>9}")
+        print(f"{'seconds from the fault until a job continues':<42}{'n':>3}{'median':>9}{'worst':>9}")
         rows: list[tuple[str, int, Callable[[], float]]] = [
             ("worker process killed", times, bench.worker_killed),
             ("Redis emptied, one job queued", times, bench.redis_emptied),

@@ -1,11 +1,11 @@
-"""What one step costs, part by part: ``python bench/step.py [--subdivisions N] [--threads N] [--repeats N]``.
+"""Measure the cost of a step, part by part: ``python bench/step.py [--subdivisions N] [--threads N] [--repeats N]``.
 
-With ``--set name=value`` (a JSON value; several may be given) also the ratio of a whole step with other parameters to
-one without, the two in turn.
+With ``--set name=value`` (a JSON value; repeatable), also measures the ratio of a whole step with changed parameters to
+one without, alternating between them.
 
-Prints each part's share of a step of the builtin prior and its ratio to the network's forward pass, all measured in
-one run; the milliseconds are this machine's. The parts are timed one after the other on the same state, the whole
-step by itself, so that what the sum leaves out shows.
+Prints each part's share of a step of the builtin prior and its ratio to the network's forward pass, all measured in one
+run; milliseconds depend on the machine. The parts are timed one after the other on the same state and the whole step
+separately, so the remainder is visible.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def main() -> None:
 def ratio(
     mesh: TriangleMesh, guidance: ScoreDistillation, plain: ResolvedParams, other: ResolvedParams, repeats: int
 ) -> float:
-    """How much longer steps with other parameters take: the same number of each, in turn, over the same first steps."""
+    """Return the ratio of step times with other parameters, alternating over the same first steps."""
     runs = [iter(Deformation(mesh, guidance, params)) for params in (plain, other)]
     taken = [0.0, 0.0]
     for _ in range(3 * repeats):

@@ -1,1 +1,1 @@
-"""What makes a release: its files, what they hold, what they depend on and under which licences."""
+"""Build a release, and check its contents, dependencies and licences."""

@@ -3,8 +3,8 @@
     python -m release.build                  # into dist/
     python -m release.build --out somewhere
 
-The wheel is built from the source distribution, so what is missing there is missed here. The same commit gives the same
-bytes (SOURCE_DATE_EPOCH is the commit's date). A release that lacks a part, or has one too many, is not made.
+The wheel is built from the source distribution, so files missing from that are noticed. The same commit gives the same
+bytes (SOURCE_DATE_EPOCH is the commit's date). A release with missing or unexpected files is refused.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ NEEDED = (
     "*.dist-info/licenses/LICENSE",
     "*.dist-info/entry_points.txt",
 )
-"""What a wheel must hold, as patterns of its file names."""
+"""Required contents of a wheel, as patterns of file names."""
 
 _ALLOWED = ("meshdeform/*", "service/*", "worker/*", "*.dist-info/*")
 _STRAY = ("*.pyc", "*__pycache__*", "*.log", "*.db", "*.orig", "*/node_modules/*", "*.map")
 MAX_WHEEL_BYTES = 25_000_000
-"""More than that is a mistake: the prior and the page are a third of it."""
+"""Upper limit of the wheel's size; the prior and the page take a third of it."""
 
 
 def build(out: Path) -> list[Path]:
-    """Build everything into a folder.
+    """Build all files of a release into a folder.
 
     Parameters
     ----------
     out : Path
-        Made if it is not there.
+        Created if missing.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def build(out: Path) -> list[Path]:
     Raises
     ------
     SystemExit
-        The release is not as it must be; nothing is left in `out`.
+        The wheel has missing or unexpected contents; nothing is left in `out`.
     """
     out.mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "SOURCE_DATE_EPOCH": _moment()}
@@ -74,7 +74,7 @@ def build(out: Path) -> list[Path]:
         wheel = next(Path(aside).glob("*.whl"))
         wrong = wrong_with(wheel)
         if wrong:
-            raise SystemExit("release/build.py: the wheel is not as it must be:\n" + "\n".join(wrong))
+            raise SystemExit("release/build.py: the wheel has wrong contents:\n" + "\n".join(wrong))
         bill = Path(aside) / f"meshdeform-{__version__}.cdx.json"
         command = [sys.executable, "-m", "release.sbom", "-o", str(bill)]
         subprocess.run(command, check=True, env=environment, cwd=_ROOT)
@@ -85,7 +85,7 @@ def build(out: Path) -> list[Path]:
 
 
 def wrong_with(wheel: Path) -> list[str]:
-    """What a wheel lacks or has too many, a sentence each; nothing if it is as it must be."""
+    """Return a description of everything that a wheel lacks or has in excess; empty if it is correct."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     wrong = [f"lacks {pattern}" for pattern in NEEDED if not any(fnmatch(name, pattern) for name in names)]
@@ -101,7 +101,7 @@ def _any(name: str, patterns: tuple[str, ...]) -> bool:
 
 
 def _moment() -> str:
-    """When the commit was made, in seconds since 1970: files in archives get this time."""
+    """Return the commit's time in seconds since 1970, which files in archives get."""
     if "SOURCE_DATE_EPOCH" in os.environ:
         return os.environ["SOURCE_DATE_EPOCH"]
     done = subprocess.run(["git", "log", "-1", "--format=%ct"], cwd=_ROOT, check=True, capture_output=True, text=True)
@@ -114,7 +114,7 @@ def _sha256(path: Path) -> str:
 
 
 def main() -> None:
-    """Build, and say what was made."""
+    """Build a release and print its files."""
     parser = argparse.ArgumentParser(description="Build a release.")
     parser.add_argument("--out", type=Path, default=_ROOT / "dist", help="folder to put the files into (default: dist)")
     for path in build(parser.parse_args().out):

@@ -1,7 +1,7 @@
-"""What Meshdeform depends on, and under which licences.
+"""List the dependencies of Meshdeform and check their licences.
 
-Licences that ask something of the whole work (GPL, AGPL, LGPL) or forbid its commercial use are not accepted;
-file-level copyleft (MPL) asks nothing of the files beside it and is.
+Licences that impose conditions on the whole work (GPL, AGPL, LGPL) or forbid commercial use are not accepted;
+file-level copyleft (MPL), which does not affect other files, is.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from packaging.utils import canonicalize_name
 __all__ = ["dependencies", "forbidden", "licence"]
 
 _FORBIDDEN = re.compile(r"\b[AL]?GPL|General Public|\bSSPL|CC-BY-(NC|SA)|non-?commercial", re.IGNORECASE)
-# An exception takes the demand back for the run-time libraries that compiled wheels carry.
+# These exceptions permit the run-time libraries in compiled wheels.
 _EXCEPTION = re.compile(r"[AL]?GPL[\w.+-]* WITH (GCC-exception|Autoconf-exception|Bootloader-exception)[\w.-]*")
 
 
 def dependencies(extra: str, name: str = "meshdeform") -> dict[str, set[str]]:
-    """Every distribution that `name[extra]` needs in this environment, itself among them.
+    """Return every distribution that `name[extra]` needs in this environment, including itself.
 
     Parameters
     ----------
     extra : str
-        Of the distribution `name`; "" for none.
+        An extra of the distribution `name`; "" for none.
 
     Returns
     -------
-    By canonical name, the canonical names of what each one needs directly. What is for another platform or Python,
-    and so not installed, is left out.
+    The canonical names of each one's direct dependencies, by its canonical name. Dependencies for another platform or
+    Python, which are not installed, are left out.
     """
     found: dict[str, set[str]] = {}
     done: set[tuple[str, str]] = set()
@@ -54,12 +54,12 @@ def dependencies(extra: str, name: str = "meshdeform") -> dict[str, set[str]]:
 
 
 def licence(name: str) -> str:
-    """What a distribution says of its licence: the most exact statement that it makes, or "".
+    """Return the most precise statement of a distribution about its licence, or "".
 
     Raises
     ------
     importlib.metadata.PackageNotFoundError
-        It is not installed.
+        The distribution is not installed.
     """
     meta = metadata.metadata(name)
     classifiers = [line for line in meta.get_all("Classifier") or [] if line.startswith("License ::")]
@@ -68,5 +68,5 @@ def licence(name: str) -> str:
 
 
 def forbidden(text: str) -> bool:
-    """Whether a statement of a licence names one that may not ship."""
+    """Return whether a licence statement names a licence that is not accepted."""
     return bool(_FORBIDDEN.search(_EXCEPTION.sub("", text)))

@@ -1,10 +1,10 @@
-"""The software bill of materials: what is in a release and what it needs, with versions and licences.
+"""Write the software bill of materials: contents and dependencies of a release, with versions and licences.
 
     python -m release.sbom -o meshdeform.cdx.json
 
 CycloneDX 1.6 in JSON (https://cyclonedx.org/docs/1.6/json/), by the OWASP library. It describes this environment:
-the versions that are installed, of everything that `meshdeform[all]` needs, and the libraries that lie in the web page.
-The same environment gives the same file.
+the installed versions of everything that `meshdeform[all]` needs, and the libraries in the web page. The same
+environment gives the same file.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ __all__ = ["bill_of_materials", "main"]
 
 _VENDORED = Path(__file__).resolve().parents[1] / "service/web/vendor/manifest.json"
 _NAMESPACE = uuid.UUID("7d3c2f0e-51a5-4f0b-9d0c-2a51b2f7c8e4")
-# Classifiers that name exactly one licence; "BSD License" for example does not.
+# Classifiers that name exactly one licence, unlike "BSD License" for example.
 _SPDX = {
     "License :: OSI Approved :: MIT License": "MIT",
     "License :: OSI Approved :: Apache Software License": "Apache-2.0",
     "License :: OSI Approved :: Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
     "License :: OSI Approved :: ISC License (ISCL)": "ISC",
 }
-_LONGEST_NAME = 120  # of a licence; some distributions put its whole text there
+_LONGEST_NAME = 120  # of a licence; some distributions give its whole text as the name
 
 
 def bill_of_materials() -> str:
@@ -51,7 +51,7 @@ def bill_of_materials() -> str:
     Raises
     ------
     SystemExit
-        Something has no licence that we can read, or one that may not ship.
+        A component has no recognisable licence, or one that is not accepted.
     """
     graph = dependencies("all")
     factory = LicenseFactory()
@@ -60,12 +60,12 @@ def bill_of_materials() -> str:
     root.type = ComponentType.APPLICATION
     vendored = _vendored(factory)
     refused = [
-        f"{part.name}: {texts or 'says nothing of its licence'}"
+        f"{part.name}: {texts or 'states no licence'}"
         for part in [*parts.values(), *vendored]
         if not (texts := "; ".join(str(_text(found)) for found in part.licenses)) or forbidden(texts)
     ]
     if refused:
-        raise SystemExit("release/sbom.py: these licences may not ship:\n" + "\n".join(refused))
+        raise SystemExit("release/sbom.py: these licences are not accepted:\n" + "\n".join(refused))
     bom = Bom(components=[*parts.values(), *vendored])
     bom.metadata.component = root
     moment = int(os.environ.get("SOURCE_DATE_EPOCH", "0"))
@@ -98,7 +98,7 @@ def _distribution(name: str, factory: LicenseFactory) -> Component:
 
 
 def _vendored(factory: LicenseFactory) -> list[Component]:
-    """The libraries in the page, as their manifest lists them: the packages, and what others put into those."""
+    """Return the libraries in the page from their manifest: the packages, and third-party code in them."""
     manifest = json.loads(_VENDORED.read_text())
     found = []
     for package in manifest["packages"]:
@@ -141,7 +141,7 @@ def _text(found: object) -> str | None:
 
 
 def main() -> None:
-    """Write the document."""
+    """Write the bill of materials."""
     parser = argparse.ArgumentParser(description="Write the software bill of materials.")
     parser.add_argument("-o", "--output", type=Path, help="file to write (default: standard output)")
     output = parser.parse_args().output

@@ -1,1 +1,1 @@
-"""Pages of the documentation, and parts of pages, that are made from the code."""
+"""Generate pages of the documentation, and parts of pages, from the code."""

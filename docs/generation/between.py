@@ -1,4 +1,4 @@
-"""A part of a page that is otherwise written by hand: what lies between two comments."""
+"""Replace the generated part of a page, between two comments; the rest is written by hand."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ END = "<!-- until here -->\n"
 
 
 def begin(source: str) -> str:
-    """The comment that the part begins with."""
+    """Return the comment at the beginning of the generated part."""
     return f"<!-- from {source}, by python docs/generate.py -->\n"
 
 
 def renewed(text: str, source: str, part: str) -> str:
-    """Return a page with its part renewed.
+    """Return a page with its generated part replaced.
 
     Parameters
     ----------
     text : str
-        The page as it is.
+        The current page.
     source : str
-        What the part is made from.
+        What the part is generated from.
     part : str
-        What shall be between the comments.
+        New text between the comments.
 
     Raises
     ------
     ValueError
-        The comments are not there.
+        The comments are missing.
     """
     before, opening, rest = text.partition(begin(source))
     _, closing, after = rest.partition(END)
     if not (opening and closing):
-        raise ValueError(f"the comments around what is made from {source} are gone")
+        raise ValueError(f"the comments around the part generated from {source} are missing")
     return f"{before}{opening}{part}{closing}{after}"

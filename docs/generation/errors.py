@@ -1,4 +1,4 @@
-"""The table in docs/troubleshooting.md: every error code with what it means and what to do, from the error classes."""
+"""Generate the table in docs/troubleshooting.md: every error code with its meaning and advice."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ SOURCE = "meshdeform/errors.py"
 
 
 def page(text: str) -> str:
-    """Return the page with its table renewed."""
+    """Return the page with its table regenerated."""
     return renewed(text, SOURCE, table())
 
 
 def table() -> str:
-    """Return one row for each code, by name."""
+    """Return a table of all codes, sorted by name."""
     rows = [
         f"| [{kind.code}](errors.md#{kind.code}) | {kind.status} | {_cell(kind.__doc__ or '')} | {_cell(kind.advice)} |"
         for kind in sorted(_below(MeshdeformError), key=lambda kind: kind.code)
@@ -23,7 +23,7 @@ def table() -> str:
 
 
 def _below(kind: type[MeshdeformError]) -> set[type[MeshdeformError]]:
-    """The class and all below it that the errors module itself defines."""
+    """Return the class and all its subclasses that the errors module defines."""
     found = {kind}
     for child in kind.__subclasses__():
         if child.__module__ == MeshdeformError.__module__:

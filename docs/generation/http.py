@@ -1,6 +1,6 @@
-"""docs/http_reference.md: every operation and document of the HTTP API, from the OpenAPI document.
+"""Generate docs/http_reference.md: every operation and document of the HTTP API, from the OpenAPI document.
 
-What the operations are for, and how they go together, is told by hand in docs/http.md.
+docs/http.md, written by hand, explains the purpose of the operations and how to combine them.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ _HEAD = """\
 # HTTP reference
 
 This page is generated from the OpenAPI document by `python docs/generate.py`. The document itself is in the repository
-as `openapi/openapi.json`, and every running service has it at `/openapi.json`. What the operations are for is told in
-[http.md](http.md), what the parameters of a job mean in [parameters.md](parameters.md), what each error means in
-[errors.md](errors.md).
+as `openapi/openapi.json`, and every running service has it at `/openapi.json`. [http.md](http.md) explains the
+operations, [parameters.md](parameters.md) the parameters of a job, and [errors.md](errors.md) the errors.
 
 Every error is an `application/problem+json` document, [Problem](#problem).
 """
@@ -92,7 +91,7 @@ def _document(name: str, schema: dict[str, Any]) -> str:
 
 
 def _found(value: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """What a reference leads to; anything else is itself."""
+    """Resolve a reference; return anything else unchanged."""
     while "$ref" in value:
         *way, name = value["$ref"].removeprefix("#/").split("/")
         place: dict[str, Any] = document

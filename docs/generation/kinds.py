@@ -1,4 +1,4 @@
-"""Write what docs/http.md says of the kinds of job: the files that each reads and the artifacts that it writes."""
+"""Generate the tables in docs/http.md of the files and artifacts of each kind of job."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ __all__ = ["page"]
 
 
 def page(text: str) -> str:
-    """Return docs/http.md with its tables of files and artifacts renewed."""
+    """Return docs/http.md with its tables of files and artifacts regenerated."""
     return renewed(text, "meshdeform/runs", "\n".join(tables(kind) for kind in kinds()))
 
 
 def tables(kind: Kind) -> str:
-    """Return what a kind reads and writes."""
+    """Return the tables of the files that a kind reads and writes."""
     reads = [f"| `{each.name}` | {'yes' if each.required else 'no'} | {each.summary} |" for each in kind.reads]
     writes = [f"| `{each.name}` | `{each.media_type}` | {each.summary} |" for each in kind.artifacts]
     lines = [f"The kind `{kind.name}`. {kind.summary} It reads:", "", "| part | required | |", "|---|---|---|", *reads]

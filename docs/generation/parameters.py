@@ -25,7 +25,7 @@ _BOUNDS = {
     "maxLength": "length at most",
     "maxProperties": "entries at most",
 }
-# What a target mesh leaves without a meaning.
+# Parameters without a meaning for a target mesh.
 _OF_SDS = (
     *("guidance_scale", "guidance_rescale"),
     *("timestep_min", "timestep_max", "timestep_max_end"),
@@ -36,7 +36,7 @@ INTRODUCTION = """\
 
 This page is generated from `meshdeform/requests/` by `python docs/generate.py`.
 
-A job is asked for with one JSON document: the part `request` of `POST /v1/jobs`. Everything may be left out, except the
+A job is described by one JSON document: the part `request` of `POST /v1/jobs`. Every member is optional, except the
 prompt of a job that is guided by one. Unknown members are refused.
 
 ```json
@@ -47,19 +47,19 @@ prompt of a job that is guided by one. Unknown members are refused.
 PRESETS = """\
 ## Presets
 
-A preset fills what was left out. Which values it fills depends on what guides the job: the builtin demonstration prior,
-a Stable Diffusion model, or a target mesh. `paper` has the published values; the builtin prior needs its own guidance
-scale.
+A preset provides the parameters that were left out. Its values depend on what guides the job: the builtin demonstration
+prior, a Stable Diffusion model, or a target mesh. `paper` has the published values; the builtin prior needs its own
+guidance scale.
 """
 
 
 def wrapped(text: str) -> str:
-    """Return the text in lines of at most 118 characters."""
+    """Wrap a text to lines of at most 118 characters."""
     return textwrap.fill(text, 118, break_on_hyphens=False, break_long_words=False)
 
 
 def bounds(schema: dict[str, Any]) -> str:
-    """Return the bounds that a member's JSON schema states, in words."""
+    """Return the bounds in a member's JSON schema, in words."""
     stated = schema | next((kind for kind in schema.get("anyOf", []) if kind.get("type") != "null"), {})
     return ", ".join(f"{words} {stated[name]:,}" for name, words in _BOUNDS.items() if name in stated)
 
@@ -73,14 +73,14 @@ def default(field: FieldInfo) -> str:
 
 
 def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = ()) -> str:
-    """Return one heading for each field of a model."""
+    """Return a section for each field of a model."""
     schemas = model.model_json_schema()["properties"]
     parts = []
     for name, field in model.model_fields.items():
         if name in without:
             continue
         limits = bounds(schemas[name])
-        # Where the default is not a value, the description itself says what it is.
+        # If the default is not a value, the description explains it.
         facts = [] if "Default:" in (field.description or "") else [f"Default: {default(field)}."]
         facts += [f"Bounds: {limits}."] if limits else []
         parts.append(f"### {prefix}{name}\n\n{wrapped(field.description or '')}\n\n{' '.join(facts)}\n")
@@ -88,12 +88,12 @@ def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = (
 
 
 def shown(value: float | str) -> str:
-    """A parameter's value in a table: a number, or a name to choose."""
+    """Format a parameter's value for a table: a number, or the name of a choice."""
     return f"`{value}`" if isinstance(value, str) else f"{value:g}"
 
 
 def presets() -> str:
-    """Return the table of what each preset fills in for each kind of guidance."""
+    """Return the table of the values of each preset for each kind of guidance."""
     columns = [(family, preset) for family in FAMILIES for preset in Preset]
     resolved = [resolve(DeformParams(preset=preset, **FAMILIES[family])) for family, preset in columns]
     optional = [name for name in DeformParams.model_fields if name in FROM_PRESET]

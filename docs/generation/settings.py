@@ -1,4 +1,4 @@
-"""The table in docs/configuration.md: every setting with its kind, default and bounds, from the settings class."""
+"""Generate the table in docs/configuration.md: every setting with its kind, default and bounds."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _KINDS = {"string": "text", "integer": "whole number", "number": "number", "arra
 
 
 def page(text: str) -> str:
-    """Return the page with its table renewed."""
+    """Return the page with its table regenerated."""
     return renewed(text, SOURCE, table())
 
 
 def table() -> str:
-    """Return one row for each setting, in the order of the class."""
+    """Return a table of all settings, in the order of the class."""
     schema = Settings.model_json_schema()["properties"]
     rows = [
         f"| [MESHDEFORM_{name.upper()}](#{_anchor(name)}) | {_kind(schema[name])} | {_default(name)} | "
@@ -46,5 +46,5 @@ def _default(name: str) -> str:
 
 
 def _text(text: str) -> str:
-    # Names of other settings lead to their own sections.
+    # Link names of other settings to their sections.
     return re.sub(r"MESHDEFORM_([A-Z_]+)", lambda found: f"[{found[0]}](#{_anchor(found[1].lower())})", text)

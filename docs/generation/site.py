@@ -1,4 +1,4 @@
-"""What the site does to pages before it shows them: the hooks of MkDocs."""
+"""Define hooks of MkDocs that process pages of the site."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["on_page_markdown"]
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
-    """Put the changelog, which lies beside the folder and not in it, onto its page."""
+    """Insert the changelog, which is outside the docs folder, into its page."""
     if page.file.src_uri != "changes.md":
         return markdown
     return (

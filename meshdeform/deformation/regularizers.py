@@ -6,7 +6,7 @@ over the rest surface of area A:
 
 * jacobian   1/A  sum_f |f| ||J_f - I||^2                       the published mean, weighted by area
 * laplacian  1/4pi  sum_v m_v ||(M^-1 L u)_v||^2                 the integral of |Delta u|^2 of the displacement u;
-  it has no unit, and a detail of the rest shape costs nothing, only its bending away from where it was
+  dimensionless; details of the rest shape cost nothing, only bending relative to it
 * normal     1/A  sum_e a_e max(0, g_e(1 - cos t_e) - g_e(1 - cos t_e0))    t_e the signed angle between the normals of
   the two faces, t_e0 at rest (0 where t_e has the other sign); g_e(c) = h(r_e^2 c) + r_e (c^2 - h(c)); r_e = d_0 / d_e,
   d_e the distance between their centroids at rest, d_0 that distance on a uniform mesh of 5,000 faces; a_e the edge's
@@ -15,15 +15,15 @@ over the rest surface of area A:
   plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
   from crossing this barrier
 
-The normal term measures against rest: a crease costs nothing unless it becomes sharper than it was, or turns over. It
-is the published energy less what rest has of it, so it stops sharp corners from growing into spikes as hard as the
-published term does, without pulling them flat. A term in the change of the angle alone was tried: it is weak where a
-corner of a cube begins to fold, and the guard then holds the whole shape.
+The normal term is relative to rest: a crease costs nothing unless it becomes sharper than at rest or folds to the other
+side. It is the published energy minus its value at rest, so it resists the growth of sharp corners into spikes like the
+published term, but does not flatten them. A term in the change of the angle alone was tried: it is weak where a corner
+of a cube begins to fold, and the guard then holds back the whole shape.
 
-It is independent of resolution in both kinds of bending. A smooth one has t_e in proportion to d_e and so c to d_e^2:
-r_e^2 c stays the same as the mesh is refined, the a_e add up to the area, and the second part of g is zero. A crease
-bends by the same angle at every resolution, while the area beside it shrinks as d_e: there g is r_e c^2 but for
-3 y_0^2 (r_e - 1). At the reference resolution, r_e = 1, the value is exactly the published (1 - n_i . n_j)^2 where the
+The term is independent of resolution for both kinds of bending. Under smooth bending, t_e is proportional to d_e and c
+to d_e^2: r_e^2 c does not change as the mesh is refined, the a_e add up to the area, and the second part of g is zero.
+A crease bends by the same angle at every resolution, while the area beside it shrinks as d_e: there g is r_e c^2 except
+for 3 y_0^2 (r_e - 1). At the reference resolution, r_e = 1, the value is exactly the published (1 - n_i . n_j)^2 if the
 rest surface is flat.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 9 to 13; Gao et al. 2023, TextDeformer; Grinspun et al. 2003, Discrete
@@ -51,7 +51,7 @@ REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
 _CREASE = 1 - math.cos(math.radians(15))
-"""y_0: on the reference mesh, a change of more than 15 degrees between neighbours counts as a crease."""
+"""y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
 _LEAST_DETERMINANT = 1e-16
 """Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
 
@@ -110,15 +110,15 @@ class Regularizers:
         return bent.square().sum() / (4 * math.pi)
 
     def normal(self, verts: Tensor) -> Tensor:
-        """Return the bending of neighbouring faces beyond rest: an area-weighted mean, dimensionless.
+        """Return the bending of neighbouring faces beyond rest: a dimensionless, area-weighted mean.
 
         Neighbours are two faces at an edge of no other face; if their winding is inconsistent, one normal is flipped.
         """
         bend = self._bend(verts)
-        # Bent the other way than at rest, an edge has no crease to be measured from.
+        # At an edge that bends to the other side than at rest, all bending counts.
         same_way = bend[:, 1] * self._rest_bend[:, 1] > 0
         at_rest = torch.where(same_way, self._rest_energy, 0.0)
-        # A face that collapsed on the way has a zero normal and costs a constant.
+        # A face that has collapsed since has a zero normal and a constant cost.
         beyond = (self._energy((1 - bend[:, 0]).clamp_min(0)) - at_rest).clamp_min(0)
         return (self._edge_weights * beyond).sum()
 
@@ -154,7 +154,7 @@ class Regularizers:
 
 
 def _smooth_part(y: Tensor) -> Tensor:
-    """Return h: the square up to a crease, in proportion to the root beyond, with one derivative."""
+    """Return h(y): y^2 up to y_0, proportional to the square root plus a constant beyond; h' is continuous."""
     beyond = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
     return torch.where(y < _CREASE, y.square(), beyond)
 

@@ -29,7 +29,7 @@ def test_setup_refuses_a_profile_that_does_not_exist(repository: Path, tmp_path:
         check=False,
     )
     assert done.returncode == 1
-    assert "say run, serve or dev" in done.stderr
+    assert "use run, serve or dev" in done.stderr
     assert not (tmp_path / "venv").exists()
 
 

@@ -27,7 +27,7 @@ def checkpoint(tmp_path: Path) -> Path:
     folder = tmp_path / "checkpoint"
     documents = {
         "model_index.json": {"_class_name": "StableDiffusionPipeline"},
-        "scheduler/scheduler_config.json": {},
+        "scheduler/scheduler_config.json": {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear"},
         "tokenizer/tokenizer.json": {},
         "text_encoder/config.json": {},
         "unet/config.json": {},
