@@ -108,7 +108,9 @@ def test_servers_that_are_ill_fail_each_with_advice(
     assert "MESHDEFORM_STORAGE_URL" in found["object store"]["advice"] or fault == "hang"
 
 
-@pytest.mark.parametrize(("wrong", "advice"), [("bucket", "Create the bucket"), ("secret", "Check the AWS_* variables")])
+@pytest.mark.parametrize(
+    ("wrong", "advice"), [("bucket", "Create the bucket"), ("secret", "Check the AWS_* variables")]
+)
 def test_a_store_that_refuses_is_named(
     wrong: str, advice: str, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
