@@ -35,7 +35,7 @@ def test_another_run_is_refused() -> None:
 
 @each_case("cut", [0, 3, 8, 100, -1])
 def test_torn_files_are_refused(cut: int) -> None:
-    with pytest.raises(CheckpointError, match="torn"):
+    with pytest.raises(CheckpointError, match="damaged"):
         load_checkpoint(dump_checkpoint(state(), "a")[:cut], "a")
 
 
@@ -49,7 +49,7 @@ def test_a_shape_is_for_any_run_with_the_same_asset() -> None:
     assert torch.equal(load_shape(data, "0f")["jacobians"], state().tensors["jacobians"])
     with pytest.raises(CheckpointError, match="another asset"):
         load_shape(data, "1e")
-    with pytest.raises(CheckpointError, match="torn"):
+    with pytest.raises(CheckpointError, match="damaged"):
         load_shape(data[:-1], "0f")
 
 
