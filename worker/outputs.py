@@ -76,7 +76,7 @@ class CheckpointStore:
         return data
 
     def due(self, step: int, every: int) -> bool:
-        """Whether step `step` shall be stored: by the interval, or because an earlier one could not be."""
+        """Return whether step `step` should be stored: by the interval, or because an earlier one could not be."""
         return (step % every == 0 or self._missed) and time.monotonic() >= self._not_before
 
     def try_to_save(self, run: JobRun, *, mesh: bool = True) -> bool:

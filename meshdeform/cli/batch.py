@@ -47,7 +47,7 @@ def batch(
     ],
     prompt: Annotated[
         list[str] | None,
-        typer.Option(help="With a folder: what each asset shall become; repeatable.", rich_help_panel=_WHAT),
+        typer.Option(help="With a folder: what each asset should become; repeatable.", rich_help_panel=_WHAT),
     ] = None,
     prompts_file: Annotated[
         Path | None,

@@ -29,7 +29,7 @@ def doctor(
     data_dir: Annotated[
         Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
     ] = None,
-    host: Annotated[str, typer.Option(help="Where `serve` shall listen.")] = DEFAULT_HOST,
+    host: Annotated[str, typer.Option(help="Where `serve` should listen.")] = DEFAULT_HOST,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Its port.")] = DEFAULT_PORT,
     timeout: Annotated[float, typer.Option(min=0.1, help="Seconds that one server may take to answer.")] = 5.0,
     url: UrlOption = None,

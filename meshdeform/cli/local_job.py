@@ -109,7 +109,7 @@ class LocalJob:
         }
 
     def _check_places(self) -> None:
-        """Make the folders and try them: nobody shall learn after the last step that there is no place for it."""
+        """Make the folders and try them: nobody should learn after the last step that there is no place for it."""
         outputs = self._outputs
         with _writing():
             for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):

@@ -29,7 +29,7 @@ def run(
         Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False, readable=True)
     ],
     prompt: Annotated[
-        str, typer.Argument(help='What it shall become, e.g. "a mushroom". Not needed with --target.')
+        str, typer.Argument(help='What it should become, e.g. "a mushroom". Not needed with --target.')
     ] = "",
     output: Annotated[
         Path | None,

@@ -129,7 +129,7 @@ def api(
         timeout_keep_alive=_KEEP_ALIVE_S,
         timeout_graceful_shutdown=_API_GRACE_S,
     )
-    # uvicorn raises the signal that stopped it once more when it is done; a clean stop shall be exit code 0.
+    # uvicorn raises the signal that stopped it once more when it is done; a clean stop must be exit code 0.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
     uvicorn.Server(config).run(sockets=[listening])
@@ -150,7 +150,7 @@ def worker(as_json: JsonOption = False) -> None:
 
 
 def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
-    """The settings, with `auth` decided by the address that the API shall listen on.
+    """The settings, with `auth` decided by the address that the API should listen on.
 
     Raises
     ------

@@ -34,7 +34,7 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False)],
     prompt: Annotated[
-        str, typer.Argument(help='What it shall become, e.g. "a mushroom". Not needed with --target.')
+        str, typer.Argument(help='What it should become, e.g. "a mushroom". Not needed with --target.')
     ] = "",
     preset: Annotated[
         Preset | None,

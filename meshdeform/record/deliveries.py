@@ -114,7 +114,7 @@ class Deliveries:
         without : collection of str
             Webhooks to pass over.
         each : int
-            At most so many for one webhook: one that answers slowly shall not hold up the others.
+            At most so many for one webhook: one that answers slowly must not hold up the others.
         """
         now = self._database.now()
         is_due = sa.and_(deliveries.c.state == "pending", deliveries.c.next_at <= now)

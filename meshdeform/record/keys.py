@@ -162,7 +162,7 @@ class KeyRing:
         key_id, secret = match.groups() if match else ("", "")
         with self._database.read() as connection:
             row = connection.execute(sa.select(api_keys).where(api_keys.c.id == key_id)).one_or_none()
-        # The same work whether there is such a key or not: the answer's time shall tell as little as its words.
+        # The same work whether there is such a key or not: the time to answer must reveal as little as its words.
         same = hmac.compare_digest(_digest(secret), row.secret_hash if row is not None else _NO_DIGEST)
         if row is None or not same or row.revoked_at is not None:
             raise UnauthorizedError("The API key is not valid.")

@@ -234,7 +234,7 @@ class Job(_Frozen):
 
     @property
     def prompt(self) -> str:
-        """What the asset shall become."""
+        """What the asset should become."""
         return self.request.prompt
 
     @property

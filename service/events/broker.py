@@ -77,7 +77,7 @@ class JobWaiters:
 
     @property
     def closing(self) -> bool:
-        """Whether the process ends: what waits shall come to its end now."""
+        """Whether the process ends: whatever waits must return now."""
         return self._closing
 
     @property

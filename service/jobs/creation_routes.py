@@ -94,7 +94,7 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
 @router.post(
     "",
     operation_id="create_job",
-    summary="Post an asset and say what it shall become",
+    summary="Post an asset and say what it should become",
     status_code=202,
     responses={
         200: {"model": JobView, "description": "Accepted, and over within the time of `Prefer`.", "headers": WAITED},

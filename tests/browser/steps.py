@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def open_form(page: Page) -> None:
     """Go to the form for a new job, and wait until it is all there."""
     page.goto("/")
-    page.get_by_role("heading", level=1, name="Say what it shall become").wait_for()
+    page.get_by_role("heading", level=1, name="Say what it should become").wait_for()
     page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
 
 

@@ -1,4 +1,4 @@
-"""What a batch shall do, as it is written: a table, or a folder of assets times prompts."""
+"""Read what a batch should do: a table, or a folder of assets times prompts."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def wishes_of_assets(place: Path, prompts: Sequence[str]) -> list[Wish]:
     """
     if not prompts:
         raise ParameterError(
-            f"{place} is no manifest, so it is not known what its assets shall become.",
+            f"{place} is no manifest, so it is not known what its assets should become.",
             advice="Give --prompt (repeatable) or --prompts-file; or a manifest as .csv, .tsv or .jsonl.",
         )
     assets = [place] if place.is_file() else sorted(p for p in place.iterdir() if p.suffix.lower() in ASSET_SUFFIXES)

@@ -51,7 +51,7 @@ export class CreateView {
       h(
         "div",
         { class: "intro" },
-        h("h1", null, "Say what it ", h("em", null, "shall become")),
+        h("h1", null, "Say what it ", h("em", null, "should become")),
         h("p", { class: "lead" }, "An asset and a prompt go in. The same asset comes back in a new shape, with its materials, UVs and hierarchy as they were."),
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
@@ -180,7 +180,7 @@ export class CreateView {
     const asset = this.assets.asset;
     const wish = this.settings.wish(this.prompt.value);
     if (!wish.prompt) {
-      this.prompt.refuse("Say what the asset shall become.");
+      this.prompt.refuse("Say what the asset should become.");
       this.prompt.input.focus();
       return;
     }
