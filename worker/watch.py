@@ -206,7 +206,7 @@ class JobWatch:
                 self._told, self._told_at = latest, time.monotonic()
 
     def _worth_telling(self, progress: Progress) -> bool:
-        """Return whether it should become an event: a job of many hours is not to leave a hundred thousand of them behind."""
+        """Return whether it should become an event; a job of many hours must not leave a hundred thousand of them."""
         told = self._told
         return (
             told is None

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals
-from meshdeform.geometry.operators import effective_face_areas, gradient_operator, sparse_product
+from meshdeform.geometry.operators import sparse_product
+from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["completed_jacobians", "identity_jacobians", "jacobians_from_verts"]
 
@@ -51,7 +52,7 @@ def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) ->
     return sparse_product(gradient_operator, verts).view(-1, 3, 3).mT.contiguous()
 
 
-def completed_jacobians(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> Tensor:
+def completed_jacobians(mesh: TriangleMesh, verts: Tensor) -> Tensor:
     """Compute Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
 
     ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
@@ -60,14 +61,16 @@ def completed_jacobians(rest_verts: Tensor, verts: Tensor, faces: Tensor) -> Ten
 
     Parameters
     ----------
-    rest_verts, verts : (V, 3) float64
-    faces : (F, 3) int64
+    mesh : TriangleMesh
+        At rest. Of a `RestMesh`, the operators are computed once however often this is called.
+    verts : (V, 3) float64
+        Deformed positions.
     """
-    rest = TriangleMesh(rest_verts, faces)
-    tangential = jacobians_from_verts(gradient_operator(rest), verts)
-    area_old = torch.from_numpy(effective_face_areas(rest))
+    rest = RestMesh.of(mesh)
+    tangential = jacobians_from_verts(rest.gradient, verts)
+    area_old = torch.from_numpy(rest.areas)
     solid = area_old > 0
-    stretch = (face_areas(verts, faces) / torch.where(solid, area_old, 1.0)).sqrt()
-    n_old, n_new = face_normals(rest_verts, faces), face_normals(verts, faces)
+    stretch = (face_areas(verts, rest.faces) / torch.where(solid, area_old, 1.0)).sqrt()
+    n_old, n_new = rest.normals, face_normals(verts, rest.faces)
     normal_part = (stretch[:, None] * n_new)[:, :, None] * n_old[:, None, :]
     return torch.where(solid[:, None, None], tangential + normal_part, torch.eye(3, dtype=torch.float64))

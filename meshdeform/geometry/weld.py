@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
-from meshdeform.geometry.mesh import TriangleMesh, edges_of
-from meshdeform.geometry.operators import effective_face_areas
+from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
 
@@ -29,7 +28,7 @@ class WeldedMesh:
 
     Attributes
     ----------
-    mesh : TriangleMesh
+    mesh : RestMesh
         The faces, and the welded vertices that they use.
     vertex_map : (N,) int64
         Welded vertex of each source vertex; -1 for unused source vertices.
@@ -40,7 +39,7 @@ class WeldedMesh:
         `degenerate_faces` (two corners are welded together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
     """
 
-    mesh: TriangleMesh
+    mesh: RestMesh
     vertex_map: NDArray[np.int64]
     face_source: NDArray[np.int64]
     skipped: dict[str, int]
@@ -99,13 +98,13 @@ def weld(
     renumber = np.full(len(points), -1, np.int64)
     renumber[kept] = np.arange(len(kept))
     vertex_map = np.where(merged >= 0, renumber[np.maximum(merged, 0)], -1)
-    mesh = TriangleMesh(
+    mesh = RestMesh(
         torch.from_numpy(points[kept].astype(np.float64)), torch.from_numpy(faces.reshape(-1, 3).astype(np.int64))
     )
-    areas = effective_face_areas(mesh)
+    areas = mesh.areas
     if not (areas > 0).any():
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
-    counts = edges_of(mesh.faces).counts
+    counts = mesh.edges.counts
     skipped = {
         "unreferenced_vertices": int((vertex_map < 0).sum()),
         "degenerate_faces": int((~solid).sum()),

@@ -18,7 +18,6 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.normals import transform_normals, transform_tangents
-from meshdeform.geometry.operators import effective_face_areas
 from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.guidance.base import Guidance
 from meshdeform.guidance.target import TargetGuidance, place_target
@@ -237,8 +236,8 @@ class TextDeformRun:
     def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
         """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""
         surface, rest = self._asset.surface, self._welded.mesh
-        jacobians = completed_jacobians(rest.verts, verts, rest.faces)
-        areas = torch.from_numpy(effective_face_areas(rest))
+        jacobians = completed_jacobians(rest, verts)
+        areas = torch.from_numpy(rest.areas)
         triangles = surface.triangles[self._welded.face_source]
         normals = transform_normals(surface.normals, triangles, jacobians, areas)
         tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)

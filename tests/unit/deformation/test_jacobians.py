@@ -32,7 +32,7 @@ def test_edges_go_to_edges(mesh: TriangleMesh) -> None:
     verts = noise(mesh)
     for jacobians in (
         jacobians_from_verts(gradient_operator(mesh), verts),
-        completed_jacobians(mesh.verts, verts, mesh.faces),
+        completed_jacobians(mesh, verts),
     ):
         for i, j in ((0, 1), (1, 2), (2, 0)):
             old = mesh.verts[mesh.faces[:, j]] - mesh.verts[mesh.faces[:, i]]
@@ -47,20 +47,20 @@ def test_the_maps_own_jacobian_forgets_the_normal_and_the_completed_one_scales_i
     plain = jacobians_from_verts(gradient_operator(mesh), verts)
     assert float((plain @ normals).abs().max()) < 1e-13
     stretch = (face_areas(verts, mesh.faces) / face_areas(mesh.verts, mesh.faces)).sqrt()
-    moved = (completed_jacobians(mesh.verts, verts, mesh.faces) @ normals)[:, :, 0]
+    moved = (completed_jacobians(mesh, verts) @ normals)[:, :, 0]
     torch.testing.assert_close(moved, stretch[:, None] * face_normals(verts, mesh.faces), atol=1e-12, rtol=0)
 
 
 @each_case("mesh", MESHES)
 def test_a_similarity_is_itself_on_every_face(mesh: TriangleMesh) -> None:
     similarity = 2.5 * rotation()
-    found = completed_jacobians(mesh.verts, mesh.verts @ similarity.T + 7, mesh.faces)
+    found = completed_jacobians(mesh, mesh.verts @ similarity.T + 7)
     torch.testing.assert_close(found, similarity.expand_as(found), atol=1e-12, rtol=0)
 
 
 def test_no_deformation_is_the_identity() -> None:
     mesh = torus()
-    found = completed_jacobians(mesh.verts, mesh.verts, mesh.faces)
+    found = completed_jacobians(mesh, mesh.verts)
     torch.testing.assert_close(found, identity_jacobians(len(mesh.faces)), atol=1e-13, rtol=0)
 
 
@@ -73,7 +73,7 @@ def test_jacobians_are_differentiable_in_the_vertices() -> None:
 def test_collapsed_faces_are_finite_before_and_after() -> None:
     verts = torch.tensor([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], dtype=torch.float64)
     faces = torch.tensor([[0, 1, 2], [0, 1, 3]])
-    found = completed_jacobians(verts, verts * torch.tensor([1.0, 0.0, 1.0], dtype=torch.float64), faces)
+    found = completed_jacobians(TriangleMesh(verts, faces), verts * torch.tensor([1.0, 0.0, 1.0], dtype=torch.float64))
     assert torch.equal(found[0], torch.eye(3, dtype=torch.float64))
     torch.testing.assert_close(found[1], torch.diag(torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)))
 

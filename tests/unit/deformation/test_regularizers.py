@@ -26,7 +26,7 @@ def smooth(verts: Tensor) -> Tensor:
 
 def penalties(mesh: TriangleMesh, verts: Tensor) -> dict[str, float]:
     regularizers = Regularizers(mesh)
-    jacobians = completed_jacobians(mesh.verts, verts, mesh.faces)
+    jacobians = completed_jacobians(mesh, verts)
     return {
         "jacobian": float(regularizers.jacobian(jacobians)),
         "laplacian": float(regularizers.laplacian(verts)),

@@ -30,7 +30,7 @@ def rotation() -> NDArray[np.float64]:
 def carried(
     mesh: TriangleMesh, new: Tensor, normals: NDArray[np.float64], triangles: NDArray[np.int64] | None = None
 ) -> NDArray[np.float64]:
-    jacobians = completed_jacobians(mesh.verts, new, mesh.faces)
+    jacobians = completed_jacobians(mesh, new)
     corners = mesh.faces.numpy() if triangles is None else triangles
     return transform_normals(normals, corners, jacobians, torch.from_numpy(effective_face_areas(mesh)))
 
@@ -110,7 +110,7 @@ def tangents_of(mesh: TriangleMesh) -> NDArray[np.float64]:
 def test_tangents_are_carried_perpendicular_with_their_handedness() -> None:
     mesh = icosphere(3)
     new, tangents = smooth_map(mesh.verts), tangents_of(mesh)
-    jacobians = completed_jacobians(mesh.verts, new, mesh.faces)
+    jacobians = completed_jacobians(mesh, new)
     areas = torch.from_numpy(effective_face_areas(mesh))
     corners = mesh.faces.numpy()
     normals = transform_normals(mesh.verts.numpy(), corners, jacobians, areas)
@@ -128,7 +128,7 @@ def test_tangents_without_deformation_and_missing_ones() -> None:
     mesh = icosphere(2)
     tangents = tangents_of(mesh)
     tangents[5] = np.nan
-    jacobians = completed_jacobians(mesh.verts, mesh.verts, mesh.faces)
+    jacobians = completed_jacobians(mesh, mesh.verts)
     areas = torch.from_numpy(effective_face_areas(mesh))
     for normals in (mesh.verts.numpy(), np.full(mesh.verts.shape, np.nan)):
         found = transform_tangents(tangents, normals, mesh.faces.numpy(), jacobians, areas)
