@@ -26,7 +26,7 @@ class JobKind(StrEnum):
     @classmethod
     def _missing_(cls, value: object) -> JobKind | None:
         # For pydantic, which keeps a list of its own and asks here for the rest.
-        found = cls._value2member_map_.get(value)
+        found = cls._value2member_map_.get(value) if isinstance(value, str) else None
         return found if isinstance(found, cls) else None
 
 

@@ -17,8 +17,7 @@ from starlette.staticfiles import StaticFiles
 from meshdeform.requests.document import DeformParams
 
 if TYPE_CHECKING:
-    from starlette.requests import Request
-    from starlette.types import Scope
+    from starlette.types import Receive, Scope, Send
 
 __all__ = ["PAGE_HEADERS", "routes"]
 
@@ -87,15 +86,16 @@ def _parameters() -> bytes:
     return json.dumps(DeformParams.model_json_schema()).encode()
 
 
-async def _get_parameters(request: Request) -> Response:
-    if request.app.state.app_state.settings.web == "off":
+async def _send_parameters(scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["app"].state.app_state.settings.web == "off":
         raise HTTPException(404)
-    return Response(_parameters(), headers=PAGE_HEADERS, media_type="application/json")
+    response = Response(_parameters(), headers=PAGE_HEADERS, media_type="application/json")
+    await response(scope, receive, send)
 
 
 _files = GZipMiddleware(_Page(directory=Path(__file__).parents[1] / "web", check_dir=False), compresslevel=6)
 # Plain routes, so that they are not in the OpenAPI document, which is about the API.
 routes = [
-    Route("/web/parameters.json", _get_parameters, methods=["GET"]),
+    Route("/web/parameters.json", GZipMiddleware(_send_parameters), methods=["GET"]),
     *(Route(path, _files, methods=["GET"]) for path in ("/", "/web/{path:path}")),
 ]

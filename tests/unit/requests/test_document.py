@@ -122,3 +122,9 @@ def test_a_parameter_of_an_earlier_version_is_refused_in_a_new_request_and_dropp
     with pytest.raises(ValidationError):
         JobRequest.model_validate(document)
     assert read_stored(document).params.model_dump(mode="json") == {"preset": "preview", "seed": 3}
+
+
+@each_case("kind", [{}, [None, None], 3, None, "no-such-kind"])
+def test_a_kind_that_is_no_kind_is_refused_whatever_its_type(kind: object) -> None:
+    with pytest.raises(ValidationError):
+        JobRequest.model_validate({"kind": kind, "prompt": "a mushroom"})
