@@ -33,6 +33,7 @@ def _built_in() -> list[Kind]:
 
 def register(kind: Kind) -> None:
     """Make a kind known, in place of one of the same name."""
+    kinds()  # the built-in ones come first, whoever is registered before anybody asks for them
     _registered[kind.name] = kind
     use_params(kind.name, kind.params)
 

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 from pydantic import Field, ValidationError
 
+from meshdeform import runs
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import ParameterError
 from meshdeform.record.ids import new_job_id
 from meshdeform.record.models import JobState, NewJob, StoredFile
+from meshdeform.requests import document
 from meshdeform.requests.document import JobKind, JobRequest, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
@@ -82,7 +84,7 @@ def load() -> StartRun:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def kind() -> Kind:
+def kind() -> Iterator[Kind]:
     made = Kind(
         name=JobKind.named("count"),
         summary="Counts a letter.",
@@ -94,7 +96,11 @@ def kind() -> Kind:
         artifacts=(ArtifactKind("count.txt", TEXT, "How often the letter was found."),),
     )
     register(made)
-    return made
+    yield made
+    # Other tests of this process, such as that of the generated pages, must not see it.
+    runs._registered.pop(made.name)
+    document._PARAMS.pop(made.name)
+    JobKind._value2member_map_.pop("count")
 
 
 def request(**params: object) -> JobRequest:
@@ -165,3 +171,11 @@ def test_a_worker_runs_it_from_a_checkpoint_to_its_artifacts(tmp_path: Path, kin
         assert (artifact.name, artifact.content_type) == (kind.artifacts[0].name, kind.artifacts[0].media_type)
         assert world.store.get(artifact.key) == b"2"
         assert JobView.of(done).as_json()["params"] == {"letter": "s"}
+
+
+def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(
+    kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runs, "_registered", {})
+    register(kind)
+    assert [known.name for known in runs.kinds()] == [JobKind.TEXT_DEFORM, kind.name]
