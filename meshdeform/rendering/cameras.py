@@ -25,7 +25,6 @@ __all__ = [
     "Framing",
     "fixed_cameras",
     "sample_orthogonal_cameras",
-    "sample_random_cameras",
 ]
 
 NUM_VIEWS = 4
@@ -176,21 +175,6 @@ def sample_orthogonal_cameras(
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
     elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
     return fixed_cameras(azimuth, elevations, fov, fitting_radius=fitting_radius)
-
-
-def sample_random_cameras(
-    bounds: CameraRange, generator: torch.Generator, views: int = NUM_VIEWS, fitting_radius: float = UNIT_SPHERE
-) -> Cameras:
-    """Draw independent cameras: azimuths ~ U(-180, 180), elevations uniform, one field of view.
-
-    The paper compares its orthogonal views with these (Xu et al. 2024, section 5.3).
-    """
-    u = torch.rand(1 + 2 * views, generator=generator, dtype=torch.float64).tolist()
-    fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[0]
-    azimuths = tuple(-180 + 360 * a for a in u[1 : 1 + views])
-    span = bounds.elevation_max_deg - bounds.elevation_min_deg
-    elevations = tuple(bounds.elevation_min_deg + span * e for e in u[1 + views :])
-    return fixed_cameras(azimuths, elevations, fov, fitting_radius=fitting_radius)
 
 
 def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:

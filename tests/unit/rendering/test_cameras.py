@@ -13,7 +13,6 @@ from meshdeform.rendering.cameras import (
     Framing,
     fixed_cameras,
     sample_orthogonal_cameras,
-    sample_random_cameras,
 )
 from tests.cases import each_case
 
@@ -113,18 +112,6 @@ def test_rotation_part_is_orthonormal() -> None:
     torch.testing.assert_close(rotation @ rotation.mT, torch.eye(3).expand(4, 3, 3), atol=1e-6, rtol=0)
     assert torch.linalg.det(rotation).allclose(torch.ones(4), atol=1e-5)
     assert math.isclose(fixed_cameras(0.0, 30.0).eye[0, 1] / fixed_cameras(0.0, 30.0).eye[0].norm(), 0.5, rel_tol=1e-5)
-
-
-def test_random_cameras_stand_anywhere_and_say_where() -> None:
-    bounds = CameraRange(5.0, 25.0, 30.0, 45.0)
-    cameras = sample_random_cameras(bounds, torch.Generator().manual_seed(3), 7)
-    assert cameras.view_proj.shape == (7, 4, 4)
-    assert len(set(cameras.azimuths_deg)) == 7
-    assert all(-180 <= azimuth <= 180 for azimuth in cameras.azimuths_deg)
-    assert all(5.0 <= elevation <= 25.0 for elevation in cameras.elevation_deg)
-    for azimuth, elevation, eye in zip(cameras.azimuths_deg, cameras.elevation_deg, cameras.eye, strict=True):
-        assert math.degrees(math.atan2(eye[0], eye[2])) == pytest.approx(azimuth, abs=1e-3)
-        assert math.degrees(math.asin(eye[1] / eye.norm())) == pytest.approx(elevation, abs=1e-3)
 
 
 def test_orthogonal_cameras_name_each_views_azimuth() -> None:
