@@ -21,7 +21,7 @@ _PREFIX = "10.213.47"
 
 @dataclass(frozen=True)
 class Network:
-    """Namespaces on a bridge. The first one holds the bridge, and the process that made the network is in it.
+    """Namespaces on a bridge. The first one holds the bridge, and the thread that made the network is in it.
 
     Attributes
     ----------
@@ -54,6 +54,8 @@ class Network:
 @contextlib.contextmanager
 def network(names: Sequence[str]) -> Iterator[Network]:
     """Make hosts and enter the first one, for the block.
+
+    Use it only in a process of its own: threads that libraries start in the block stay in the namespace.
 
     Raises
     ------
