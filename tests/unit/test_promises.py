@@ -23,3 +23,14 @@ def test_every_test_file_that_a_page_names_exists() -> None:
     for page in sorted((ROOT / "docs").glob("*.md")):
         named = set(re.findall(r"`(?:tests/[\w/]*/)?(test_\w+\.py)`", page.read_text()))
         assert named <= files, f"{page.name} names {sorted(named - files)}"
+
+
+def test_every_file_on_the_walk_of_a_job_exists() -> None:
+    walk = (ROOT / "docs/architecture.md").read_text().partition("## The walk of one job")[2]
+    cells = [line.rsplit("|", 2)[1] for line in walk.splitlines() if line.startswith("|")]
+    named: list[str] = []
+    for cell in cells:
+        for folder, names, path in re.findall(r"`([\w/]+/)` \(([^)]*)\)|`([\w/.]+)`", cell):
+            named += [path] if path else [f"{folder}{name}.py" for name in re.findall(r"`(\w+)`", names)]
+    assert len(named) > 50
+    assert [path for path in named if not (ROOT / path).exists()] == []
