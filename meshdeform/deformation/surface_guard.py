@@ -6,7 +6,8 @@ shape of a run is intact, including the last one.
 
 Faults that the asset already has at rest are allowed. Faces that are folded at rest, or almost, may stay folded.
 Components that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may
-the faces around a place where a component cuts itself. Faces without area at rest cannot fold.
+the faces around places where a component cuts or touches itself (a lining in a shell). Faces without area at rest
+cannot fold.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch import Tensor
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.step_repair import StepRepair
 from meshdeform.deformation.variables import Variables
-from meshdeform.geometry.intersections import cutting_pairs
+from meshdeform.geometry.intersections import cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FOLD_MARGIN, FaceNeighbours
 from meshdeform.geometry.rest_mesh import RestMesh
@@ -31,9 +32,8 @@ EVERY_STEPS = 5
 """Steps between two checks. A check costs a quarter of a step to a whole one, and folds take a few steps to grow."""
 
 _LOOSE_RINGS = 2
-_CONTACT = 1e-4
-"""Components count as touching if they cut each other once vertices move by up to this share of the diagonal."""
-_CONTACT_DRAWS = 5
+_CONTACT, _CONTACT_OF_EDGE = 1e-4, 0.1
+"""Faces touch up to this share of the diagonal, and of their longest edge: in dense scans every face is near others."""
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -95,21 +95,20 @@ class SurfaceGuard:
         self._folded |= self._folds(verts, margin=FOLD_MARGIN)
         if self._kind is not Safeguard.INTERSECTIONS:
             return
-        cuts = cutting_pairs(verts, self._faces)
-        own = cuts[self._component[cuts[:, 0]] == self._component[cuts[:, 1]]]
+        contacts = touching_pairs(verts, self._faces, self._reach(verts))
+        own = contacts[self._component[contacts[:, 0]] == self._component[contacts[:, 1]]]
         reached = np.bincount(own.ravel(), minlength=len(self._faces)).astype(np.float64)
         for _ in range(_LOOSE_RINGS):
             reached = self._rest.face_adjacency @ reached
         self._loose |= reached > 0
-        keys = [self._meeting, self._keys(cuts)]
-        if self._component.max(initial=0) > 0:
-            # Components in contact need not cut each other exactly, but do under some small random displacements.
-            generator = np.random.default_rng(0)
-            reach = _CONTACT * float(np.linalg.norm(np.ptp(verts[np.unique(self._faces)], axis=0)))
-            for _ in range(_CONTACT_DRAWS):
-                disturbed = verts + generator.uniform(-reach, reach, verts.shape)
-                keys.append(self._keys(cutting_pairs(disturbed, self._faces)))
-        self._meeting = np.unique(np.concatenate(keys))
+        self._meeting = np.union1d(self._meeting, self._keys(contacts))
+
+    def _reach(self, verts: _Floats) -> _Floats:
+        """Return the distance (F,) up to which each face touches others."""
+        corners = verts[self._faces]
+        longest = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(2).max(1))
+        diagonal = float(np.linalg.norm(np.ptp(verts[np.unique(self._faces)], axis=0)))
+        return np.asarray(np.minimum(_CONTACT * diagonal, _CONTACT_OF_EDGE * longest))
 
     def _keys(self, pairs: _Index) -> _Index:
         """Return a unique key for each pair of different components among these pairs of faces (P, 2)."""

@@ -1,4 +1,4 @@
-"""Find the self-intersections of a triangle mesh: faces that cut another, and pairs that cut each other.
+"""Find the self-intersections of a triangle mesh: faces that cut another, pairs that cut or touch each other.
 
 Bounding boxes are swept along the longest axis. Two triangles cut each other if an edge of one passes through the
 other. The signs of five determinants decide this: the edge's ends lie on different sides of the plane, and the edge's
@@ -9,8 +9,10 @@ overlap do not count as cuts.
 Faces that share an edge cannot cut each other unless they are folded flat, and are not tested; of faces that share one
 vertex, each one's opposite edge is tested.
 
+Two triangles that do not cut each other are as far apart as their closest edges, or a corner and the other triangle.
+
 Sources: Guigue and Devillers 2003, Fast and Robust Triangle-Triangle Overlap Test; Shewchuk 1997, Adaptive Precision
-Floating-Point Arithmetic, for the error bound.
+Floating-Point Arithmetic, for the error bound; Ericson 2005, Real-Time Collision Detection, sections 5.1.5 and 5.1.9.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cutting_pairs", "intersecting_faces"]
+__all__ = ["cutting_pairs", "intersecting_faces", "touching_pairs"]
 
 _ERROR = 8.0e-16
 """Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
@@ -187,3 +189,140 @@ def _list_pairs(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, out:
                     out[found, 0], out[found, 1] = f, g
                 found += 1
     return found
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _dot(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> float:
+    """Return the scalar product of b - a and d - c."""
+    return float((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) + (b[2] - a[2]) * (d[2] - c[2]))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _squared_to_triangle(p: _Floats, a: _Floats, b: _Floats, c: _Floats) -> float:
+    """Return the squared distance of a point from a triangle's inside; infinite if its foot lies outside."""
+    bb, cc, bc = _dot(a, b, a, b), _dot(a, c, a, c), _dot(a, b, a, c)
+    pb, pc = _dot(a, p, a, b), _dot(a, p, a, c)
+    size = bb * cc - bc * bc
+    v, w = cc * pb - bc * pc, bb * pc - bc * pb
+    if size <= 0.0 or v < 0.0 or w < 0.0 or v + w > size:
+        return np.inf
+    v, w = v / size, w / size
+    total = 0.0
+    for i in range(3):
+        total += (p[i] - a[i] - v * (b[i] - a[i]) - w * (c[i] - a[i])) ** 2
+    return total
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _squared_between_edges(p: _Floats, q: _Floats, a: _Floats, b: _Floats) -> float:
+    """Return the squared distance between the segments p q and a b."""
+    dd, ee, de = _dot(p, q, p, q), _dot(a, b, a, b), _dot(p, q, a, b)
+    dr, er = _dot(p, q, a, p), _dot(a, b, a, p)
+    s, across = 0.0, dd * ee - de * de
+    if across > 0.0:
+        s = min(max((de * er - dr * ee) / across, 0.0), 1.0)
+    t = min(max((de * s + er) / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    if dd > 0.0:
+        s = min(max((de * t - dr) / dd, 0.0), 1.0)
+    total = 0.0
+    for i in range(3):
+        total += (p[i] + s * (q[i] - p[i]) - a[i] - t * (b[i] - a[i])) ** 2
+    return total
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _separated(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
+    """Return whether a plane across the line between the centres separates them: the quick rejection of neighbours."""
+    size = p_side = q_side = a_side = b_side = c_side = 0.0
+    for i in range(3):
+        d = (p[i] + q[i]) / 2 - (a[i] + b[i] + c[i]) / 3
+        size += d * d
+        p_side += p[i] * d
+        q_side += q[i] * d
+        a_side += a[i] * d
+        b_side += b[i] * d
+        c_side += c[i] * d
+    gap = min(p_side, q_side) - max(a_side, b_side, c_side)
+    return bool(gap > 0 and gap * gap > squared * size)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _edge_touches(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
+    """Return whether the segment p q comes as close as that to the triangle a b c."""
+    if _separated(p, q, a, b, c, squared):
+        return False
+    if _edge_cuts(p, q, a, b, c):
+        return True
+    near = min(_squared_to_triangle(p, a, b, c), _squared_to_triangle(q, a, b, c))
+    near = min(near, _squared_between_edges(p, q, a, b))
+    near = min(near, _squared_between_edges(p, q, b, c), _squared_between_edges(p, q, c, a))
+    return bool(near <= squared)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _faces_touch(verts: _Floats, f: _Index, g: _Index, reach: float) -> bool:
+    shared, at_f, at_g = 0, -1, -1
+    for i in range(3):
+        for j in range(3):
+            if f[i] == g[j]:
+                shared += 1
+                at_f, at_g = i, j
+    if shared >= 2:
+        return False
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        if (shared == 0 or i == at_f) and _edge_touches(
+            verts[f[j]], verts[f[k]], verts[g[0]], verts[g[1]], verts[g[2]], reach * reach
+        ):
+            return True
+        if (shared == 0 or i == at_g) and _edge_touches(
+            verts[g[j]], verts[g[k]], verts[f[0]], verts[f[1]], verts[f[2]], reach * reach
+        ):
+            return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _list_touching(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, reach: _Floats, out: _Index) -> int:
+    """Count the touching pairs, with grown boxes sorted by the lower end on the first axis; list what fits in `out`."""
+    found = 0
+    for f in range(len(faces)):
+        for g in range(f + 1, len(faces)):
+            if low[g, 0] > high[f, 0]:
+                break
+            if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
+                continue
+            if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
+                continue
+            if _faces_touch(verts, faces[f], faces[g], min(reach[f], reach[g])):
+                if found < len(out):
+                    out[found, 0], out[found, 1] = f, g
+                found += 1
+    return found
+
+
+def touching_pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
+    """Find the pairs of faces that cut each other or come close to it.
+
+    Parameters
+    ----------
+    verts : (V, 3) float64
+    faces : (F, 3) int64
+    reach : (F,) float64
+        Distance in object units up to which a face touches another; of a pair, the smaller one applies.
+
+    Returns
+    -------
+    (P, 2) int64
+        Each pair once, smaller index first, in ascending order. Faces with a common edge never touch; of faces with one
+        common vertex, the opposite edges count.
+    """
+    points, corners = np.ascontiguousarray(verts, np.float64), verts[faces]
+    low, high = corners.min(1) - reach[:, None], corners.max(1) + reach[:, None]
+    order = np.argsort(low[:, 0], kind="stable")
+    given = (points, np.ascontiguousarray(faces[order]), low[order], high[order], reach[order])
+    # Count before listing: the number of pairs is not bounded by the number of faces.
+    pairs = np.empty((_list_touching(*given, np.empty((0, 2), np.int64)), 2), np.int64)
+    _list_touching(*given, pairs)
+    found = np.sort(order[pairs], axis=1)
+    return np.asarray(found[np.lexsort((found[:, 1], found[:, 0]))])

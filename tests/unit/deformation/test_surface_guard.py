@@ -15,7 +15,9 @@ from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
-from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
 
@@ -171,3 +173,30 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
     cut = intersecting_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
     assert bool(folded) is (safeguard is Safeguard.NONE)
     assert bool(cut) is (safeguard is not Safeguard.INTERSECTIONS)
+
+
+def lined_box() -> TriangleMesh:
+    """A box with a lining that lies on its floor, in one piece: they have a few vertices in common."""
+    shell = box(10)
+    lining = TriangleMesh(shell.verts * 0.6 + torch.tensor([0.0, -0.2, 0.0]), shell.faces.flip(1))
+    both = join(shell, lining)
+    return weld(both.verts.numpy().round(9), both.faces.numpy()).mesh
+
+
+def test_surfaces_that_touch_at_rest_do_not_hold_their_component() -> None:
+    """A bend cuts coarse triangles that lie on each other through each other, however little it is."""
+    mesh = lined_box()
+    faces = mesh.faces.numpy()
+    assert int(RestMesh.of(mesh).num_components) == 1
+    variables = VertexDisplacements(PoissonSystem(mesh))
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, variables)
+    with torch.no_grad():
+        variables.tensors["displacements"][:, 1] += 0.02 * torch.sin(7 * mesh.verts[:, 0] + 2 * mesh.verts[:, 2])
+    assert intersecting_faces(variables.place().detach().numpy(), faces).sum() > 20
+    optimizer = Adam([{"params": list(variables.tensors.values()), "lr": 1.0}])
+    assert guard.correct(optimizer) == 0
+    # Elsewhere nothing is excused: the lid is pushed down through the lining.
+    with torch.no_grad():
+        lid = (mesh.verts[:, 1] > 0.49) & (mesh.verts[:, [0, 2]].abs().amax(1) < 0.25)
+        variables.tensors["displacements"][lid, 1] -= 0.6
+    assert guard.correct(optimizer) > 0

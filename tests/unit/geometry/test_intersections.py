@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
+from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
@@ -170,3 +172,52 @@ def test_nothing_to_compare() -> None:
     assert not intersecting_faces(np.eye(3), np.array([[0, 1, 2]])).any()
     assert not intersecting_faces(np.zeros((6, 3)), np.arange(6).reshape(2, 3)).any()
     assert cutting_pairs(np.zeros((0, 3)), np.zeros((0, 3), np.int64)).shape == (0, 2)
+
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+@each_case(
+    ("other", "distance"),
+    [
+        (TRIANGLE + [0.1, 0.1, 0.01], 0.01),  # above: a corner and a face
+        (TRIANGLE[[1, 2, 0]] * [1, 1, -1] + [0.2, 0.2, -0.03], 0.03),
+        (TRIANGLE + [1.5, 0.0, 0.0], 0.5),  # beside it: a corner and a corner
+        (np.array([[0.5, -0.2, -1.0], [0.5, -0.2, 1.0], [0.5, -2.0, 0.0]]), 0.2),  # edges that cross
+        (TRIANGLE * 0.5 + [0.1, 0.1, 0.0], 0.0),  # one in the plane of the other
+        (np.array([[0.2, 0.2, -1.0], [0.2, 0.2, 1.0], [5.0, 5.0, 0.0]]), 0.0),  # through it
+        (np.array([[2.0, 2.0, 0.0]] * 3), math.sqrt(4.5)),  # a point
+    ],
+)
+def test_triangles_touch_from_their_distance_on(other: NDArray[np.float64], distance: float) -> None:
+    verts, faces = np.concatenate([TRIANGLE, other]), np.arange(6).reshape(2, 3)
+    for reach, touching in ((distance + 1e-9, [[0, 1]]), (distance - 1e-9, [])):
+        if reach > 0:
+            assert touching_pairs(verts, faces, np.full(2, reach)).tolist() == touching
+            assert touching_pairs(verts, faces, np.array([9.0, reach])).tolist() == touching
+
+
+def test_faces_around_a_vertex_touch_only_where_they_lie_on_each_other() -> None:
+    fan, flat = icosphere(2), np.full(320, 1e-6)
+    assert len(touching_pairs(fan.verts.numpy(), fan.faces.numpy(), flat)) == 0
+    # Two triangles with a common corner, the second one within the first.
+    verts = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0], [0.5, 0.1, 0], [0.1, 0.5, 0]], np.float64)
+    pair = np.array([[0, 1, 2], [0, 3, 4]])
+    assert touching_pairs(verts, pair, np.full(2, 1e-9)).tolist() == [[0, 1]]
+    assert len(cutting_pairs(verts, pair)) == 0
+
+
+def test_pairs_that_touch_agree_with_all_pairs() -> None:
+    """A reach of 0.3 on a random soup, against distances of points sampled on every pair."""
+    generator = np.random.default_rng(5)
+    corners = generator.normal(size=(40, 1, 3)) * 2 + generator.normal(size=(40, 3, 3)) * 0.5
+    faces = np.arange(120).reshape(40, 3)
+    found = {tuple(pair) for pair in touching_pairs(corners.reshape(-1, 3), faces, np.full(40, 0.3)).tolist()}
+    grid = np.array([(i, j, 20 - i - j) for i in range(21) for j in range(21 - i)]) / 20
+    points = grid @ corners
+    for first in range(40):
+        for second in range(first + 1, 40):
+            squared = ((points[first][:, None] - points[second][None]) ** 2).sum(2).min()
+            near, far = squared < 0.3**2, squared > 0.45**2  # the samples are up to 0.15 apart
+            if near or far:
+                assert ((first, second) in found) == near
