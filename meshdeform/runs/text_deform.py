@@ -15,6 +15,7 @@ from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.normals import transform_normals, transform_tangents
@@ -26,6 +27,7 @@ from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import ArtifactData, StepReport
+from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.runs.text_report import RunFacts, build_report, read_result
@@ -157,6 +159,7 @@ class TextDeformRun:
         self._facts = facts
         self._clock = clock
         self._history = LossHistory()
+        self._holds = HoldCounter()
         self._first_step = deformation.step
 
     @property
@@ -175,6 +178,8 @@ class TextDeformRun:
         for step in self._deformation:
             self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
             self._history.add(step.step, step.losses)
+            checked = step.step % EVERY_STEPS == 0 or step.step == self.total_steps
+            self._holds.add(step.losses, checked=checked)
             yield StepReport(step.step, self.total_steps, step.losses)
             start = time.perf_counter()
 
@@ -227,6 +232,7 @@ class TextDeformRun:
             written=written,
             usdz=usdz,
             history=self._history,
+            holds=self._holds,
             first_step=self._first_step,
             clock=self._clock,
         )

@@ -13,8 +13,10 @@ from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
 from meshdeform.geometry.quality import measure
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
 __all__ = ["RunFacts", "build_report", "read_result"]
@@ -55,6 +57,7 @@ def build_report(
     written: Asset,
     usdz: Usdz | None = None,
     history: LossHistory,
+    holds: HoldCounter,
     first_step: int,
     clock: PhaseClock,
 ) -> bytes:
@@ -75,6 +78,7 @@ def build_report(
     usdz : Usdz, optional
         `result.usdz`, where it was asked for.
     history : LossHistory
+    holds : HoldCounter
     first_step : int
         Steps that an earlier attempt had done.
     clock : PhaseClock
@@ -82,6 +86,7 @@ def build_report(
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
         invariants = _invariants(asset, written)
+        movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
@@ -103,6 +108,8 @@ def build_report(
             **invariants,
         },
         "quality": quality.to_dict(),
+        "movement": movement.to_dict(),
+        "warnings": movement.warnings,
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
         "resumed_from_step": first_step,

@@ -1,0 +1,54 @@
+"""A run that hardly moves says so, and what held it back."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.runs.movement import HoldCounter, measure_movement
+from tests.cases import each_case
+from tests.unit.runs.test_text_deform import glb, request, start
+
+REST = RestMesh.of(box(2))
+
+
+def test_the_figure_is_a_share_of_the_diagonal() -> None:
+    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), HoldCounter())
+    assert moved.rms == pytest.approx(0.5 / 3**0.5)
+    assert moved.stalled_by is None
+    assert moved.warnings == []
+
+
+@each_case(
+    ("held", "limited", "cause", "remedy"),
+    [
+        (40, 0, "safeguard", "safeguard to flips"),
+        (0, 48, "dirichlet_weight", "dirichlet_weight to 0"),
+        (1, 0, "guidance", "prompt"),
+    ],
+)
+def test_what_held_it_back_is_named_with_its_remedy(held: float, limited: float, cause: str, remedy: str) -> None:
+    holds = HoldCounter()
+    for step in range(1, 11):
+        holds.add({"held_faces": held, "limited_faces": limited}, checked=step % 5 == 0)
+    still = measure_movement(REST, REST.verts + 1e-4, holds)
+    assert still.stalled_by == cause
+    assert (still.held_share, still.limited_share) == (held / 48, limited / 48)
+    (warning,) = still.warnings
+    assert "hardly moved (0.0% of its size)" in warning
+    assert remedy in warning
+
+
+def test_the_report_of_a_run_has_it() -> None:
+    for rate, stalled in ((1e-6, True), (0.03, False)):
+        run = start(glb(icosphere(2)), request(learning_rate=rate))
+        for _ in run:
+            pass
+        report = json.loads(run.finish()["report.json"].data)
+        assert (report["movement"]["stalled_by"] == "guidance") is stalled
+        assert bool(report["warnings"]) is stalled
+        assert (report["movement"]["rms"] < 0.01) is stalled
