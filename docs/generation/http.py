@@ -17,8 +17,8 @@ _HEAD = """\
 # HTTP reference
 
 This page is generated from the OpenAPI document by `python docs/generate.py`. The document itself is in the repository
-as `openapi/openapi.json`, and every running service has it at `/openapi.json`. [http.md](http.md) explains the
-operations, [parameters.md](parameters.md) the parameters of a job, and [errors.md](errors.md) the errors.
+as `openapi/openapi.json`, and every running service has it at `/openapi.json`. [HTTP](http.md) explains the
+operations, [Parameters](parameters.md) the parameters of a job, and [Errors](errors.md) the errors.
 
 Every error is an `application/problem+json` document, [Problem](#problem).
 """

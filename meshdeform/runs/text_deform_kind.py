@@ -201,7 +201,7 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "result.usdz",
             "model/vnd.usdz+zip",
-            "The result as USDZ, where `output.usd` asked for it ([assets.md](assets.md#usdz)).",
+            "The result as USDZ, where `output.usd` asked for it ([Assets: USDZ](assets.md#usdz)).",
         ),
     ),
 )
