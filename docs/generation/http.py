@@ -1,4 +1,4 @@
-"""Generate docs/http_reference.md: every operation and document of the HTTP API, from the OpenAPI document.
+"""Generate the page http_reference.md: every operation and document of the HTTP API, from the OpenAPI document.
 
 docs/http.md, written by hand, explains the purpose of the operations and how to combine them.
 """
@@ -16,7 +16,7 @@ _LENGTHS = {"minLength": "length ≥", "maxLength": "length ≤"}
 _HEAD = """\
 # HTTP reference
 
-This page is generated from the OpenAPI document by `python docs/generate.py`. The document itself is in the repository
+This page is generated from the OpenAPI document when the site is built. The document itself is in the repository
 as `openapi/openapi.json`, and every running service has it at `/openapi.json`. [HTTP](http.md) explains the
 operations, [Parameters](parameters.md) the parameters of a job, and [Errors](errors.md) the errors.
 

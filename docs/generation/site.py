@@ -1,7 +1,8 @@
-"""Define hooks of MkDocs that process pages of the site."""
+"""Define hooks of MkDocs: pages and files of the site that are not in the docs folder."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ from mkdocs.structure.files import File
 
 __all__ = ["on_files", "on_page_markdown"]
 
-_WEB = Path(__file__).resolve().parents[2] / "service/web"
+_ROOT = Path(__file__).resolve().parents[2]
+_WEB = _ROOT / "service/web"
 _SHARED = (
     "icons/meshdeform.svg",
     "style/fonts/instrument-sans-latin-wght-normal.woff2",
@@ -20,7 +22,11 @@ _SHARED = (
 
 
 def on_files(files: Any, *, config: Any, **_: Any) -> Any:
-    """Add the icon and the fonts of the web page to the site, beside its style sheet."""
+    """Add the HTTP reference, and the icon and the fonts of the web page beside the site's style sheet."""
+    sys.path.insert(0, str(_ROOT))  # MkDocs finds a hook by its path, and nothing beside it
+    from docs.generation import http
+
+    files.append(File.generated(config, "http_reference.md", content=http.page()))
     for name in _SHARED:
         source = _WEB / name
         files.append(File.generated(config, f"style/{source.name}", abs_src_path=str(source)))
