@@ -5,6 +5,9 @@ source's normal n at a vertex becomes the direction of ``sum_f |f| cof(J_f) n`` 
 cof(J) = det(J) J^-T, the map of oriented area elements. Tangents follow J itself and are made perpendicular to the new
 normal.
 
+A normal that is averaged over a hard edge follows the mean of maps that may differ much, and can end up behind one of
+its faces. `rebuild_turned_normals` replaces those.
+
 Source: Turkowski 1990, Properties of Surface-Normal Transformations.
 """
 
@@ -15,11 +18,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-__all__ = ["transform_normals", "transform_tangents"]
+__all__ = ["rebuild_turned_normals", "transform_normals", "transform_tangents"]
 
 _Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-6
+_IN_FRONT = 0.05
+"""Cosine to a face from which a source normal counts as on one side of it; a smaller one may change sides."""
 
 
 def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
@@ -71,6 +76,44 @@ def transform_tangents(
     direction = np.where(usable[:, None], flat / np.where(length > 1e-12, length, 1.0), moved)
     direction = np.where(np.isnan(normals), moved, direction)
     return np.concatenate([direction, tangents[:, 3:]], 1)
+
+
+def rebuild_turned_normals(
+    normals: _Floats, source_normals: _Floats, triangles: NDArray[np.int64], rest_faces: Tensor, new_faces: Tensor
+) -> tuple[_Floats, int]:
+    """Replace transformed normals that have changed sides of one of their faces.
+
+    Parameters
+    ----------
+    normals, source_normals : (N, 3) float64
+        Unit normals after and before; NaN rows (no normal) stay NaN.
+    triangles : (F, 3) int64
+        Source vertices of the faces.
+    rest_faces, new_faces : (F, 3) float64
+        Area vectors of the faces before and after.
+
+    Returns
+    -------
+    (N, 3) float64 unit normals, and how many were replaced: by the mean of the deformed area vectors of their faces, on
+    the sides where the source's normal was.
+    """
+    corners = triangles.reshape(-1)
+    before, after = (
+        np.repeat(torch.nn.functional.normalize(faces, dim=1).numpy(), 3, axis=0) for faces in (rest_faces, new_faces)
+    )
+    was = (source_normals[corners] * before).sum(1)
+    changed = (np.abs(was) > _IN_FRONT) & (np.sign(was) * (normals[corners] * after).sum(1) < 0)
+    turned = np.unique(corners[changed])
+    if not len(turned):
+        return normals, 0
+    signed = np.sign(was)[:, None] * np.repeat(new_faces.numpy(), 3, axis=0)
+    signed[~np.isfinite(signed)] = 0.0
+    mean = np.stack([np.bincount(corners, signed[:, k], len(normals)) for k in range(3)], 1)[turned]
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    usable = length[:, 0] > 0
+    rebuilt = normals.copy()
+    rebuilt[turned[usable]] = mean[usable] / length[usable]
+    return rebuilt, int(usable.sum())
 
 
 def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:

@@ -17,8 +17,8 @@ from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.normals import transform_normals, transform_tangents
+from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.normals import rebuild_turned_normals, transform_normals, transform_tangents
 from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.guidance.base import Guidance
 from meshdeform.guidance.target import TargetGuidance, place_target
@@ -160,6 +160,7 @@ class TextDeformRun:
         self._clock = clock
         self._history = LossHistory()
         self._holds = HoldCounter()
+        self._rebuilt_normals = 0
         self._first_step = deformation.step
 
     @property
@@ -233,6 +234,7 @@ class TextDeformRun:
             usdz=usdz,
             history=self._history,
             holds=self._holds,
+            rebuilt_normals=self._rebuilt_normals,
             first_step=self._first_step,
             clock=self._clock,
         )
@@ -246,6 +248,8 @@ class TextDeformRun:
         areas = torch.from_numpy(rest.areas)
         triangles = surface.triangles[self._welded.face_source]
         normals = transform_normals(surface.normals, triangles, jacobians, areas)
+        faces = face_cross(rest.verts, rest.faces), face_cross(verts, rest.faces)
+        normals, self._rebuilt_normals = rebuild_turned_normals(normals, surface.normals, triangles, *faces)
         tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
         return self._welded.scatter(verts, surface.positions), normals, tangents
 

@@ -58,6 +58,7 @@ def build_report(
     usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
+    rebuilt_normals: int,
     first_step: int,
     clock: PhaseClock,
 ) -> bytes:
@@ -79,6 +80,8 @@ def build_report(
         `result.usdz`, where it was asked for.
     history : LossHistory
     holds : HoldCounter
+    rebuilt_normals : int
+        Normals that were replaced, since they would have pointed behind a face.
     first_step : int
         Steps that an earlier attempt had done.
     clock : PhaseClock
@@ -105,6 +108,7 @@ def build_report(
             "source_triangles": len(asset.surface.triangles),
             "welded_vertices": welded.mesh.verts.shape[0],
             "welded_faces": welded.mesh.faces.shape[0],
+            "rebuilt_normals": rebuilt_normals,
             **invariants,
         },
         "quality": quality.to_dict(),

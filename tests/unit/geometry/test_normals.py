@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.jacobians import completed_jacobians
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.normals import transform_normals, transform_tangents
+from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.normals import rebuild_turned_normals, transform_normals, transform_tangents
 from meshdeform.geometry.operators import effective_face_areas
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.weld import weld
@@ -133,3 +133,36 @@ def test_tangents_without_deformation_and_missing_ones() -> None:
     for normals in (mesh.verts.numpy(), np.full(mesh.verts.shape, np.nan)):
         found = transform_tangents(tangents, normals, mesh.faces.numpy(), jacobians, areas)
         np.testing.assert_allclose(found, tangents, atol=1e-12)
+
+
+def test_a_normal_that_would_point_behind_a_face_is_rebuilt() -> None:
+    """A ridge whose normal leans to one side; its small other side is turned steep, against the lean."""
+    verts = torch.tensor([[0.0, 0, 0], [0, 1, 0], [-3, 0.5, -0.2], [0.3, 0.5, -0.2]], dtype=F64)
+    mesh = TriangleMesh(verts, torch.tensor([[0, 1, 2], [1, 0, 3]]))
+    normals = unit(np.array([[-0.3, 0, 1.0]] * 4))
+    new = verts.clone()
+    new[3] = torch.tensor([-0.3, 0.5, -0.9])  # folds under, beyond the vertical
+    moved = carried(mesh, new, normals)
+    faces = face_cross(mesh.verts, mesh.faces), face_cross(new, mesh.faces)
+    after = unit(faces[1].numpy())
+    assert (after[1] @ moved[0]) < 0, "the ridge's normal points behind the folded side"
+    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces.numpy(), *faces)
+    assert count >= 2
+    np.testing.assert_allclose(rebuilt[0], unit(faces[1].sum(0, keepdim=True).numpy())[0], atol=1e-12)
+    # With the winding turned around, the same vertices and the same normals up to their sign.
+    back = mesh.faces.flip(1)
+    mirrored, again = rebuild_turned_normals(moved, normals, back.numpy(), -faces[0], -faces[1])
+    assert again == count
+    np.testing.assert_allclose(mirrored, rebuilt, atol=1e-12)
+
+
+def test_normals_that_keep_their_sides_and_missing_ones_stay() -> None:
+    mesh = icosphere(2)
+    normals = mesh.verts.numpy().copy()
+    normals[5] = np.nan
+    new = smooth_map(mesh.verts)
+    moved = carried(mesh, new, normals)
+    faces = face_cross(mesh.verts, mesh.faces), face_cross(new, mesh.faces)
+    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces.numpy(), *faces)
+    assert count == 0
+    np.testing.assert_array_equal(rebuilt, moved)
