@@ -97,7 +97,7 @@ def make_rows(
                 check(request, entry.target is not None)
                 key = digest.key(entry, request)
             except MeshdeformError as error:
-                wrong.append({"place": entry.place, "code": error.code, "detail": error.detail})
+                wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
                 break
             if key in found:
                 repeated.append(entry.place)
@@ -120,6 +120,11 @@ def _request(entry: Entry, defaults: Mapping[str, Any], *, morph: bool, usd: boo
     guidance = {"guidance": "target"} if entry.target else {}
     params = {**defaults, **guidance, **entry.params}
     return make_request(entry.prompt, params, morph=morph or entry.morph, usd=usd or entry.usd)
+
+
+def _with_suggestions(error: MeshdeformError) -> str:
+    prompts = " or ".join(map(repr, error.extra.get("suggestions", ())))
+    return f"{error.detail} Try {prompts}." if prompts else error.detail
 
 
 def _refusal(wrong: list[dict[str, str]], total: int) -> ParameterError:
