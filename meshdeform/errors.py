@@ -203,7 +203,7 @@ class VocabularyError(RequestError):
 
     code = "prompt_unknown_words"
     advice = (
-        "Use the listed words, or choose a Stable Diffusion model: "
+        "Use one of the suggested prompts, or choose a Stable Diffusion model: "
         'set params.model to its id or folder (install the "sd" extra on the worker).'
     )
 

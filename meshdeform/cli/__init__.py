@@ -1,1 +1,1 @@
-"""One module per command; each imports what it needs when it runs."""
+"""The command line, one module per command; each imports its dependencies when it runs."""

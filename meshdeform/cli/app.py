@@ -1,7 +1,7 @@
 """The command line: `meshdeform COMMAND`, one module of `meshdeform.cli` for each.
 
 Nothing heavy is imported before a command needs it, so `--help` answers at once. Every expected error is one line and
-its advice on standard error; the exit code says what kind it was (`meshdeform.cli.exits`).
+its advice on standard error; the exit code gives its kind (`meshdeform.cli.exits`).
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from meshdeform.cli.waiting import wait, watch
 
 __all__ = ["app", "main"]
 
-# Of the click that typer brings, whichever that is.
+# From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
 _CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This machine"
 
 
 def _message(error: Exception) -> str:
-    say = getattr(error, "format_message", None)
-    return str(say() if say else error)
+    formatted = getattr(error, "format_message", None)
+    return str(formatted() if formatted else error)
 
 
 class _Commands(TyperGroup):
-    """The commands; with --json wrong usage is a problem document on standard error like every other error."""
+    """The commands. With --json, a usage error is a problem document on standard error like every other error."""
 
     def main(
         self,
@@ -62,7 +62,7 @@ class _Commands(TyperGroup):
         except _UsageError as error:
             if not as_json:
                 raise
-            advice = "The same command with --help instead says what it takes."
+            advice = "Run the command with --help to see what it takes."
             report(
                 OutcomeError(ExitCode.USAGE, "usage", _message(error), advice),
                 as_json=True,
@@ -76,11 +76,11 @@ class _Commands(TyperGroup):
 app = typer.Typer(
     name="meshdeform",
     cls=_Commands,
-    help="Deform 3D assets by text: a GLB and a prompt go in, the same asset with a new shape comes out.\n\n"
-    'Here and now: meshdeform run examples/sphere.glb "a mushroom". '
-    "As a service: meshdeform serve, then submit, watch and fetch. Something is wrong: meshdeform doctor.",
-    epilog="Exit codes: 0 done, 1 internal error, 2 wrong usage, 3 bad input, 4 something needed is missing, "
-    "5 the job failed, 6 it was canceled or expired, 7 waited long enough, 8 some of a batch failed, 9 not authorised, "
+    help="Reshape 3D assets with a prompt: the same asset comes out with a new shape.\n\n"
+    'On this machine: meshdeform run examples/sphere.glb "a mushroom". '
+    "As a service: meshdeform serve, then submit, watch and fetch. To check the installation: meshdeform doctor.",
+    epilog="Exit codes: 0 done, 1 internal error, 2 wrong usage, 3 bad input, 4 something required is missing, "
+    "5 the job failed, 6 it was canceled or expired, 7 timed out, 8 some rows of a batch failed, 9 not authorised, "
     "10 over a limit, 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -1,4 +1,4 @@
-"""`meshdeform batch`: many deformations, here or by a service, that can be left and taken up again at any time."""
+"""`meshdeform batch`: deform many assets, locally or on a service; it can be interrupted and resumed at any time."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from meshdeform.cli.request import merge_params
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
-    from meshdeform.cli.batches.manifest import Wish
+    from meshdeform.cli.batches.manifest import Entry
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["batch"]
 
 _WHAT, _METHOD, _HOW = "What", "Method", "How"
-_AT_SERVICE = 8
+_ROWS_AT_SERVICE = 8
 
 
 @clean_errors
@@ -51,17 +51,27 @@ def batch(
     ] = None,
     prompts_file: Annotated[
         Path | None,
-        typer.Option(help="The same, a line each.", exists=True, dir_okay=False, rich_help_panel=_WHAT),
+        typer.Option(help="A file of prompts, one per line.", exists=True, dir_okay=False, rich_help_panel=_WHAT),
     ] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Do each row with so many seeds.", rich_help_panel=_WHAT)
+        int | None,
+        typer.Option(
+            min=1, help="Run each row with this many seeds, which gives as many variations.", rich_help_panel=_WHAT
+        ),
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
     preset: Annotated[
-        Preset | None, typer.Option(help="Where a row names none.", rich_help_panel=_METHOD, show_default=False)
+        Preset | None,
+        typer.Option(
+            help="Quality of rows that set none: preview, balanced or paper.",
+            rich_help_panel=_METHOD,
+            show_default=False,
+        ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
+    ] = None,
     seed: Annotated[
         int | None, typer.Option(help="The seed, or the first of --seeds; default: 0.", rich_help_panel=_METHOD)
     ] = None,
@@ -69,14 +79,17 @@ def batch(
     settings: SetOption = None,
     parallel: Annotated[
         int | None,
-        typer.Option(min=1, help="Rows at the same time; default: 1 here, 8 at a service.", rich_help_panel=_HOW),
+        typer.Option(min=1, help="Rows at the same time; default: 1 locally, 8 on a service.", rich_help_panel=_HOW),
     ] = None,
-    device: Annotated[str | None, typer.Option(help="Here: auto, cpu, cuda or cuda:N.", rich_help_panel=_HOW)] = None,
+    device: Annotated[
+        str | None, typer.Option(help="Locally: auto, cpu, cuda or cuda:N.", rich_help_panel=_HOW)
+    ] = None,
     threads: Annotated[
-        int | None, typer.Option(min=0, help="Here: CPU threads of a row; default: its share.", rich_help_panel=_HOW)
+        int | None,
+        typer.Option(min=0, help="Locally: CPU threads per row; default: cores divided by rows.", rich_help_panel=_HOW),
     ] = None,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Try rows again that failed before.", rich_help_panel=_HOW)
+        bool, typer.Option("--retry-failed", help="Retry rows that failed before.", rich_help_panel=_HOW)
     ] = False,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
@@ -86,8 +99,8 @@ def batch(
 ) -> None:
     """Deform many assets.
 
-    The same command again does exactly what is missing, whatever stopped it. By a service where --url or
-    MESHDEFORM_URL names one, else on this machine.
+    Runs on the service that --url or MESHDEFORM_URL names, else on this machine. Whatever stopped it, the same
+    command does what is missing.
 
     meshdeform batch assets/ --prompt "a vase" --prompt "a mushroom" --seeds 3 -o out
 
@@ -96,12 +109,12 @@ def batch(
     from meshdeform.cli.batches.rows import make_rows
     from meshdeform.cli.batches.session import Session
 
-    wishes = _wishes(source, prompt or [], prompts_file)
+    entries = _entries(source, prompt or [], prompts_file)
     defaults = merge_params(settings or [], preset=preset, model=model, steps=steps, seed=seed)
     first = int(defaults.get("seed", 0))
     with Session(output, as_json=as_json, quiet=quiet) as session:
         rows, repeated = make_rows(
-            wishes,
+            entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
             morph=morph,
@@ -110,20 +123,20 @@ def batch(
             check=(lambda _request, _has_target: None) if url else _checker(),
         )
         if repeated:
-            note(f"Asked for twice, done once: {'; '.join(repeated)}", quiet=quiet)
+            note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=quiet)
         if url:
             from meshdeform.cli.batches.remote import ServiceRunner
             from meshdeform.cli.connection import connect
 
-            at_once = parallel or _AT_SERVICE
+            concurrent = parallel or _ROWS_AT_SERVICE
             client = connect(url, api_key, api_key_file)
-            session.run(rows, ServiceRunner(client, session.ledger, output), at_once, retry_failed=retry_failed)
+            session.run(rows, ServiceRunner(client, session.ledger, output), concurrent, retry_failed=retry_failed)
         else:
             from meshdeform.cli.batches.local import LocalRunner
 
-            at_once = min(parallel or 1, len(rows))
-            share = {"device": device, "threads": threads if threads is not None else _share(at_once)}
-            session.run(rows, LocalRunner(output, share), at_once, retry_failed=retry_failed)
+            concurrent = min(parallel or 1, len(rows))
+            share = {"device": device, "threads": threads if threads is not None else _share(concurrent)}
+            session.run(rows, LocalRunner(output, share), concurrent, retry_failed=retry_failed)
         counts, files = session.finish(rows)
     if as_json:
         emit({"event": "summary", "folder": str(output), "files": files, **counts})
@@ -135,24 +148,24 @@ def batch(
             ExitCode.SOME_FAILED,
             "batch_incomplete",
             f"{counts['failed']} of {counts['rows']} rows failed.",
-            f"{output / 'summary.csv'} says why. Once mended: the same command with --retry-failed.",
+            f"The reasons are in {output / 'summary.csv'}. To retry them: the same command with --retry-failed.",
             **counts,
         )
 
 
-def _wishes(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> list[Wish]:
-    from meshdeform.cli.batches.manifest import TABLE_SUFFIXES, read_prompts, read_table, wishes_of_assets
+def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> list[Entry]:
+    from meshdeform.cli.batches.manifest import TABLE_SUFFIXES, combine, read_prompts, read_table
 
-    every = [*prompts, *(read_prompts(prompts_file) if prompts_file else [])]
+    prompts = [*prompts, *(read_prompts(prompts_file) if prompts_file else [])]
     if source.is_file() and source.suffix.lower() in TABLE_SUFFIXES:
-        if every:
+        if prompts:
             raise typer.BadParameter("a manifest has its own prompts", param_hint="--prompt")
         return read_table(source)
-    return wishes_of_assets(source, every)
+    return combine(source, prompts)
 
 
 def _checker() -> Any:
-    """What refuses a row that could not run here; torch is not imported for it."""
+    """Return a check that refuses a row that cannot run on this machine, without importing torch."""
     require("torch", "deform")
     from meshdeform.assets.usd import require_usd
     from meshdeform.runs import text_deform_kind
@@ -175,7 +188,7 @@ def _checker() -> Any:
 
 
 def _share(parallel: int) -> int | None:
-    """CPU threads of each of so many rows; None: as the settings say."""
+    """Return the CPU threads per row; None: those of the settings."""
     if parallel == 1:
         return None
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""`meshdeform cancel`: jobs that nobody wants any more."""
+"""`meshdeform cancel`: cancel jobs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cancel(
 ) -> None:
     """Cancel jobs.
 
-    One that is running stops after its step; one that is over stays as it is.
+    A running job stops after its current step; a job that has ended stays as it is.
 
     meshdeform cancel job_01kg9zqk2xf3v8c5m7n9p1r4t6
     """
@@ -33,7 +33,7 @@ def cancel(
             try:
                 job = client.cancel(job_id)
             except (ConflictError, NotFoundError) as error:
-                # One that is over or gone must not keep the others running.
+                # Cancel the others even if one has ended or does not exist.
                 failures.append(error)
                 continue
             jobs.append(job)

@@ -1,4 +1,4 @@
-"""The service that a command talks to: where it is, and the key for it."""
+"""Connect a command to its service: address and API key."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from meshdeform.serving.defaults import DEFAULT_URL
 if TYPE_CHECKING:
     from meshdeform.client import Client
 
-__all__ = ["again", "connect", "read_key", "service_url"]
+__all__ = ["command_line", "connect", "read_key", "service_url"]
 
 
 def service_url(url: str | None) -> str:
-    """The service's address: the option, else MESHDEFORM_URL (which typer reads), else this machine.
+    """Return the service's address: the option or MESHDEFORM_URL (typer merges them), else the default on this machine.
 
     Raises
     ------
     typer.BadParameter
-        It is no http or https URL.
+        It is not an http or https URL.
     """
     from urllib.parse import urlsplit
 
@@ -34,14 +34,14 @@ def service_url(url: str | None) -> str:
     except ValueError:
         valid = False
     if not valid:
-        raise typer.BadParameter(f"{found!r} is no address such as {DEFAULT_URL}", param_hint="--url")
+        raise typer.BadParameter(f"{found!r} is not an address such as {DEFAULT_URL}", param_hint="--url")
     return found
 
 
 def connect(
     url: str | None, api_key: str | None, api_key_file: Path | None, *, timeout_s: float = 60.0, max_retries: int = 4
 ) -> Client:
-    """A client of the service, to be closed by the caller; nothing is sent yet.
+    """Return a client of the service, which the caller closes; nothing is sent yet.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def connect(
     api_key, api_key_file : str, Path, optional
         As in `read_key`.
     timeout_s : float
-        How long one answer may take.
+        The longest wait for one response, in seconds.
     max_retries : int
-        How often a request that met no answer is sent again.
+        How often a request without a response is repeated.
     """
     from meshdeform.client import Client
 
@@ -59,21 +59,21 @@ def connect(
     return Client(service_url(url), api_key=key, timeout_s=timeout_s, max_retries=max_retries)
 
 
-def again(command: str, url: str | None) -> str:
-    """A command line of ours for people to copy, with the address where it is not found by itself."""
+def command_line(command: str, url: str | None) -> str:
+    """Return a `meshdeform` command line to copy, with `--url` where the address is not the default."""
     place = f" --url {shlex.quote(url)}" if url and url not in (os.environ.get("MESHDEFORM_URL"), DEFAULT_URL) else ""
     return f"meshdeform {command}{place}"
 
 
 def read_key(api_key: str | None, path: Path | None) -> str | None:
-    """The API key: the option, else the file's one word, else what the environment says.
+    """Return the API key: the option, else the word in the file, else the environment variable.
 
     Raises
     ------
     typer.BadParameter
-        The file cannot be read, or holds something else than one key.
+        The file cannot be read or does not hold exactly one key.
     """
-    # What typer hands over may have come from the environment, and the file was named just now.
+    # typer also passes the environment variable as the option; a file named on the command line goes before it.
     if path is None or (api_key and api_key != os.environ.get("MESHDEFORM_API_KEY")):
         return api_key or None
     try:

@@ -1,4 +1,4 @@
-"""What commands find around them: settings with flags on top, and packages that must be installed."""
+"""Load settings overridden by flags, and require installed packages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["load_settings", "require"]
 
 
 def load_settings(**flags: Any) -> Settings:
-    """The settings from the environment, with the flags that were given on top."""
+    """Return the settings from the environment, overridden by the flags that are not None."""
     from pydantic import ValidationError
 
     from meshdeform.settings import Settings
@@ -31,7 +31,7 @@ def load_settings(**flags: Any) -> Settings:
 
 
 def require(module: str, extra: str) -> None:
-    """Raise DependencyError unless `module` can be imported; `extra` is what brings it."""
+    """Raise DependencyError unless `module` can be imported; `extra` is the extra that installs it."""
     if find_spec(module) is None:
         raise DependencyError(
             f"This command needs {module}, which is not installed.",

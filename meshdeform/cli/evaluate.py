@@ -1,4 +1,4 @@
-"""`meshdeform eval`: the benchmark, and the comparison of its results."""
+"""`meshdeform eval`: run the benchmark and compare its results."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _METHOD, _JUDGES, _RUN, _AFTER = "Method", "Judges", "Running", "Finished runs"
 @clean_errors
 def evaluate(
     folders: Annotated[
-        list[Path] | None, typer.Argument(help="With --compare: the folders of runs.", show_default=False)
+        list[Path] | None, typer.Argument(help="With --compare: the folders of finished runs.", show_default=False)
     ] = None,
     suite: Annotated[str, typer.Option(help="small, full, nouns, unseen or paper (docs/quality.md).")] = "small",
     out: Annotated[
-        Path, typer.Option(help="The folder of this run; the same command goes on in it.", file_okay=False)
+        Path, typer.Option(help="The folder of the run; the same command resumes in it.", file_okay=False)
     ] = Path("meshdeform-eval"),
     preset: Annotated[
         str | None,
-        typer.Option(help="The parameters to start from; default: the suite's.", rich_help_panel=_METHOD),
+        typer.Option(help="Quality: preview, balanced or paper; default: the suite's.", rich_help_panel=_METHOD),
     ] = None,
     settings_: Annotated[
         list[str] | None,
@@ -48,15 +48,17 @@ def evaluate(
     ablation: Annotated[
         str | None,
         typer.Option(
-            help="Take a part out of the method: vertices, single_views, no_jacobian, no_laplacian or no_normal "
+            help="Remove a part of the method: vertices, single_views, no_jacobian, no_laplacian or no_normal "
             "(docs/quality.md).",
             rich_help_panel=_METHOD,
         ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
+    ] = None,
     checkpoint_at: Annotated[
         list[int] | None,
-        typer.Option(help="Also judge the shape after so many steps; repeatable.", min=1, rich_help_panel=_METHOD),
+        typer.Option(help="Also judge the shape after this many steps; repeatable.", min=1, rich_help_panel=_METHOD),
     ] = None,
     prior: Annotated[
         str, typer.Option(help="builtin, or sd for a Stable Diffusion model.", rich_help_panel=_METHOD)
@@ -70,7 +72,7 @@ def evaluate(
     source: Annotated[
         list[Path] | None,
         typer.Option(
-            help="A mesh of yours (GLB, OBJ, PLY, STL) in place of the suite's; repeatable.",
+            help="A mesh of your own (GLB, OBJ, PLY, STL) in place of the suite's; repeatable.",
             rich_help_panel=_METHOD,
             exists=True,
             dir_okay=False,
@@ -92,24 +94,26 @@ def evaluate(
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_RUN)] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(help="Processes; default: one a core, one with --prior sd.", min=1, rich_help_panel=_RUN),
+        typer.Option(help="Processes; default: one per core, one in all with --prior sd.", min=1, rich_help_panel=_RUN),
     ] = None,
-    limit: Annotated[int | None, typer.Option(help="Only the first so many.", min=1, rich_help_panel=_RUN)] = None,
+    limit: Annotated[
+        int | None, typer.Option(help="Only the first this many deformations.", min=1, rich_help_panel=_RUN)
+    ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only list what would be done.", rich_help_panel=_RUN)
+        bool, typer.Option("--dry-run", help="Only list the deformations.", rich_help_panel=_RUN)
     ] = False,
     rejudge: Annotated[
-        bool, typer.Option("--rejudge", help="Judge the meshes of --out anew.", rich_help_panel=_AFTER)
+        bool, typer.Option("--rejudge", help="Judge the meshes in --out again.", rich_help_panel=_AFTER)
     ] = False,
     compare: Annotated[
-        bool, typer.Option("--compare", help="One table of several finished runs.", rich_help_panel=_AFTER)
+        bool, typer.Option("--compare", help="Print one table of several finished runs.", rich_help_panel=_AFTER)
     ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run the benchmark, or compare its results.
 
-    Deforms many meshes by many prompts; says how many show theirs, and how good the meshes stay.
+    Deforms many meshes by many prompts; reports how many show their prompt, and the quality of the meshes.
 
     meshdeform eval --suite small --out eval-small
 
@@ -120,7 +124,7 @@ def evaluate(
         _compare(_given(folders), as_json=as_json)
         return
     if folders:
-        raise typer.BadParameter("folders are compared; give --compare as well", param_hint="FOLDERS")
+        raise typer.BadParameter("folders are only for --compare", param_hint="FOLDERS")
     settings = load_settings(device=device, model=model)
     options = {**_set(settings_ or []), "steps": steps, "preset": preset}
 
@@ -134,18 +138,18 @@ def evaluate(
     from meshdeform.evaluation import runner
     from meshdeform.evaluation.tables import table
 
-    def say(line: str) -> None:
+    def print_line(line: str) -> None:
         note(line, quiet=quiet)
 
     try:
         if rejudge:
-            document = runner.rejudge(_kept_plan(out, settings, judge, clip), say=say)
+            document = runner.rejudge(_kept_plan(out, settings, judge, clip), say=print_line)
         else:
             wanted = plan()
-            document = runner.run(wanted, jobs=jobs or runner.default_jobs(wanted), limit=limit, say=say)
+            document = runner.run(wanted, jobs=jobs or runner.default_jobs(wanted), limit=limit, say=print_line)
     except KeyboardInterrupt:
         raise OutcomeError(
-            ExitCode.INTERRUPTED, "interrupted", "Interrupted.", f"The same command goes on in {out}."
+            ExitCode.INTERRUPTED, "interrupted", "Interrupted.", f"The same command resumes in {out}."
         ) from None
     if as_json:
         emit(_outcome(out, document))
@@ -236,7 +240,7 @@ def _kept_plan(out: Path, settings: Settings, judge: str, clip: Path | None) -> 
 
     found = read_manifest(out)
     if found is None:
-        raise ParameterError(f"There is no run in {out}.", advice="Name the folder of one with --out.")
+        raise ParameterError(f"There is no run in {out}.", advice="Name the folder of a run with --out.")
     clip_folder = str(clip.resolve()) if clip else ""
     return plan_of(out, found, judge=judge, clip=clip_folder, device=resolve_device(settings.device))
 
@@ -273,7 +277,7 @@ def _without_none(options: dict[str, Any]) -> dict[str, Any]:
 def _set(pairs: list[str]) -> dict[str, Any]:
     parameters = make_settings(pairs)
     for name in {"seed", "guidance"} & parameters.keys():
-        raise typer.BadParameter(f"{name} is not set here; seeds are --seeds", param_hint="--set")
+        raise typer.BadParameter(f"{name} cannot be set here; use --seeds for seeds", param_hint="--set")
     return parameters
 
 

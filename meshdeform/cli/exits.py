@@ -1,22 +1,22 @@
-"""Errors as one clean line and its advice, and the exit code that tells a script what kind it was.
+"""Print errors as one line and its advice; map their kinds to exit codes.
 
 ===  =========================================================================================
 0    done
 1    an internal error: a bug, with its traceback
 2    wrong usage: an unknown option, a file that does not exist
 3    bad input: the asset, the prompt, a parameter or an id is not valid
-4    something that is needed is not there: a model, a package, a program, a port, a service
+4    something required is missing: a model, a package, a program, a port, a directory, a service
 5    the job failed
 6    the job was canceled, or it expired
-7    the time to wait is over; the job goes on
+7    the wait timed out; the job continues
 8    some rows of a batch failed
 9    not authorised: no API key, or not a valid one
-10   refused for a limit: too many requests or too many jobs; later it works
+10   over a limit: too many requests or too many jobs; try again later
 130  interrupted with Ctrl-C
 ===  =========================================================================================
 
-With ``--json`` the error is one line of JSON on standard error, the last one there: a problem document as the HTTP API
-answers it, with `exit_code` in it.
+With ``--json`` the last line of standard error is the error as JSON: a problem document like those of the HTTP API,
+with `exit_code`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ P = ParamSpec("P")
 
 
 class ExitCode(IntEnum):
-    """What the process ends with."""
+    """Exit codes of the process."""
 
     DONE = 0
     INTERNAL = 1
@@ -78,13 +78,13 @@ _KINDS: tuple[tuple[tuple[type[MeshdeformError], ...], ExitCode], ...] = (
 
 
 class OutcomeError(Exception):
-    """A command did what it was asked to and has to say that the outcome is not a good one.
+    """The command worked, but its outcome is not a success.
 
     Parameters
     ----------
     code : ExitCode
     name : str
-        Stable, for programs: the problem document's `code`.
+        `code` of the problem document; stable.
     detail, advice : str
         What happened, and what to do about it.
     **extra
@@ -97,12 +97,12 @@ class OutcomeError(Exception):
 
 
 def exit_code(error: MeshdeformError) -> ExitCode:
-    """The exit code of an expected error."""
+    """Return the exit code of an expected error."""
     return next((code for kinds, code in _KINDS if isinstance(error, kinds)), ExitCode.INTERNAL)
 
 
 def problem(error: MeshdeformError | OutcomeError) -> dict[str, Any]:
-    """The problem document of an error, as the HTTP API writes it, with the exit code."""
+    """Return the problem document of an error like those of the HTTP API, with the exit code."""
     if isinstance(error, OutcomeError):
         name, code, status, title = error.name, error.exit_code, None, error.name.replace("_", " ").capitalize()
         advice = error.advice
@@ -121,7 +121,7 @@ def problem(error: MeshdeformError | OutcomeError) -> dict[str, Any]:
 
 
 def report(error: MeshdeformError | OutcomeError, *, as_json: bool) -> None:
-    """Say an error on standard error: for people, or as one line of JSON."""
+    """Print an error on standard error: as text, or as one line of JSON."""
     document = problem(error)
     if as_json:
         typer.echo(json.dumps(document), err=True)
@@ -134,7 +134,7 @@ def report(error: MeshdeformError | OutcomeError, *, as_json: bool) -> None:
 
 
 def clean_errors(command: Callable[P, None]) -> Callable[P, None]:
-    """Print an expected error as a line and its advice; everything else is a bug and keeps its traceback."""
+    """Print expected errors as a line and its advice; everything else is a bug and keeps its traceback."""
 
     @functools.wraps(command)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> None:

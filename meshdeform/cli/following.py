@@ -1,6 +1,6 @@
-"""Following a job of a service until it is over: its events, through broken connections, with a time limit and Ctrl-C.
+"""Follow a job of a service to its end, through dropped connections, with a timeout and Ctrl-C.
 
-The events come in a thread, so that a limit and Ctrl-C take effect at once whatever the network does.
+The events arrive in a thread, so that timeout and Ctrl-C take effect at once whatever the network does.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.cli.connection import again
+from meshdeform.cli.connection import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.errors import UnavailableError
 
@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Deadline", "follow", "left_running", "outcome_failure", "show_event"]
 
+_ENDED = {"failed": "failed", "canceled": "was canceled", "expired": "expired"}
 _PATIENCE_S = 120.0
-"""How long a service that answered once may be away: longer than a restart takes."""
+"""Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
 
 
 class Deadline:
-    """A moment that may never come.
+    """A point in time, possibly never.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class Deadline:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds left; None: any number."""
+        """Seconds left; None without a limit."""
         return None if math.isinf(self._end) else max(0.0, self._end - time.monotonic())
 
 
@@ -56,33 +57,33 @@ def follow(
     on_start: Callable[[JobView], None] = lambda _: None,
     replay: bool = True,
 ) -> JobView:
-    """Pass a job's events on until it is over.
+    """Pass on a job's events until it has ended.
 
     Parameters
     ----------
     client : Client
     job_id : str
     on_event : callable
-        Gets every event once, in order, in this thread.
+        Called with every event once, in order, in this thread.
     deadline : Deadline
     url : str, optional
-        As it was given, for the commands that the advice names.
+        As given on the command line, for the commands in the advice.
     on_start : callable
-        Gets the job as it stands at the beginning.
+        Called with the job in its state at the beginning.
     replay : bool
-        Whether the events of a job that is over by then are of interest.
+        Whether to pass on the events of a job that has already ended.
 
     Returns
     -------
     JobView
-        In its terminal state.
+        The job in its terminal state.
 
     Raises
     ------
     OutcomeError
-        The time is over (`timed_out`), or Ctrl-C came (`interrupted`). The job goes on.
+        Timeout (`timed_out`) or Ctrl-C (`interrupted`). The job continues.
     MeshdeformError
-        There is no such job, or the service is away for good.
+        The job does not exist, or the service stays unreachable.
     """
     try:
         job = client.get(job_id)
@@ -117,7 +118,7 @@ def _listen(client: Client, job_id: str, events: queue.SimpleQueue[EventView | E
                 time.sleep(1.0)
                 continue
             events.put(error)
-        except Exception as error:  # it belongs to the thread that waits
+        except Exception as error:  # raised again in the waiting thread
             events.put(error)
         else:
             events.put(None)
@@ -128,22 +129,22 @@ def _timed_out(job_id: str, deadline: Deadline, url: str | None) -> OutcomeError
     return OutcomeError(
         ExitCode.TIMED_OUT,
         "timed_out",
-        f"The job {job_id} is not over after {deadline.timeout_s:g} s. It goes on.",
-        f"Go on waiting: {again(f'wait {job_id}', url)}",
+        f"The job {job_id} has not ended after {deadline.timeout_s:g} s. It continues.",
+        f"To keep waiting: {command_line(f'wait {job_id}', url)}",
         job_id=job_id,
     )
 
 
 def left_running(job_ids: list[str], url: str | None) -> OutcomeError:
-    """What Ctrl-C means while a job of a service is waited for: nothing to the job."""
+    """Return the error for Ctrl-C while waiting for jobs, which continue."""
     ids = " ".join(job_ids)
-    what = f"The job {ids} goes" if len(job_ids) == 1 else f"The jobs {ids} go"
-    come_back = "watch" if len(job_ids) == 1 else "wait"
+    what = f"The job {ids} continues" if len(job_ids) == 1 else f"The jobs {ids} continue"
+    reattach = "watch" if len(job_ids) == 1 else "wait"
     return OutcomeError(
         ExitCode.INTERRUPTED,
         "interrupted",
-        f"Interrupted. {what} on.",
-        f"Come back: {again(f'{come_back} {ids}', url)}\nEnd it: {again(f'cancel {ids}', url)}",
+        f"Interrupted. {what}.",
+        f"To reattach: {command_line(f'{reattach} {ids}', url)}\nTo cancel: {command_line(f'cancel {ids}', url)}",
         job_ids=job_ids,
     )
 
@@ -162,7 +163,7 @@ def show_event(event: EventView, view: ProgressView) -> None:
 
 
 def outcome_failure(job: JobView) -> OutcomeError | None:
-    """What a job's end means for the command; None: it succeeded."""
+    """Return the error for a job that did not succeed; None for one that did."""
     if job.state.value == "succeeded":
         return None
     if job.error is not None and job.state.value == "failed":
@@ -177,7 +178,7 @@ def outcome_failure(job: JobView) -> OutcomeError | None:
     return OutcomeError(
         ExitCode.JOB_FAILED if job.state.value == "failed" else ExitCode.JOB_ENDED,
         f"job_{job.state.value}",
-        f"The job {job.id} is {job.state.value}.",
+        f"The job {job.id} {_ENDED[job.state.value]}.",
         "Submit it again, with a later deadline if it had one.",
         job_id=job.id,
         state=job.state.value,

@@ -1,4 +1,4 @@
-"""`meshdeform jobs`: what a service has, newest first."""
+"""`meshdeform jobs`: list the jobs of a service, newest first."""
 
 from __future__ import annotations
 
@@ -25,11 +25,9 @@ _PAGE = 100
 def jobs(
     state: Annotated[
         str | None,
-        typer.Option(
-            help="Only those in this state, e.g. running.", autocompletion=complete_states, show_default=False
-        ),
+        typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states, show_default=False),
     ] = None,
-    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
     api_key_file: ApiKeyFileOption = None,
@@ -55,7 +53,7 @@ def _row(job: JobView, now: datetime) -> tuple[str, ...]:
     progress = job.progress
     left = "" if progress.eta_s is None or job.state.terminal else duration(progress.eta_s)
     created = ago((now - job.created_at).total_seconds())
-    # A job that was canceled half way did not do it all, however far the number went.
+    # `fraction` is less than 1 for a job that was canceled half way.
     share = f"{progress.fraction:.0%}" if progress.total_steps else ""
-    wanted = job.prompt or (f"like {job.target.filename}" if job.target else "")
-    return job.id, job.state.value, share, left, created, job.asset.filename, wanted
+    goal = job.prompt or (f"like {job.target.filename}" if job.target else "")
+    return job.id, job.state.value, share, left, created, job.asset.filename, goal

@@ -1,4 +1,4 @@
-"""`meshdeform keys`: the API keys on the record that the settings name."""
+"""`meshdeform keys`: create, list and revoke API keys in the record that the settings name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["keys"]
 
-keys = typer.Typer(help="Make, list and revoke the API keys of a service.", no_args_is_help=True)
+keys = typer.Typer(help="Create, list and revoke the API keys of a service.", no_args_is_help=True)
 
 _DataDirOption = Annotated[
     Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
@@ -30,37 +30,43 @@ _DataDirOption = Annotated[
 @clean_errors
 def create(
     owner: Annotated[
-        str, typer.Option(help="Whose jobs it sees and makes: lower-case letters, digits, - and _. Keys may share one.")
+        str,
+        typer.Option(
+            help="Whose jobs the key sees and creates: lower-case letters, digits, - and _. Keys may share an owner."
+        ),
     ],
-    name: Annotated[str, typer.Option(help="What it is for; for people.")] = "",
+    name: Annotated[str, typer.Option(help="A note on what the key is for.")] = "",
     requests_per_minute: Annotated[
-        int | None, typer.Option(min=0, help="Requests in a minute; 0: any. Default: MESHDEFORM_REQUESTS_PER_MINUTE.")
+        int | None,
+        typer.Option(min=0, help="Requests per minute; 0: no limit. Default: MESHDEFORM_REQUESTS_PER_MINUTE."),
     ] = None,
     max_active_jobs: Annotated[
-        int | None, typer.Option(min=0, help="Unfinished jobs; 0: any. Default: MESHDEFORM_MAX_ACTIVE_JOBS.")
+        int | None, typer.Option(min=0, help="Unfinished jobs; 0: no limit. Default: MESHDEFORM_MAX_ACTIVE_JOBS.")
     ] = None,
     data_dir: _DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a key and print it, once."""
+    """Create a key and print it, once."""
     with _ring(data_dir) as ring:
         key, text = ring.create(owner, name, requests_per_minute, max_active_jobs)
     if as_json:
         emit({**_document(key), "key": text})
         return
     typer.echo(text)
-    typer.echo("This is the only time that the key is shown: keep it where secrets are kept.", err=True)
-    typer.echo(f"Requests send it as: Authorization: Bearer KEY. To end it: meshdeform keys revoke {key.id}", err=True)
+    typer.echo("The key is shown only this once: store it safely.", err=True)
+    typer.echo(
+        f"Requests send it as: Authorization: Bearer KEY. To revoke it: meshdeform keys revoke {key.id}", err=True
+    )
 
 
 @keys.command(name="list")
 @clean_errors
 def list_(
-    owner: Annotated[str | None, typer.Option(help="Only this owner's.")] = None,
+    owner: Annotated[str | None, typer.Option(help="Only keys of this owner.")] = None,
     data_dir: _DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print all keys, oldest first; their secrets are kept nowhere."""
+    """List all keys, oldest first; their secrets are not stored."""
     with _ring(data_dir) as ring:
         found = ring.list(owner)
     if as_json:
@@ -75,12 +81,12 @@ def list_(
 @keys.command()
 @clean_errors
 def revoke(
-    key_id: Annotated[str, typer.Argument(metavar="ID", help="The key's id, as `list` prints it: mdk_...")],
+    key_id: Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as `list` prints it: mdk_...")],
     data_dir: _DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """End a key for good. Services that run refuse it within 5 seconds."""
-    # Who has the whole key at hand may give that; only the id is used.
+    """Revoke a key permanently. Running services refuse it within 5 seconds."""
+    # The whole key is accepted too; only its id is used.
     with _ring(data_dir) as ring:
         key = ring.revoke(key_id.partition(".")[0])
     if as_json:

@@ -1,4 +1,4 @@
-"""The job behind `meshdeform run`: the worker's run without record, queue and store. Imports torch."""
+"""Run one job in this process, without record, queue and store. Imports torch."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["LocalJob", "Outputs"]
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where everything goes."""
+    """Paths of the outputs."""
 
     result: Path
     report: Path
@@ -52,9 +52,9 @@ class LocalJob:
     target : Path, optional
         The mesh of `params.guidance = target`.
     resume : Path, optional
-        A checkpoint of the same request to go on from.
+        A checkpoint of the same request to continue from.
     load : callable
-        Gives the prior; one that keeps what it gave saves the time from job to job.
+        Loads the prior; a caching one saves time from job to job.
     """
 
     def __init__(
@@ -73,23 +73,23 @@ class LocalJob:
         self._last_losses: dict[str, float] = {}
 
     def run(self, progress: ProgressView) -> dict[str, Any]:
-        """Run it to its end and write the outputs; all of them or none.
+        """Run the job to its end and write the outputs, all or none.
 
         Returns
         -------
         dict
-            Where the outputs lie, how many steps ran, the last losses and the seconds it took.
+            Paths of the outputs, number of steps, last losses and elapsed seconds.
 
         Raises
         ------
         MeshdeformError
-            What is wrong and what to do about it.
+            The job cannot run, or an output cannot be written.
         KeyboardInterrupt
-            At Ctrl-C, between two steps; the checkpoint is written where one was asked for.
+            Ctrl-C came; the checkpoint is written if requested.
         """
         start = time.perf_counter()
         progress.phase("loading")
-        self._check_places()
+        self._check_folders()
         run = self._start()
         first = run.step
         progress.phase("optimizing")
@@ -108,8 +108,8 @@ class LocalJob:
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
 
-    def _check_places(self) -> None:
-        """Make the folders and try them: nobody should learn after the last step that there is no place for it."""
+    def _check_folders(self) -> None:
+        """Create the folders and test that they are writable, before the first step."""
         outputs = self._outputs
         with _writing():
             for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):
@@ -173,7 +173,7 @@ def _writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
         yield
     except OSError as error:
         raise UnavailableError(
-            f"{what} cannot be written: {error}.", advice=f"Choose another place with {option}."
+            f"{what} cannot be written: {error}.", advice=f"Choose another path with {option}."
         ) from error
 
 
@@ -188,24 +188,24 @@ def _read(path: Path, limits: Limits) -> bytes:
     if size > limits.max_bytes:
         raise AssetTooLargeError(
             f"{path.name} has {size} bytes; the limit is {limits.max_bytes}.",
-            advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or send a smaller file.",
+            advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or use a smaller file.",
         )
     return path.read_bytes()
 
 
 @contextmanager
 def _ctrl_c_between_steps() -> Iterator[Any]:
-    """Let the first Ctrl-C wait for the end of the step, so that the state is whole; the second one does not wait."""
-    came = False
+    """Defer the first Ctrl-C to the end of the step, when the state is consistent; the second acts at once."""
+    interrupted = False
 
-    def note(_number: int, _frame: FrameType | None) -> None:
-        nonlocal came
-        if came:
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        nonlocal interrupted
+        if interrupted:
             raise KeyboardInterrupt
-        came = True
+        interrupted = True
 
-    previous = signal.signal(signal.SIGINT, note)
+    previous = signal.signal(signal.SIGINT, handle)
     try:
-        yield lambda: came
+        yield lambda: interrupted
     finally:
         signal.signal(signal.SIGINT, previous)

@@ -1,4 +1,4 @@
-"""`meshdeform models`: which priors can be asked for, and which words the builtin one knows."""
+"""`meshdeform models`: list the models and the words that the built-in one accepts."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _STATES = {True: "available", False: "missing", None: "unknown"}
 def models(
     model: Annotated[
         str | None,
-        typer.Argument(help="Only this one, with its words.", autocompletion=complete_models, show_default=False),
+        typer.Argument(
+            help="Only this model, with the words that it accepts.", autocompletion=complete_models, show_default=False
+        ),
     ] = None,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
     api_key_file: ApiKeyFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the models.
-
-    Those of the service that --url or MESHDEFORM_URL names, else those of this machine.
+    """List the models of the service that --url or MESHDEFORM_URL names, else of this machine.
 
     meshdeform models
 
@@ -47,7 +47,7 @@ def models(
     found = [entry for entry in document["models"] if model in (None, entry["id"])]
     if not found:
         known = ", ".join(entry["id"] for entry in document["models"])
-        raise ModelError(f"There is no model {model!r} here.", advice=f"There are: {known}.")
+        raise ModelError(f"There is no model {model!r} here.", advice=f"Models: {known}.")
     if as_json:
         emit({**document, "models": found})
         return
@@ -83,5 +83,5 @@ def _described(entry: dict[str, Any]) -> str:
         if words.get(name):
             lines.append(f"{name}: {', '.join(words[name])}")
     if not words:
-        lines.append("Takes any words.")
+        lines.append("Accepts any prompt.")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Options that several commands share, and what the shell completes for them."""
+"""Options that several commands share, with their shell completions."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _COMPLETION_TIMEOUT_S = 1.0
 
 
 def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
-    """The models that these settings know by name."""
+    """Complete the models in the settings."""
     from meshdeform.cli.environment import load_settings
     from meshdeform.errors import MeshdeformError
 
-    found = {"builtin": "the demonstration prior that ships with Meshdeform"}
+    found = {"builtin": "the demonstration model that ships with Meshdeform"}
     with contextlib.suppress(MeshdeformError):
         settings = load_settings()
         for name in (settings.model, *settings.allowed_models):
@@ -43,14 +43,14 @@ def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
 
 
 def complete_states(incomplete: str) -> list[str]:
-    """The states of a job."""
+    """Complete the states of a job."""
     from meshdeform.record.models import JobState
 
     return [state.value for state in JobState if state.value.startswith(incomplete)]
 
 
 def complete_parameters(incomplete: str) -> Iterator[str]:
-    """Names of parameters up to the `=`; then the values, where there are only so many."""
+    """Complete names of parameters up to the `=`, then the values of those that are a choice."""
     from meshdeform.requests.document import DeformParams
 
     schemas = DeformParams.model_json_schema()
@@ -65,7 +65,7 @@ def complete_parameters(incomplete: str) -> Iterator[str]:
 
 
 def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """The newest jobs of the service, where it answers within a second; a shell must never hang."""
+    """Complete the newest jobs of the service if it responds within a second."""
     from itertools import islice
 
     from meshdeform.cli.connection import connect
@@ -92,13 +92,13 @@ def _set_option(**more: Any) -> Any:
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing about how it goes.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
 UrlOption = Annotated[
     str | None,
     typer.Option(
         envvar="MESHDEFORM_URL",
         metavar="URL",
-        help="The service; default: http://127.0.0.1:8765.",
+        help="Address of the service; default: http://127.0.0.1:8765.",
         rich_help_panel=_SERVICE,
         show_default=False,
     ),
@@ -107,11 +107,12 @@ ApiKeyOption = Annotated[
     str | None,
     typer.Option(
         envvar="MESHDEFORM_API_KEY",
-        # Else it would stand in the help of whoever has set it.
+        # Otherwise --help would print the key of whoever has set the variable.
         show_envvar=True,
         show_default=False,
         metavar="KEY",
-        help="API key, where the service wants one. Others on this machine can see it: better the variable or a file.",
+        help="API key, if the service requires one. Other users of this machine can read it here: "
+        "prefer the variable or a file.",
         rich_help_panel=_SERVICE,
     ),
 ]
@@ -124,7 +125,7 @@ ApiKeyFileOption = Annotated[
 ModelOption = Annotated[
     str | None,
     typer.Option(
-        help="`builtin`, or a Stable Diffusion checkpoint by hub id or folder.",
+        help="`builtin`, or a Stable Diffusion model by hub id or folder.",
         rich_help_panel="Method",
         autocompletion=complete_models,
         show_default=False,

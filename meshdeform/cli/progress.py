@@ -1,6 +1,6 @@
-"""Progress for a person: a bar on a terminal, a line now and then elsewhere; always on standard error.
+"""Show progress on standard error: a bar on a terminal, elsewhere a line every few seconds.
 
-Lines have no control characters and come at most every few seconds, whatever comes in: they are for logs.
+The lines are for logs: they have no control characters.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ LINE_EVERY_S = 5.0
 
 
 class ProgressView(Protocol):
-    """What a job tells about itself."""
+    """Receives the progress of a job."""
 
     def phase(self, name: str) -> None:
-        """A new phase begins."""
+        """Show that a phase has begun."""
 
     def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:
-        """A step is done; `eta_s` seconds are left, by the pace so far unless somebody knows better."""
+        """Show that a step is done; `eta_s` is the time left in seconds, estimated from the pace if None."""
 
 
 def is_terminal() -> bool:
-    """Whether standard error is a terminal that can move its cursor."""
+    """Return whether standard error is a terminal that can move its cursor."""
     return sys.stderr.isatty() and os.environ.get("TERM", "") != "dumb"
 
 
 class Pace:
-    """Seconds left, from the steps that were seen and when; the newest ones count most.
+    """Estimate the time left from the times of the steps so far; the newest weigh most.
 
     Parameters
     ----------
@@ -55,24 +55,24 @@ class Pace:
         self._step_s: float | None = None
 
     def eta_s(self, step: int, total_steps: int) -> float | None:
-        """Seconds left after `step`; None until two steps were seen."""
+        """Return the seconds left after `step`; None for the first one."""
         now = self._clock()
         if self._last is not None and step > self._last[0]:
-            seen = (now - self._last[1]) / (step - self._last[0])
-            self._step_s = seen if self._step_s is None else 0.9 * self._step_s + 0.1 * seen
+            step_s = (now - self._last[1]) / (step - self._last[0])
+            self._step_s = step_s if self._step_s is None else 0.9 * self._step_s + 0.1 * step_s
         if self._last is None or step != self._last[0]:
             self._last = (step, now)
         return None if self._step_s is None else max(0, total_steps - step) * self._step_s
 
 
 class StepBars:
-    """Bars on a terminal, one for each job: phase or name, steps, loss, seconds left."""
+    """Bars on a terminal, one for each job: phase or name, steps, loss, time left."""
 
     def __init__(self) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        # Standard error is known to be a terminal; where standard output is a pipe, rich must not think twice.
+        # rich would look at standard output, which may be a pipe.
         self.progress: Progress = Progress(
             TextColumn("{task.description:<11}", markup=False),
             BarColumn(),
@@ -83,7 +83,7 @@ class StepBars:
         )
 
     def add(self, name: str) -> TaskID:
-        """A bar of unknown length."""
+        """Add a bar of unknown length."""
         return self.progress.add_task(plain(name), total=None, note="")
 
 
@@ -113,28 +113,28 @@ class _Lines:
         now = time.monotonic()
         if step == total_steps or now - self._last >= LINE_EVERY_S:
             self._last = now
-            said = f"step {step}/{total_steps}  {_facts(loss, None if step == total_steps else left)}"
-            typer.echo(said.rstrip(), err=True)
+            line = f"step {step}/{total_steps}  {_facts(loss, None if step == total_steps else left)}"
+            typer.echo(line.rstrip(), err=True)
 
 
-class _Silence:
+class _NoProgress:
     def phase(self, name: str) -> None:
-        """Nothing."""
+        """Show nothing."""
 
     def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:
-        """Nothing."""
+        """Show nothing."""
 
 
 def _facts(loss: float, eta_s: float | None) -> str:
-    said = "" if math.isnan(loss) else f"loss {loss:.4f}"
-    return f"{said}  {duration(eta_s)} left".strip() if eta_s is not None else said
+    shown = "" if math.isnan(loss) else f"loss {loss:.4f}"
+    return f"{shown}  {duration(eta_s)} left".strip() if eta_s is not None else shown
 
 
 @contextmanager
 def show_progress(*, quiet: bool = False) -> Iterator[ProgressView]:
-    """A view for the block: a bar if standard error is a terminal, else lines; with `quiet` nothing at all."""
+    """Yield a view: a bar if standard error is a terminal, else lines; with `quiet`, nothing."""
     if quiet:
-        yield _Silence()
+        yield _NoProgress()
         return
     if not is_terminal():
         yield _Lines()

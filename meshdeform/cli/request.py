@@ -1,4 +1,4 @@
-"""A job's request from what stands on the command line."""
+"""Build a job's request from command-line options."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["make_request", "make_settings", "merge_params"]
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
-    """Parameters written as NAME=VALUE; values are JSON where they can be, else text.
+    """Parse parameters written as NAME=VALUE; a value that is not JSON is text.
 
     Raises
     ------
     typer.BadParameter
-        There is no `=`.
+        A pair has no `=`.
     """
     parameters: dict[str, Any] = {}
     for pair in pairs:
@@ -37,7 +37,7 @@ def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]
 
 
 def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
-    """Parameters from `--set`, with the options that were given on top."""
+    """Return the parameters from `--set`, overridden by the options that are not None."""
     return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
 
 
@@ -50,7 +50,7 @@ def make_request(
     more: Mapping[str, Any] | None = None,
     place: str = "The request",
 ) -> JobRequest:
-    """The checked request; parameters that are None count as left out.
+    """Build and validate a request; parameters that are None count as left out.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def make_request(
     more : mapping, optional
         Further members of the document, such as `priority`.
     place : str
-        What the error calls it.
+        Name of the request in errors.
 
     Raises
     ------
     ParameterError
-        Something is unknown or out of range.
+        A member is unknown or out of range.
     """
     from pydantic import ValidationError
 

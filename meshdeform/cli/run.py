@@ -1,4 +1,4 @@
-"""`meshdeform run`: one deformation here and now, without a server."""
+"""`meshdeform run`: deform one asset on this machine, without a server."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from meshdeform.requests.choices import Preset
 
 __all__ = ["run"]
 
-_OUTPUTS, _METHOD, _RESUME = "Outputs", "Method", "Interrupt and go on"
+_OUTPUTS, _METHOD, _RESUME = "Outputs", "Method", "Interrupt and resume"
 
 
 def _file(text: str, panel: str, *, exists: bool = False) -> Any:
@@ -29,7 +29,7 @@ def run(
         Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False, readable=True)
     ],
     prompt: Annotated[
-        str, typer.Argument(help='What it should become, e.g. "a mushroom". Not needed with --target.')
+        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
     ] = "",
     output: Annotated[
         Path | None,
@@ -41,7 +41,7 @@ def run(
     preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).", _OUTPUTS)] = None,
     morph: Annotated[
         bool,
-        typer.Option(help="Also write a morph.glb that moves from source to result.", rich_help_panel=_OUTPUTS),
+        typer.Option(help="Also write a GLB that animates from the source to the result.", rich_help_panel=_OUTPUTS),
     ] = False,
     usd: Annotated[
         bool,
@@ -52,30 +52,38 @@ def run(
     preset: Annotated[
         Preset | None,
         typer.Option(
-            help="The parameters to start from; default: balanced.", rich_help_panel=_METHOD, show_default=False
+            help="Quality: preview (fast), balanced (the default) or paper (slow).",
+            rich_help_panel=_METHOD,
+            show_default=False,
         ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
+    ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of every random draw; default: 0.", rich_help_panel=_METHOD)
+        int | None,
+        typer.Option(help="Random seed: another seed gives another variation; default: 0.", rich_help_panel=_METHOD),
     ] = None,
     model: ModelOption = None,
     guidance_scale: Annotated[
-        float | None, typer.Option(help="Classifier-free guidance.", rich_help_panel=_METHOD)
+        float | None,
+        typer.Option(help="How strongly the prompt pulls (classifier-free guidance).", rich_help_panel=_METHOD),
     ] = None,
-    learning_rate: Annotated[float | None, typer.Option(help="Adam's step size.", rich_help_panel=_METHOD)] = None,
-    target: Annotated[Path | None, _file("A mesh to become like, instead of a prompt.", _METHOD, exists=True)] = None,
+    learning_rate: Annotated[
+        float | None, typer.Option(help="How far one step may go (Adam's step size).", rich_help_panel=_METHOD)
+    ] = None,
+    target: Annotated[
+        Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
+    ] = None,
     param: SetOption = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
     threads: Annotated[
         int | None, typer.Option(min=0, help="CPU threads; 0: all cores.", rich_help_panel=_METHOD)
     ] = None,
-    checkpoint: Annotated[
-        Path | None, _file("Keep the state here, every so many steps and at Ctrl-C.", _RESUME)
-    ] = None,
-    resume: Annotated[Path | None, _file("Go on from such a state.", _RESUME, exists=True)] = None,
+    checkpoint: Annotated[Path | None, _file("Save the state to this file regularly and at Ctrl-C.", _RESUME)] = None,
+    resume: Annotated[Path | None, _file("Continue from a file that --checkpoint wrote.", _RESUME, exists=True)] = None,
 ) -> None:
-    """Deform ASSET until it looks like PROMPT, here and now.
+    """Deform ASSET until it looks like PROMPT, on this machine.
 
     meshdeform run examples/sphere.glb "a mushroom" -o mushroom.glb
 
@@ -85,7 +93,7 @@ def run(
     settings = load_settings(device=device, threads=threads)
     output = output or Path(f"{asset.stem}-deformed.glb")
     if output.suffix.lower() != ".glb":
-        raise typer.BadParameter(f"the result is a GLB; {output.name} does not end in .glb", param_hint="--output")
+        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     params = merge_params(
         param or [],
         preset=preset,
@@ -103,7 +111,7 @@ def run(
         require_usd()
     from meshdeform.runs import text_deform_kind
 
-    # Before torch is imported, which takes seconds: a word that the prior does not know is told at once.
+    # Refuse unknown words at once, before torch is imported, which takes seconds.
     text_deform_kind.check(
         request,
         default_model=settings.model,

@@ -1,4 +1,4 @@
-"""`meshdeform serve`, and its parts apart: `meshdeform api`, `meshdeform worker`."""
+"""`meshdeform serve`, and its processes one by one: `meshdeform api`, `meshdeform worker`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KEEP_ALIVE_S = 75
 _HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
 _PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
 _NoAuthOption = Annotated[
-    bool, typer.Option("--no-auth", help="Need no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
+    bool, typer.Option("--no-auth", help="Require no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
 ]
 
 
@@ -40,9 +40,9 @@ def serve(
     port: _PortOption = DEFAULT_PORT,
     data_dir: Annotated[
         Path | None,
-        typer.Option(help="Folder for everything that is kept (MESHDEFORM_DATA_DIR; default: meshdeform-data)."),
+        typer.Option(help="Folder for all stored data (MESHDEFORM_DATA_DIR; default: meshdeform-data)."),
     ] = None,
-    model: Annotated[str | None, typer.Option(help="Diffusion prior where a job names none.")] = None,
+    model: Annotated[str | None, typer.Option(help="Diffusion model for jobs that name none.")] = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,
     threads: Annotated[int | None, typer.Option(min=0, help="CPU threads of the worker; 0: all cores.")] = None,
     no_auth: _NoAuthOption = False,
@@ -53,7 +53,7 @@ def serve(
 ) -> None:
     """Run the whole service: API, worker and queue.
 
-    Ctrl-C stops all of it; the next start goes on where it stopped.
+    Ctrl-C stops all of it; the next start resumes unfinished jobs.
 
     meshdeform serve --data-dir meshdeform-data --port 8765
     """
@@ -90,13 +90,13 @@ def api(
     host: _HostOption = DEFAULT_HOST,
     port: _PortOption = DEFAULT_PORT,
     access_log: Annotated[
-        bool | None, typer.Option(help="Log every request; the default where MESHDEFORM_LOG_FORMAT is json.")
+        bool | None, typer.Option(help="Log every request; the default if MESHDEFORM_LOG_FORMAT is json.")
     ] = None,
     no_auth: _NoAuthOption = False,
     as_json: JsonOption = False,
     fd: Annotated[int | None, typer.Option(hidden=True)] = None,
 ) -> None:
-    """Run the HTTP API alone; MESHDEFORM_REDIS_URL says where the queue is."""
+    """Run the HTTP API alone; requires MESHDEFORM_REDIS_URL."""
     require("fastapi", "service")
     import uvicorn
 
@@ -122,14 +122,14 @@ def api(
         "service.app:create_app",
         factory=True,
         log_config=None,
-        # uvicorn's own has query strings in it, which may hold signatures.
+        # uvicorn's access log contains query strings, which may hold signatures.
         access_log=False,
         server_header=False,
-        # Longer than clients and proxies keep idle connections: they close them, and no request meets a closed one.
+        # Longer than clients and proxies keep idle connections, so that no request meets a connection closed here.
         timeout_keep_alive=_KEEP_ALIVE_S,
         timeout_graceful_shutdown=_API_GRACE_S,
     )
-    # uvicorn raises the signal that stopped it once more when it is done; a clean stop must be exit code 0.
+    # uvicorn raises the signal that stopped it again at the end; a clean stop must give exit code 0.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
     uvicorn.Server(config).run(sockets=[listening])
@@ -137,7 +137,7 @@ def api(
 
 @clean_errors
 def worker(as_json: JsonOption = False) -> None:
-    """Run a worker alone, one for each GPU; MESHDEFORM_REDIS_URL says where the queue is."""
+    """Run one worker alone, one for each GPU; requires MESHDEFORM_REDIS_URL."""
     from meshdeform.serving.processes import python_command
 
     _require_redis()
@@ -150,12 +150,12 @@ def worker(as_json: JsonOption = False) -> None:
 
 
 def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
-    """The settings, with `auth` decided by the address that the API should listen on.
+    """Return the settings with `auth` decided by the address that the API listens on.
 
     Raises
     ------
     ParameterError
-        Requests need a key, and there is none.
+        Requests require a key, and there is none.
     """
     from meshdeform.serving.access import needs_keys
 
@@ -174,22 +174,22 @@ def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
         place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
         reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"
         raise ParameterError(
-            f"{reason}, so requests need an API key, and there is none.",
-            advice=f"Make one: meshdeform keys create --owner me{place}. "
-            "Where something in front of the service decides who may ask: --no-auth, or MESHDEFORM_AUTH=off.",
+            f"{reason}, so requests require an API key, and none exists.",
+            advice=f"Create one: meshdeform keys create --owner me{place}. "
+            "If a proxy in front of the service authenticates requests: --no-auth, or MESHDEFORM_AUTH=off.",
         )
-    # On for every connection, also for those that come in over loopback.
+    # Required on every connection, loopback included.
     return settings.model_copy(update={"auth": "on"})
 
 
 def _open_in_browser(url: str) -> None:
-    """Open a page without waiting: some browsers return only when they are closed, and `serve` has parts to tend."""
+    """Open a page in a thread, since some browsers return only when they are closed."""
     import threading
     import webbrowser
 
     def show() -> None:
         if not webbrowser.open(url):
-            typer.echo(f"No browser could be opened here. The page is at {url}", err=True)
+            typer.echo(f"No browser could be opened. The page is at {url}", err=True)
 
     threading.Thread(target=show, daemon=True).start()
 
@@ -198,5 +198,5 @@ def _require_redis() -> None:
     if not load_settings().redis_url:
         raise ParameterError(
             "MESHDEFORM_REDIS_URL is not set.",
-            advice="Set it to the Redis of the queue, or run everything at once with `meshdeform serve`.",
+            advice="Set it to the Redis of the queue, or run everything with `meshdeform serve`.",
         )

@@ -1,4 +1,4 @@
-"""`meshdeform submit`: a job for a service."""
+"""`meshdeform submit`: submit a job to a service."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.connection import again, connect
+from meshdeform.cli.connection import command_line, connect
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.fetch import fetched, fetched_lines
+from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
 from meshdeform.cli.options import (
     ApiKeyFileOption,
@@ -34,27 +34,35 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False)],
     prompt: Annotated[
-        str, typer.Argument(help='What it should become, e.g. "a mushroom". Not needed with --target.')
+        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
     ] = "",
     preset: Annotated[
         Preset | None,
         typer.Option(
-            help="The parameters to start from; default: balanced.", rich_help_panel=_METHOD, show_default=False
+            help="Quality: preview (fast), balanced (the default) or paper (slow).",
+            rich_help_panel=_METHOD,
+            show_default=False,
         ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(help="Optimiser iterations.", rich_help_panel=_METHOD)] = None,
+    steps: Annotated[
+        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
+    ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of every random draw; default: 0.", rich_help_panel=_METHOD)
+        int | None,
+        typer.Option(help="Random seed: another seed gives another variation; default: 0.", rich_help_panel=_METHOD),
     ] = None,
     model: ModelOption = None,
     guidance_scale: Annotated[
-        float | None, typer.Option(help="Classifier-free guidance.", rich_help_panel=_METHOD)
+        float | None,
+        typer.Option(help="How strongly the prompt pulls (classifier-free guidance).", rich_help_panel=_METHOD),
     ] = None,
-    learning_rate: Annotated[float | None, typer.Option(help="Adam's step size.", rich_help_panel=_METHOD)] = None,
+    learning_rate: Annotated[
+        float | None, typer.Option(help="How far one step may go (Adam's step size).", rich_help_panel=_METHOD)
+    ] = None,
     target: Annotated[
         Path | None,
         typer.Option(
-            help="A mesh to become like, instead of a prompt.",
+            help="A mesh to deform towards, instead of a prompt.",
             exists=True,
             dir_okay=False,
             rich_help_panel=_METHOD,
@@ -69,29 +77,30 @@ def submit(
         typer.Option(metavar="NAME=TEXT", help="A label of your own; repeatable.", rich_help_panel=_JOB),
     ] = None,
     priority: Annotated[
-        int | None, typer.Option(help="Of all queued jobs the greatest goes first.", rich_help_panel=_JOB)
+        int | None,
+        typer.Option(help="-100 to 100; the queued job with the highest value runs first.", rich_help_panel=_JOB),
     ] = None,
     deadline_s: Annotated[
-        float | None, typer.Option(help="Seconds after which it expires.", rich_help_panel=_JOB)
+        float | None, typer.Option(help="Seconds after which the job expires.", rich_help_panel=_JOB)
     ] = None,
     idempotency_key: Annotated[
         str | None,
-        typer.Option(help="The same key again within a day: the same job.", rich_help_panel=_JOB, show_default=False),
+        typer.Option(help="The same key within a day returns the same job.", rich_help_panel=_JOB, show_default=False),
     ] = None,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until it is over.", rich_help_panel=_WAIT)] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until the job has ended.", rich_help_panel=_WAIT)] = False,
     output: Annotated[
         Path | None,
         typer.Option(
             "-o",
             "--output",
-            help="Wait, then put everything it made into this folder.",
+            help="Wait, then save all artifacts into this folder.",
             file_okay=False,
             rich_help_panel=_WAIT,
             show_default=False,
         ),
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option(min=0.0, help="Wait at most so many seconds.", rich_help_panel=_WAIT)
+        float | None, typer.Option(min=0.0, help="Wait at most this many seconds.", rich_help_panel=_WAIT)
     ] = None,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
@@ -99,7 +108,7 @@ def submit(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Hand a job to a service and print its id.
+    """Submit a job to a service and print its id.
 
     meshdeform submit examples/sphere.glb "a mushroom" --preset preview
 
@@ -116,7 +125,7 @@ def submit(
         learning_rate=learning_rate,
     )
     more = {"metadata": _labels(label or []), "priority": priority, "deadline_s": deadline_s}
-    # What is out of range is told here, before the asset travels.
+    # Validate before the asset is uploaded.
     request = make_request(prompt, params, morph=morph, usd=usd, more=more)
     with connect(url, api_key, api_key_file) as client:
         job = client.submit(
@@ -135,7 +144,7 @@ def submit(
                 emit(job.as_json())
             else:
                 typer.echo(job.id)
-                note(f"Follow it: {again(f'watch {job.id}', url)}", quiet=quiet)
+                note(f"Follow it: {command_line(f'watch {job.id}', url)}", quiet=quiet)
             return
         note(f"{job.id}  (Ctrl-C leaves it running)", quiet=quiet)
         with show_progress(quiet=quiet) as view:
@@ -144,11 +153,11 @@ def submit(
             if as_json:
                 emit(ended.as_json())
             raise failure
-        files = fetched(client, job.id, output) if output else []
+        files = save_artifacts(client, job.id, output) if output else []
     if as_json:
         emit({**ended.as_json(), **({"files": files} if output else {})})
     else:
-        typer.echo("\n".join([job.id, *fetched_lines(files)]))
+        typer.echo("\n".join([job.id, *path_lines(files)]))
 
 
 def _labels(pairs: list[str]) -> dict[str, Any]:

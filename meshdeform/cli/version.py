@@ -1,4 +1,4 @@
-"""`meshdeform version`."""
+"""`meshdeform version`: print the version."""
 
 from __future__ import annotations
 

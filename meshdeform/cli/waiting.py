@@ -1,4 +1,4 @@
-"""`meshdeform wait` and `meshdeform watch`: until jobs are over."""
+"""`meshdeform wait` and `meshdeform watch`: wait until jobs have ended."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["wait", "watch"]
 
-_TimeoutOption = Annotated[float | None, typer.Option(min=0.0, help="Wait at most so many seconds.")]
+_TimeoutOption = Annotated[float | None, typer.Option(min=0.0, help="Wait at most this many seconds.")]
 
 
 @clean_errors
@@ -41,9 +41,9 @@ def wait(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Wait until jobs are over.
+    """Wait until jobs have ended.
 
-    Exit code 0: all succeeded; 5: one failed; 6: one was canceled or expired; 7: --timeout is over.
+    Exit code 0: all succeeded; 5: one failed; 6: one was canceled or expired; 7: timed out.
 
     meshdeform wait $(meshdeform submit examples/sphere.glb "a mushroom") --timeout 600
     """
@@ -92,8 +92,8 @@ def watch(
 ) -> None:
     """Follow a job to its end.
 
-    A bar with loss and time left, plain lines in a log, with --json every event as a line. Connections
-    that break are taken up again where they broke. Ctrl-C leaves the job running.
+    Shows a bar with loss and time left, plain lines in a log; with --json every event as a line. Reconnects
+    after dropped connections. Ctrl-C leaves the job running.
 
     meshdeform watch job_01kg9zqk2xf3v8c5m7n9p1r4t6
     """

@@ -1,1 +1,1 @@
-"""What a job asks for: the request document, its parameters and presets. Torch-free."""
+"""The request document of a job, its parameters and presets. Torch-free."""

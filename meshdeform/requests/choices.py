@@ -1,4 +1,4 @@
-"""The named choices of a job's document. Imports nothing: the command line offers them before it loads pydantic."""
+"""Enumerations of the request document. Imports nothing, so that the command line starts without pydantic."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ __all__ = ["GuidanceKind", "JobKind", "Preset", "Safeguard"]
 
 
 class JobKind(StrEnum):
-    """What a job does."""
-
-    # `meshdeform.runs` describes each kind.
+    """Kind of a job; `meshdeform.runs` describes each one."""
 
     TEXT_DEFORM = "text_deform"
 
     @classmethod
     def named(cls, name: str) -> JobKind:
-        """Return the kind of this name; one that is not in the list above is known from then on."""
+        """Return the kind of this name, after adding it if it is new."""
         if name not in cls._value2member_map_:
             member = str.__new__(cls, name)
             member._name_, member._value_ = name.upper(), name
@@ -25,13 +23,13 @@ class JobKind(StrEnum):
 
     @classmethod
     def _missing_(cls, value: object) -> JobKind | None:
-        # For pydantic, which keeps a list of its own and asks here for the rest.
+        # pydantic keeps its own list of members and falls back to this method.
         found = cls._value2member_map_.get(value) if isinstance(value, str) else None
         return found if isinstance(found, cls) else None
 
 
 class Preset(StrEnum):
-    """A named set of parameters."""
+    """Named set of parameters."""
 
     PREVIEW = "preview"
     BALANCED = "balanced"
@@ -39,14 +37,14 @@ class Preset(StrEnum):
 
 
 class GuidanceKind(StrEnum):
-    """What pulls the mesh."""
+    """Source of the gradient that deforms the mesh."""
 
     SDS = "sds"
     TARGET = "target"
 
 
 class Safeguard(StrEnum):
-    """What a step must not do to the surface."""
+    """Defects of the surface that no step may cause."""
 
     NONE = "none"
     FLIPS = "flips"

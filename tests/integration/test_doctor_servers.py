@@ -66,7 +66,7 @@ def test_servers_that_are_well(
     engine.dispose()
     code, found = doctor("--data-dir", str(tmp_path / "data"))
     assert code == 4
-    assert "made by a newer Meshdeform" in found["database"]["detail"]
+    assert "from a newer Meshdeform" in found["database"]["detail"]
     assert found["database"]["advice"]
 
 
@@ -80,7 +80,7 @@ def test_a_record_that_takes_no_writes_is_named(postgres_url: str, monkeypatch: 
     monkeypatch.setenv("MESHDEFORM_DATABASE_URL", postgres_url)
     code, found = doctor()
     assert code == 4
-    assert found["database"]["detail"].endswith("takes no writes")
+    assert found["database"]["detail"].endswith("is read-only")
     assert "primary" in found["database"]["advice"]
 
 

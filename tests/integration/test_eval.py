@@ -264,7 +264,7 @@ def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path,
     rest = process.stderr.read()
     process.stderr.close()
     assert process.wait(60) == 130, rest
-    assert "The same command goes on" in rest
+    assert "The same command resumes" in rest
     assert not list(out.rglob("*.part"))
     kept = {path: path.stat().st_mtime_ns for path in out.glob("items/*/record.json")}
     assert 1 <= len(kept) < 30

@@ -1,1 +1,1 @@
-"""Many deformations at once: the rows of a manifest, what is known about them, and who does them."""
+"""Batches: rows of a manifest, the ledger of their states, and the runners that process them."""

@@ -1,4 +1,4 @@
-"""How a batch goes: a bar for the whole and one for each row on a terminal, a line for each row elsewhere."""
+"""Show the progress of a batch: bars on a terminal, elsewhere a line for each row."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["BatchView", "show_batch"]
 
 
 class BatchView(Protocol):
-    """What a batch tells about itself."""
+    """Receives the progress of a batch."""
 
     def start(self, row: Row) -> None:
-        """A row begins."""
+        """Show that a row has begun."""
 
     def tick(self, row: Row, tick: Tick) -> None:
-        """A row is so far."""
+        """Show the progress of a row."""
 
     def end(self, row: Row, outcome: RowOutcome) -> None:
-        """A row is over."""
+        """Show that a row has ended."""
 
 
-class _Silence:
+class _NoProgress:
     def start(self, row: Row) -> None:
-        """Nothing."""
+        """Show nothing."""
 
     def tick(self, row: Row, tick: Tick) -> None:
-        """Nothing."""
+        """Show nothing."""
 
     def end(self, row: Row, outcome: RowOutcome) -> None:
-        """Nothing."""
+        """Show nothing."""
 
 
 class _Lines:
@@ -48,7 +48,7 @@ class _Lines:
         self._total, self._done, self._last = total, done, time.monotonic()
 
     def start(self, row: Row) -> None:
-        """Said when it is over."""
+        """Show nothing until the row ends."""
 
     def tick(self, row: Row, tick: Tick) -> None:
         now = time.monotonic()
@@ -58,7 +58,7 @@ class _Lines:
 
     def end(self, row: Row, outcome: RowOutcome) -> None:
         self._done, self._last = self._done + 1, time.monotonic()
-        note(f"{self._done}/{self._total}  {_told(row, outcome)}")
+        note(f"{self._done}/{self._total}  {_ended_line(row, outcome)}")
 
 
 class _Bars:
@@ -71,8 +71,8 @@ class _Bars:
 
     def _show(self) -> None:
         left = self._pace.eta_s(self._done, self._total)
-        said = [f"{self._failed} failed" if self._failed else "", f"{duration(left)} left" if left else ""]
-        self._progress.update(self._whole, completed=self._done, total=self._total, note="  ".join(filter(None, said)))
+        notes = [f"{self._failed} failed" if self._failed else "", f"{duration(left)} left" if left else ""]
+        self._progress.update(self._whole, completed=self._done, total=self._total, note="  ".join(filter(None, notes)))
 
     def start(self, row: Row) -> None:
         self._tasks[row.key] = self._bars.add(row.name[:40])
@@ -84,28 +84,28 @@ class _Bars:
     def end(self, row: Row, outcome: RowOutcome) -> None:
         self._progress.remove_task(self._tasks.pop(row.key))
         self._done, self._failed = self._done + 1, self._failed + (outcome.state != "succeeded")
-        self._progress.console.print(plain(_told(row, outcome)), markup=False, highlight=False)
+        self._progress.console.print(plain(_ended_line(row, outcome)), markup=False, highlight=False)
         self._show()
 
 
-def _told(row: Row, outcome: RowOutcome) -> str:
-    why = f": {outcome.error['detail']}" if outcome.error else ""
-    return f"{row.name}  {outcome.state}  {duration(outcome.seconds)}{why}"
+def _ended_line(row: Row, outcome: RowOutcome) -> str:
+    reason = f": {outcome.error['detail']}" if outcome.error else ""
+    return f"{row.name}  {outcome.state}  {duration(outcome.seconds)}{reason}"
 
 
 @contextmanager
 def show_batch(total: int, done: int, *, quiet: bool) -> Iterator[BatchView]:
-    """A view for the block.
+    """Yield a view.
 
     Parameters
     ----------
     total, done : int
-        Rows of the batch, and how many an earlier run did.
+        Number of rows in the batch, and of those finished earlier.
     quiet : bool
-        Nothing is shown.
+        Whether to show nothing.
     """
     if quiet:
-        yield _Silence()
+        yield _NoProgress()
     elif not is_terminal():
         yield _Lines(total, done)
     else:

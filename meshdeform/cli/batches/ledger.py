@@ -1,4 +1,4 @@
-"""What is known about a batch: JSON lines in a file that only grows, on the disk before anything relies on them.
+"""Record the states of a batch as JSON lines in an append-only file; each line is on disk before anything relies on it.
 
 ::
 
@@ -7,8 +7,7 @@
     {"event": "done", "key": KEY, "name": NAME, "seconds": ..., "files": {...}}
     {"event": "failed", "key": KEY, "name": NAME, "error": {...}}
 
-A process that is killed while it writes leaves half a line at the end, which nobody has relied on: it is cut off. One
-process at a time: the file is locked.
+An incomplete last line, left by a process that was killed, is removed. The file is locked: one process at a time.
 """
 
 from __future__ import annotations
@@ -32,28 +31,28 @@ _VERSION = 1
 
 
 class Ledger:
-    """The ledger of a batch's folder. A context manager; safe to share between threads.
+    """The ledger of a batch. A context manager; thread-safe.
 
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        The folder of the batch; created if missing.
 
     Attributes
     ----------
     batch_id : str
-        Of this batch, made once.
+        A random id of this batch.
     last : dict
-        By key, the newest line.
+        The newest line of each key.
     tries : dict
-        By key, how many lines say `failed`.
+        How many `failed` lines each key has.
 
     Raises
     ------
     UnavailableError
-        It cannot be written, or another process has it.
+        The file cannot be written, or another process has locked it.
     ParameterError
-        It is not a ledger.
+        The file is not a ledger.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -70,7 +69,7 @@ class Ledger:
                 f"{self.path} cannot be written: {error.strerror}.", advice="Choose another folder with -o."
             ) from error
         try:
-            self._take()
+            self._lock_file()
             self._read()
         except BaseException:
             os.close(self._fd)
@@ -85,20 +84,20 @@ class Ledger:
         os.close(self._fd)
 
     def append(self, event: str, key: str, name: str, **more: Any) -> None:
-        """Add a line; it is on the disk when this returns."""
+        """Add a line; it is on disk when this returns."""
         self._write({"event": event, "key": key, "name": name, "at": _now(), **more})
 
     def known_names(self) -> dict[str, str]:
-        """Names by key."""
+        """Return the names of rows by key."""
         return {key: line["name"] for key, line in self.last.items()}
 
-    def _take(self) -> None:
+    def _lock_file(self) -> None:
         try:
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UnavailableError(
-                f"Another `meshdeform batch` writes to {self.path.parent}.",
-                advice="Wait until it is over, or choose another folder with -o.",
+                f"Another `meshdeform batch` is using {self.path.parent}.",
+                advice="Wait until it has ended, or choose another folder with -o.",
             ) from None
 
     def _read(self) -> None:
@@ -112,8 +111,8 @@ class Ledger:
                 self._note(document)
             except (ValueError, KeyError, TypeError, AttributeError) as error:
                 raise ParameterError(
-                    f"{self.path}, line {number}, is no line of a ledger.",
-                    advice="Take the line out, or choose another folder with -o.",
+                    f"{self.path}, line {number}, is not a line of a ledger.",
+                    advice="Remove the line, or choose another folder with -o.",
                 ) from error
         if not self.batch_id:
             self._write({"ledger": _VERSION, "batch": uuid.uuid4().hex, "created_at": _now()})
@@ -140,7 +139,7 @@ class Ledger:
             except OSError as error:
                 raise UnavailableError(
                     f"{self.path} cannot be written: {error.strerror}.",
-                    advice="Make room; the same command goes on where this one stopped.",
+                    advice="Free some space; the same command then resumes.",
                 ) from error
             self._note(document)
 

@@ -1,7 +1,7 @@
-"""Rows done on this machine, each slot a process of its own: one that dies costs its row and not the batch.
+"""Run rows on this machine, in separate processes: a crash fails one row, not the batch.
 
-A process keeps the model from row to row. It reads orders from its standard input; when that ends, because this
-process has ended however it did, it ends at once.
+A process keeps the model in memory from row to row. It reads orders from its standard input and exits when that is
+closed, which also happens when this process is killed.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ __all__ = ["LocalRunner"]
 
 _MODULE = "meshdeform.cli.batches.local_process"
 _STATES = ".states"
-_LAST_WORDS = 2000
+_ERROR_TAIL = 2000
 
 
 class LocalRunner:
-    """Rows in processes of this machine.
+    """Runs rows in processes on this machine.
 
     Parameters
     ----------
     folder : Path
-        The batch's.
+        The folder of the batch.
     settings : dict
-        `device` and `threads` of each process, where they are not those of the environment.
+        `device` and `threads` of each process; None: from the environment.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
@@ -45,24 +45,28 @@ class LocalRunner:
         self._all: list[_Process] = []
         self._lock, self._closed = threading.Lock(), False
 
-    def do(self, row: Row, told: Callable[[Tick], None]) -> RowOutcome:
-        """Deform; goes on from the row's last checkpoint where there is one."""
+    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+        """Run a row, from its last checkpoint if there is one."""
         start = time.monotonic()
         process = self._process()
-        answer = process.ask(self._order(row), told)
+        answer = process.ask(self._order(row), on_tick)
         if answer is None:
-            error = {"code": "worker_lost", "detail": process.last_words(), "advice": "Often: out of memory."}
+            error = {
+                "code": "worker_lost",
+                "detail": process.exit_message(),
+                "advice": "The machine may be out of memory.",
+            }
             return RowOutcome("failed", round(time.monotonic() - start, 3), error=error)
         self._idle.put(process)
         if answer["event"] == "failed" and answer["error"]["code"] == UnavailableError.code:
-            # There is no place for results: the next row would fail as well.
+            # The results cannot be written, so the next row would fail as well.
             raise UnavailableError(answer["error"]["detail"], advice=answer["error"]["advice"])
         if answer["event"] == "failed":
             return RowOutcome("failed", round(time.monotonic() - start, 3), error=answer["error"])
         return RowOutcome("succeeded", answer["elapsed_s"], files=answer["files"], losses=answer["losses"])
 
     def close(self) -> None:
-        """End every process."""
+        """Kill every process."""
         with self._lock:
             self._closed = True
             for process in self._all:
@@ -78,7 +82,7 @@ class LocalRunner:
             with self._lock:
                 if self._closed:
                     raise RuntimeError("the batch has ended") from None
-                self._all = [process for process in self._all if process.lives] + [_Process()]
+                self._all = [process for process in self._all if process.alive] + [_Process()]
                 return self._all[-1]
 
     def _order(self, row: Row) -> dict[str, Any]:
@@ -93,7 +97,7 @@ class LocalRunner:
 
 
 class _Process:
-    """A process that does one row after the other."""
+    """A process that runs one row at a time."""
 
     def __init__(self) -> None:
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
@@ -102,17 +106,17 @@ class _Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            # Ctrl-C at the terminal is for the parent alone.
+            # Ctrl-C in the terminal must reach only the parent.
             process_group=0,
         )
 
     @property
-    def lives(self) -> bool:
-        """Whether it runs."""
+    def alive(self) -> bool:
+        """Whether the process is running."""
         return self._process.poll() is None
 
-    def ask(self, order: dict[str, Any], told: Callable[[Tick], None]) -> dict[str, Any] | None:
-        """Do a row; None: the process died."""
+    def ask(self, order: dict[str, Any], on_tick: Callable[[Tick], None]) -> dict[str, Any] | None:
+        """Run a row and return the answer; None if the process died."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
@@ -122,20 +126,20 @@ class _Process:
                 answer: dict[str, Any] = json.loads(line)
                 if answer["event"] != "step":
                     return answer
-                told(Tick(answer["step"], answer["total_steps"], answer["loss"]))
+                on_tick(Tick(answer["step"], answer["total_steps"], answer["loss"]))
         except (OSError, ValueError):
             self._process.kill()
         self._process.wait()
         return None
 
-    def last_words(self) -> str:
-        """How a process ended that should not have."""
-        self._errors.seek(max(0, self._errors.seek(0, 2) - _LAST_WORDS))
+    def exit_message(self) -> str:
+        """Describe how the process died."""
+        self._errors.seek(max(0, self._errors.seek(0, 2) - _ERROR_TAIL))
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return f"The process died with exit code {self._process.returncode}" + (f": {lines[-1]}" if lines else ".")
 
     def end(self) -> None:
-        """Kill it: what it had not written whole is not there."""
+        """Kill the process; outputs are written atomically, so no partial file remains."""
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout, self._errors):

@@ -1,4 +1,4 @@
-"""The process behind a local slot of a batch: orders on standard input, answers on standard output, a line each."""
+"""Run rows of a local batch: one JSON order per line on standard input, answers on standard output."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _TICK_EVERY_S = 0.25
 
 
 def main() -> None:
-    """Do one order after the other until standard input ends."""
+    """Process orders until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Whatever a library prints must not be taken for an answer.
+    # Keep what libraries print out of the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
     orders: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
@@ -38,7 +38,7 @@ def main() -> None:
             done = _do(order, _Ticks(answers))
         except MeshdeformError as error:
             done = {"event": "failed", "error": _error(error.code, error.detail, error.advice_text)}
-        except Exception as error:  # a bug costs its row, and is told
+        except Exception as error:  # a bug fails its row and is reported
             traceback.print_exc()
             done = {"event": "failed", "error": _error("internal", f"{type(error).__name__}: {error}", "Report this.")}
         print(json.dumps(done), file=answers, flush=True)
@@ -47,7 +47,7 @@ def main() -> None:
 def _read(orders: queue.SimpleQueue[dict[str, Any]]) -> None:
     for line in sys.stdin:
         orders.put(json.loads(line))
-    # The parent is gone, perhaps in the middle of a row: nobody will write down that it is done.
+    # The parent has ended, perhaps during a row, and nothing can record a result.
     os._exit(0)
 
 
@@ -56,13 +56,13 @@ def _error(code: str, detail: str, advice: str) -> dict[str, str]:
 
 
 class _Ticks:
-    """Passes steps on, not every one."""
+    """Passes on steps, at most four per second."""
 
     def __init__(self, answers: IO[str]) -> None:
         self._answers, self._last = answers, 0.0
 
     def phase(self, name: str) -> None:
-        """Nobody is told."""
+        """Ignore phases."""
 
     def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:  # noqa: ARG002
         now = time.monotonic()
@@ -98,7 +98,7 @@ def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
     try:
         summary = job(state if state.exists() else None).run(ticks)
     except CheckpointError:
-        # Of another version, or torn by the disk: the row is done from its beginning.
+        # The checkpoint is damaged or of another version: start over.
         state.unlink(missing_ok=True)
         summary = job(None).run(ticks)
     state.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Read what a batch should do: a table, or a folder of assets times prompts."""
+"""Read the entries of a batch: a table, or a folder of assets combined with prompts."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from typing import Any
 
 from meshdeform.errors import ParameterError
 
-__all__ = ["ASSET_SUFFIXES", "TABLE_SUFFIXES", "Wish", "read_prompts", "read_table", "wishes_of_assets"]
+__all__ = ["ASSET_SUFFIXES", "TABLE_SUFFIXES", "Entry", "combine", "read_prompts", "read_table"]
 
 ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl"})
 TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
-_ADVICE = "docs/cli.md says what a manifest looks like: meshdeform batch."
-_OWN = ("asset", "prompt", "name", "target", "morph", "usd")
+_ADVICE = "docs/cli.md describes manifests under meshdeform batch."
+_MEMBERS = ("asset", "prompt", "name", "target", "morph", "usd")
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
 
 
 @dataclass(frozen=True)
-class Wish:
-    """One row as it was written.
+class Entry:
+    """One row as written.
 
     Attributes
     ----------
     place : str
-        What errors call it: `manifest.csv, line 3`.
+        Where it was written, for errors: `manifest.csv, line 3`.
     asset : Path
     prompt : str
     name : str
-        Of its folder below the batch's; empty: made from asset and prompt.
+        Name of its folder in the folder of the batch; if empty, made from asset and prompt.
     target : Path, optional
     morph, usd : bool
     params : dict
-        Parameters of its own, not checked yet.
+        Parameters of this row, not validated yet.
     """
 
     place: str
@@ -48,8 +48,8 @@ class Wish:
     params: dict[str, Any] = field(default_factory=dict)
 
 
-def read_table(path: Path) -> list[Wish]:
-    """The rows of a CSV, TSV or JSON Lines file; files in it are relative to its folder.
+def read_table(path: Path) -> list[Entry]:
+    """Read the rows of a CSV, TSV or JSON Lines file; paths in it are relative to its folder.
 
     Columns are `asset`, `prompt`, `name` (or `output`), `target`, `morph`, `usd`, and any parameter; an empty cell
     counts as left out.
@@ -57,22 +57,22 @@ def read_table(path: Path) -> list[Wish]:
     Raises
     ------
     ParameterError
-        It cannot be read, or a row has no asset.
+        The file cannot be read, or a row has no asset.
     """
     separator = TABLE_SUFFIXES[path.suffix.lower()]
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path} cannot be read: {error}.", advice="A manifest is UTF-8 text.") from error
+        raise ParameterError(f"{path} cannot be read: {error}.", advice="A manifest must be UTF-8 text.") from error
     lines = _cells(path, text, separator) if separator else _objects(path, text)
-    wishes = [_wish(f"{path.name}, line {number}", path.parent, members) for number, members in lines]
-    if not wishes:
+    entries = [_entry(f"{path.name}, line {number}", path.parent, members) for number, members in lines]
+    if not entries:
         raise ParameterError(f"{path} has no rows.", advice=_ADVICE)
-    return wishes
+    return entries
 
 
-def wishes_of_assets(place: Path, prompts: Sequence[str]) -> list[Wish]:
-    """Every asset of a folder, or the one that is named, with every prompt.
+def combine(place: Path, prompts: Sequence[str]) -> list[Entry]:
+    """Combine every asset of a folder, or a single asset, with every prompt.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def wishes_of_assets(place: Path, prompts: Sequence[str]) -> list[Wish]:
     """
     if not prompts:
         raise ParameterError(
-            f"{place} is no manifest, so it is not known what its assets should become.",
+            f"{place} is not a manifest, so prompts are required.",
             advice="Give --prompt (repeatable) or --prompts-file; or a manifest as .csv, .tsv or .jsonl.",
         )
     assets = [place] if place.is_file() else sorted(p for p in place.iterdir() if p.suffix.lower() in ASSET_SUFFIXES)
@@ -89,21 +89,23 @@ def wishes_of_assets(place: Path, prompts: Sequence[str]) -> list[Wish]:
         raise ParameterError(
             f"There is no asset in {place}.", advice=f"Assets end in {', '.join(sorted(ASSET_SUFFIXES))}."
         )
-    return [Wish(f"{asset.name} with {prompt!r}", asset, prompt) for asset in assets for prompt in prompts]
+    return [Entry(f"{asset.name} with {prompt!r}", asset, prompt) for asset in assets for prompt in prompts]
 
 
 def read_prompts(path: Path) -> list[str]:
-    """A prompt for each line; empty lines and those that begin with # are left out.
+    """Read one prompt per line; empty lines and lines that begin with # are skipped.
 
     Raises
     ------
     ParameterError
-        It cannot be read.
+        The file cannot be read.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path} cannot be read: {error}.", advice="Prompts are lines of UTF-8 text.") from error
+        raise ParameterError(
+            f"{path} cannot be read: {error}.", advice="The file must be UTF-8 text, one prompt per line."
+        ) from error
     return [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
 
 
@@ -137,8 +139,8 @@ def _objects(path: Path, text: str) -> Iterator[tuple[int, dict[str, Any]]]:
 
 
 def _value(name: str, cell: str) -> Any:
-    """What a cell means: text where text is wanted, else JSON where it can be."""
-    if name in (*_OWN, "output", "model", "negative_prompt"):
+    """Return the value of a cell: text in text columns, else JSON if it parses."""
+    if name in (*_MEMBERS, "output", "model", "negative_prompt"):
         return cell
     try:
         return json.loads(cell)
@@ -146,14 +148,14 @@ def _value(name: str, cell: str) -> Any:
         return cell
 
 
-def _wish(place: str, folder: Path, members: dict[str, Any]) -> Wish:
+def _entry(place: str, folder: Path, members: dict[str, Any]) -> Entry:
     if "output" in members:
         members["name"] = members.pop("output")
     asset = members.get("asset")
     if not isinstance(asset, str) or not asset:
-        raise ParameterError(f"{place}, names no asset.", advice="The column is called asset.")
+        raise ParameterError(f"{place}: the asset is missing.", advice="Its column is `asset`.")
     target = members.get("target")
-    return Wish(
+    return Entry(
         place=place,
         asset=folder / asset,
         prompt=str(members.get("prompt", "")),
@@ -161,7 +163,7 @@ def _wish(place: str, folder: Path, members: dict[str, Any]) -> Wish:
         target=folder / str(target) if target else None,
         morph=_flag(place, "morph", members.get("morph", False)),
         usd=_flag(place, "usd", members.get("usd", False)),
-        params={name: value for name, value in members.items() if name not in _OWN},
+        params={name: value for name, value in members.items() if name not in _MEMBERS},
     )
 
 

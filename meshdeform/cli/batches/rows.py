@@ -1,4 +1,4 @@
-"""The rows of a batch: checked, with a name for people and a key that is the same as long as the row is."""
+"""Validate the rows of a batch; give each a readable name and a key that depends on its contents alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.cli.batches.manifest import Wish
+from meshdeform.cli.batches.manifest import Entry
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Row", "make_rows"]
 
-_MAX_TOLD = 20
+_MAX_LISTED = 20
 _MAX_NAME = 100
 _NAME = re.compile(r"[^\W_][\w .,+()-]*")
 
@@ -31,11 +31,11 @@ class Row:
     Attributes
     ----------
     key : str
-        A digest of all that decides the result: the bytes of the files, the prompt, the parameters.
+        A digest of everything that decides the result: the bytes of the files, the prompt, the parameters.
     name : str
-        Its folder below the batch's; no two rows have the same.
+        Its folder in the folder of the batch; unique.
     place : str
-        Where it was written.
+        Where it was written, for errors.
     asset : Path
     request : JobRequest
     target : Path, optional
@@ -50,7 +50,7 @@ class Row:
 
 
 def make_rows(
-    wishes: Sequence[Wish],
+    entries: Sequence[Entry],
     *,
     defaults: Mapping[str, Any],
     seeds: Sequence[int] = (),
@@ -59,128 +59,135 @@ def make_rows(
     known_names: Mapping[str, str] | None = None,
     check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
 ) -> tuple[list[Row], list[str]]:
-    """Check every row before the first one is begun.
+    """Validate every row before the first one begins.
 
     Parameters
     ----------
-    wishes : sequence of Wish
+    entries : sequence of Entry
     defaults : mapping
-        Parameters where a row says nothing.
+        Parameters for rows that do not set them.
     seeds : sequence of int
-        A row without a seed of its own is done once for each.
+        A row without a seed is done once for each of these.
     morph, usd : bool
-        Whether every row makes a morph, and a USDZ.
+        Whether every row writes a morph, and a USDZ.
     known_names : mapping, optional
-        Names by key from an earlier run of the batch; they stay.
+        Names by key from an earlier run of the batch, which are kept.
     check : callable
-        Gets each request and whether there is a target; raises what is wrong with it.
+        Called with each request and whether it has a target; raises if it is invalid.
 
     Returns
     -------
     rows : list of Row
     repeated : list of str
-        Places that ask for exactly what another one asks for; they are left out.
+        Places of duplicate rows, which are left out.
 
     Raises
     ------
     ParameterError
-        Something is wrong, of which all places are told.
+        Some rows are invalid; the error lists them.
     """
     digest, wrong = _Digests(), list[dict[str, str]]()
-    found: dict[str, tuple[Wish, JobRequest]] = {}
+    found: dict[str, tuple[Entry, JobRequest]] = {}
     repeated = []
-    for wish in wishes:
-        for seed in seeds if seeds and "seed" not in wish.params else (None,):
+    for entry in entries:
+        for seed in seeds if seeds and "seed" not in entry.params else (None,):
             params = {**defaults, **({"seed": seed} if seed is not None else {})}
             try:
-                request = _request(wish, params, morph=morph, usd=usd)
-                check(request, wish.target is not None)
-                key = digest.key(wish, request)
+                request = _request(entry, params, morph=morph, usd=usd)
+                check(request, entry.target is not None)
+                key = digest.key(entry, request)
             except MeshdeformError as error:
-                wrong.append({"place": wish.place, "code": error.code, "detail": error.detail})
+                wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
                 break
             if key in found:
-                repeated.append(wish.place)
+                repeated.append(entry.place)
             else:
-                found[key] = (wish, request)
+                found[key] = (entry, request)
     if wrong:
-        raise _refusal(wrong, len(wishes))
+        raise _refusal(wrong, len(entries))
     names = _names(found, known_names or {}, with_seed=len(seeds) > 1)
     rows = [
-        Row(key, names[key], wish.place, wish.asset, request, wish.target) for key, (wish, request) in found.items()
+        Row(key, names[key], entry.place, entry.asset, request, entry.target) for key, (entry, request) in found.items()
     ]
     return rows, repeated
 
 
-def _request(wish: Wish, defaults: Mapping[str, Any], *, morph: bool, usd: bool) -> JobRequest:
-    if wish.name and (not _NAME.fullmatch(wish.name) or len(wish.name) > _MAX_NAME):
-        raise ParameterError(f"{wish.name!r} is no name for a folder.", advice="Letters, digits and -_.,+() will do.")
-    guidance = {"guidance": "target"} if wish.target else {}
-    params = {**defaults, **guidance, **wish.params}
-    return make_request(wish.prompt, params, morph=morph or wish.morph, usd=usd or wish.usd)
+def _request(entry: Entry, defaults: Mapping[str, Any], *, morph: bool, usd: bool) -> JobRequest:
+    if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
+        raise ParameterError(
+            f"{entry.name!r} is not a valid folder name.", advice="Use letters, digits, spaces and -_.,+()."
+        )
+    guidance = {"guidance": "target"} if entry.target else {}
+    params = {**defaults, **guidance, **entry.params}
+    return make_request(entry.prompt, params, morph=morph or entry.morph, usd=usd or entry.usd)
+
+
+def _with_suggestions(error: MeshdeformError) -> str:
+    prompts = " or ".join(map(repr, error.extra.get("suggestions", ())))
+    return f"{error.detail} Try {prompts}." if prompts else error.detail
 
 
 def _refusal(wrong: list[dict[str, str]], total: int) -> ParameterError:
-    lines = [f"{each['place']}: {each['detail']}" for each in wrong[:_MAX_TOLD]]
-    if len(wrong) > _MAX_TOLD:
-        lines.append(f"and {len(wrong) - _MAX_TOLD} more")
+    lines = [f"{each['place']}: {each['detail']}" for each in wrong[:_MAX_LISTED]]
+    if len(wrong) > _MAX_LISTED:
+        lines.append(f"and {len(wrong) - _MAX_LISTED} more")
     return ParameterError(
-        f"{len(wrong)} of {total} rows cannot be done as they stand:\n" + "\n".join(lines),
-        advice="Nothing was begun. Mend them and give the same command.",
+        f"{len(wrong)} of {total} rows are invalid:\n" + "\n".join(lines),
+        advice="Nothing was started. Correct them and run the same command.",
         errors=wrong,
     )
 
 
 class _Digests:
-    """SHA-256 of files, each read once."""
+    """Computes keys of rows; each file is read once."""
 
     def __init__(self) -> None:
-        self._known: dict[Path, str] = {}
+        self._files: dict[Path, str] = {}
 
-    def key(self, wish: Wish, request: JobRequest) -> str:
-        files = [self._file(wish.asset), self._file(wish.target) if wish.target else ""]
-        said = request.model_dump(mode="json", exclude_defaults=True, exclude={"params"})
-        said |= {"params": params} if (params := _chosen(request.params)) else {}
-        return hashlib.sha256(json.dumps([files, said, wish.name], sort_keys=True).encode()).hexdigest()
+    def key(self, entry: Entry, request: JobRequest) -> str:
+        files = [self._file(entry.asset), self._file(entry.target) if entry.target else ""]
+        content = request.model_dump(mode="json", exclude_defaults=True, exclude={"params"})
+        content |= {"params": params} if (params := _chosen(request.params)) else {}
+        return hashlib.sha256(json.dumps([files, content, entry.name], sort_keys=True).encode()).hexdigest()
 
     def _file(self, path: Path) -> str:
-        if path not in self._known:
+        if path not in self._files:
             try:
                 with path.open("rb") as file:
-                    self._known[path] = hashlib.file_digest(file, "sha256").hexdigest()
+                    self._files[path] = hashlib.file_digest(file, "sha256").hexdigest()
             except OSError as error:
                 raise ParameterError(f"{path} cannot be read: {error.strerror}.", advice="Check the path.") from error
-        return self._known[path]
+        return self._files[path]
 
 
 def _chosen(params: DeformParams) -> dict[str, Any]:
-    """Return what was written and means something: a default that no preset changes is as good as left out."""
+    """Return the parameters that were written, without those equal to a default that no preset changes."""
     from meshdeform.requests.parameters import FROM_PRESET, DeformParams
 
-    usual = {name: field.default for name, field in DeformParams.model_fields.items() if name not in FROM_PRESET}
-    return {n: v for n, v in params.model_dump(mode="json").items() if n not in usual or v != usual[n]}
+    defaults = {name: field.default for name, field in DeformParams.model_fields.items() if name not in FROM_PRESET}
+    return {n: v for n, v in params.model_dump(mode="json").items() if n not in defaults or v != defaults[n]}
 
 
 def _names(
-    found: Mapping[str, tuple[Wish, JobRequest]], known: Mapping[str, str], *, with_seed: bool
+    found: Mapping[str, tuple[Entry, JobRequest]], known: Mapping[str, str], *, with_seed: bool
 ) -> dict[str, str]:
     names = {key: known[key] for key in found if key in known}
     taken = {name.casefold() for name in known.values()}
-    for key, (wish, request) in found.items():
+    for key, (entry, request) in found.items():
         if key in names:
             continue
-        base = wish.name or f"{_slug(wish.asset.stem)}-{_slug(_words(wish, request))}"
-        if with_seed and "seed" not in wish.params:
+        base = entry.name or f"{_slug(entry.asset.stem)}-{_slug(_goal(entry, request))}"
+        if with_seed and "seed" not in entry.params:
             base += f"-seed{request.params.seed}"
-        # With its digest a name stays the same whatever else joins the manifest.
+        # With its digest, the name does not depend on rows added later.
         name = base if base.casefold() not in taken else f"{base}-{key[:8]}"
         names[key] = name
         taken.add(name.casefold())
     return names
 
 
-def _words(wish: Wish, request: JobRequest) -> str:
-    return request.prompt or (f"like {wish.target.stem}" if wish.target else "")
+def _goal(entry: Entry, request: JobRequest) -> str:
+    return request.prompt or (f"like {entry.target.stem}" if entry.target else "")
 
 
 def _slug(text: str) -> str:

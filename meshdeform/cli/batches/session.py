@@ -1,4 +1,4 @@
-"""One run of a batch: which rows are left, doing them, and the summary at the end, also where Ctrl-C came before."""
+"""One run of a batch: select the rows to do, run them, and write the summary, also after Ctrl-C."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ __all__ = ["Session"]
 
 
 class Session:
-    """A batch's folder while this process works on it. A context manager.
+    """The folder of a batch while this process works on it. A context manager.
 
     Parameters
     ----------
     folder : Path
     as_json : bool
-        Whether each row that ends is a line on standard output.
+        Whether to print a line on standard output for each row that ends.
     quiet : bool
     """
 
@@ -43,22 +43,22 @@ class Session:
         self.ledger.__exit__(kind, error, trace)
 
     def left(self, rows: Sequence[Row], *, retry_failed: bool) -> list[Row]:
-        """The rows that are not done, or whose result is gone; those that failed only with `retry_failed`."""
+        """Return the rows that are not done or have lost their result; failed ones only with `retry_failed`."""
         return [row for row in rows if self._is_left(row, retry_failed=retry_failed)]
 
     def run(self, rows: Sequence[Row], runner: Runner, parallel: int, *, retry_failed: bool) -> None:
-        """Do what is left.
+        """Run the rows that are left.
 
         Raises
         ------
         OutcomeError
             Ctrl-C came; the summary is written.
         MeshdeformError
-            The batch cannot go on: the service or the disk is away.
+            The batch cannot continue: the service or the disk is unavailable.
         """
         todo = self.left(rows, retry_failed=retry_failed)
         if len(todo) < len(rows):
-            note(f"{len(rows) - len(todo)} of {len(rows)} rows are over already.", quiet=self._quiet)
+            note(f"{len(rows) - len(todo)} of {len(rows)} rows are finished already.", quiet=self._quiet)
         try:
             with show_batch(len(rows), len(rows) - len(todo), quiet=self._quiet) as view:
                 do_rows(
@@ -75,26 +75,26 @@ class Session:
                 ExitCode.INTERRUPTED,
                 "interrupted",
                 f"Interrupted: {counts['succeeded']} of {counts['rows']} rows are done.",
-                "The same command does what is missing.",
+                "Run the same command to do the rest.",
                 **counts,
             ) from None
         finally:
             runner.close()
 
     def finish(self, rows: Sequence[Row]) -> tuple[dict[str, int], dict[str, str]]:
-        """Write the summary; how many rows are in which state, and where the files are.
+        """Write the summary; return the number of rows in each state and the paths of the files.
 
         Raises
         ------
         UnavailableError
-            They cannot be written.
+            The files cannot be written.
         """
         records = [record_of(row, self.ledger.last.get(row.key), self.folder) for row in rows]
         try:
             files = write_summary(self.folder, self.ledger.batch_id, records)
         except OSError as error:
             raise UnavailableError(
-                f"The summary cannot be written: {error}.", advice="Make room, then give the same command again."
+                f"The summary cannot be written: {error}.", advice="Free some space, then run the same command again."
             ) from error
         return count_states(records), files
 

@@ -1,4 +1,4 @@
-"""The contact sheet of a batch: each row's picture of before and after, with its name; what failed is crossed out."""
+"""Draw the contact sheet of a batch: the preview of each row with its name; failed rows are crossed out."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
 def contact_sheet(folder: Path, records: Sequence[Mapping[str, Any]]) -> bytes | None:
-    """The sheet as a PNG, the first 600 rows; None where there is nothing to show.
+    """Return a PNG with the first 600 rows; None if no row succeeded.
 
     Parameters
     ----------
     folder : Path
-        The batch's; a row's picture is `NAME/preview.png` in it.
+        The folder of the batch; the picture of a row is `NAME/preview.png`.
     records : sequence of mapping
         `name`, `state`, `prompt` and `error_code` of each row, in order.
     """
@@ -68,7 +68,7 @@ def _picture(path: Path) -> Image.Image | None:
 
 
 def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: Any) -> None:
-    """One line, cut where the tile ends."""
+    """Write one line, truncated at the edge of the tile."""
     font = ImageFont.load_default(11)
     while text and draw.textlength(text, font=font) > _WIDTH:
         text = text[:-2].rstrip(".") + "." if len(text) > 2 else ""

@@ -1,4 +1,4 @@
-"""What became of a batch: `summary.csv` for tables, `summary.json` for programs, `sheet.png` for the eye."""
+"""Write the summary of a batch: `summary.csv`, `summary.json` and the contact sheet `sheet.png`."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _COLUMNS = (
 
 
 def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[str, Any]:
-    """All that is known about a row: what was asked, what became of it, and how good it is by its report.
+    """Return the record of a row: its request, its state, and the quality of its result by its report.
 
     Parameters
     ----------
     row : Row
     line : mapping, optional
-        The ledger's newest about it.
+        The newest line of the ledger about the row.
     folder : Path
-        The batch's.
+        The folder of the batch.
     """
     line, request = line or {}, row.request
     done = line.get("event") == "done"
@@ -62,19 +62,19 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
 
 
 def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """How many rows are `succeeded`, `failed` (also canceled and expired) and `pending`."""
+    """Count the rows that are `succeeded`, `failed` (also canceled and expired) and `pending`."""
     found = Counter(record["state"] for record in records)
     good, waiting = found["succeeded"], found["pending"]
     return {"rows": len(records), "succeeded": good, "failed": len(records) - good - waiting, "pending": waiting}
 
 
 def write_summary(folder: Path, batch_id: str, records: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Write the files, all or none; where they are, by name. Without Pillow there is no sheet.
+    """Write the files, all or none, and return their paths by name. Without Pillow there is no sheet.
 
     Raises
     ------
     OSError
-        They cannot be written.
+        The files cannot be written.
     """
     document = {"batch": batch_id, **count_states(records), "rows_detail": list(records)}
     files = {

@@ -1,4 +1,4 @@
-"""Rows over several threads: each takes the next row to a runner; what became of it is written down before the next."""
+"""Run rows in several threads and report each outcome to the calling thread."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["RowOutcome", "Runner", "Tick", "do_rows"]
 
 @dataclass(frozen=True)
 class Tick:
-    """How far a row is."""
+    """Progress of a row."""
 
     step: int
     total_steps: int
@@ -25,20 +25,20 @@ class Tick:
 
 @dataclass(frozen=True)
 class RowOutcome:
-    """What became of a row.
+    """Outcome of a row.
 
     Attributes
     ----------
     state : str
         `succeeded`, `failed`, `canceled` or `expired`.
     seconds : float
-        From its beginning here to its end.
+        Duration of the row.
     job_id : str, optional
-        Where a service did it.
+        The job, if a service ran it.
     files : dict
         SHA-256 of each file, by name.
     losses : dict
-        Of the last step.
+        Losses of the last step.
     error : dict, optional
         `code`, `detail` and `advice`, unless it succeeded.
     """
@@ -52,13 +52,13 @@ class RowOutcome:
 
 
 class Runner(Protocol):
-    """Who does rows; several threads call it."""
+    """Runs rows; called from several threads."""
 
-    def do(self, row: Row, told: Callable[[Tick], None]) -> RowOutcome:
-        """Do a row. An exception ends the batch; what is wrong with the row alone is an outcome."""
+    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+        """Run a row. An exception ends the batch; a problem of this row alone is an outcome."""
 
     def close(self) -> None:
-        """Let go of everything, at once; rows that are being done stop, or go on elsewhere."""
+        """Release all resources at once; running rows stop locally and continue on a service."""
 
 
 def do_rows(
@@ -70,26 +70,26 @@ def do_rows(
     on_tick: Callable[[Row, Tick], None],
     on_end: Callable[[Row, RowOutcome], None],
 ) -> None:
-    """Do all rows.
+    """Run all rows.
 
     Parameters
     ----------
     rows : sequence of Row
     runner : Runner
     parallel : int
-        Rows at the same time.
+        Maximum number of rows at the same time.
     on_start, on_tick, on_end : callable
-        Called in this thread.
+        Called in the thread of the caller.
 
     Raises
     ------
     Exception
-        The first that the runner raised; rows that are being done are left.
+        The first exception of the runner; running rows are abandoned.
     """
     todo: queue.SimpleQueue[Row] = queue.SimpleQueue()
     for row in rows:
         todo.put(row)
-    told: queue.SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]] | Exception] = queue.SimpleQueue()
+    calls: queue.SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]] | Exception] = queue.SimpleQueue()
     stop = threading.Event()
 
     def work() -> None:
@@ -98,21 +98,21 @@ def do_rows(
                 row = todo.get_nowait()
             except queue.Empty:
                 return
-            told.put((on_start, (row,)))
+            calls.put((on_start, (row,)))
             try:
-                outcome = runner.do(row, lambda tick, row=row: told.put((on_tick, (row, tick))))  # type: ignore[misc]
-            except Exception as error:  # it belongs to the thread that waits
-                told.put(error)
+                outcome = runner.do(row, lambda tick, row=row: calls.put((on_tick, (row, tick))))  # type: ignore[misc]
+            except Exception as error:  # raised again in the waiting thread
+                calls.put(error)
                 return
-            told.put((on_end, (row, outcome)))
+            calls.put((on_end, (row, outcome)))
 
     for number in range(min(parallel, len(rows))):
-        # Daemons: one that waits for an answer must not hold a process that was told to end.
+        # Daemon threads, so that one that is waiting cannot keep the process alive.
         threading.Thread(target=work, name=f"row {number}", daemon=True).start()
     left = len(rows)
     try:
         while left:
-            found = told.get()
+            found = calls.get()
             if isinstance(found, Exception):
                 raise found
             call, arguments = found

@@ -1,1 +1,1 @@
-"""What `meshdeform doctor` looks at. Nothing here downloads anything, and nothing is left behind."""
+"""The checks of `meshdeform doctor`. They download nothing and leave nothing behind."""

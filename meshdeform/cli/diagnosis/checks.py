@@ -1,4 +1,4 @@
-"""A check, what it finds, and how all of them are run such that none can hang the rest."""
+"""Define checks and findings, and run all checks so that one that hangs does not block the rest."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from meshdeform.errors import MeshdeformError
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["Check", "Finding", "Patient", "Status", "fail", "ok", "run_checks", "skip", "warn"]
+__all__ = ["Check", "Finding", "Status", "Subject", "fail", "ok", "run_checks", "skip", "warn"]
 
 
 class Status(StrEnum):
-    """How well something is."""
+    """Result of a check."""
 
     OK = "ok"
     SKIP = "skip"
@@ -30,16 +30,16 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check found.
+    """One finding of a check.
 
     Attributes
     ----------
     name : str
-        What was looked at.
+        What was checked.
     status : Status
     detail : str
     advice : str
-        What to do; empty where there is nothing to do.
+        What to do; empty if nothing.
     """
 
     name: str
@@ -49,41 +49,41 @@ class Finding:
 
 
 def ok(name: str, detail: str) -> Finding:
-    """All is well."""
+    """Return a finding that everything works."""
     return Finding(name, Status.OK, detail)
 
 
 def skip(name: str, detail: str) -> Finding:
-    """There was nothing to look at."""
+    """Return a finding that there was nothing to check."""
     return Finding(name, Status.SKIP, detail)
 
 
 def warn(name: str, detail: str, advice: str) -> Finding:
-    """It works, but not as one may think."""
+    """Return a finding that it works, with a caveat."""
     return Finding(name, Status.WARN, detail, advice)
 
 
 def fail(name: str, detail: str, advice: str) -> Finding:
-    """It does not work."""
+    """Return a finding that it does not work."""
     return Finding(name, Status.FAIL, detail, advice)
 
 
 @dataclass
-class Patient:
-    """What is looked at.
+class Subject:
+    """What the checks examine.
 
     Attributes
     ----------
     settings : Settings
     host, port : str, int
-        Where `serve` would listen.
+        The address that `serve` would listen on.
     url, api_key : str, optional
-        A service.
+        A service to check, and its key.
     data_dir : Path
     timeout_s : float
-        What one question over a network may take.
+        Timeout of one request over a network, in seconds.
     skews_s : dict
-        How far other clocks are ahead of ours, in seconds, by whose they are; filled by the checks.
+        Seconds that the clocks of servers are ahead of ours, by server; filled in by the checks.
     """
 
     settings: Settings
@@ -96,19 +96,19 @@ class Patient:
 
     @property
     def data_dir(self) -> Path:
-        """Where `serve` keeps everything."""
+        """The folder of `serve`."""
         return self.settings.data_dir
 
 
 @dataclass(frozen=True)
 class Check:
-    """A question and how long it may take.
+    """A check and its timeout.
 
     Attributes
     ----------
     name : str
     ask : callable
-        Gives findings.
+        Returns the findings.
     timeout_s : float
     """
 
@@ -118,18 +118,18 @@ class Check:
 
 
 def run_checks(checks: Sequence[Check]) -> Iterator[Finding]:
-    """Findings in the order of the checks, which all run at once; one that takes too long is left behind."""
-    answers = [_begun(check) for check in checks]
+    """Run all checks at once and yield their findings in order; a check that times out is abandoned."""
+    answers = [_start(check) for check in checks]
     start = time.monotonic()
     for check, answer in zip(checks, answers, strict=True):
         try:
             yield from answer.get(timeout=max(0.0, start + check.timeout_s - time.monotonic()))
         except queue.Empty:
-            advice = "Something there does not answer: see whether it hangs, or is behind a firewall."
-            yield fail(check.name, f"no answer within {check.timeout_s:g} s", advice)
+            advice = "A server does not respond: check whether it hangs or is behind a firewall."
+            yield fail(check.name, f"no response within {check.timeout_s:g} s", advice)
 
 
-def _begun(check: Check) -> queue.SimpleQueue[list[Finding]]:
+def _start(check: Check) -> queue.SimpleQueue[list[Finding]]:
     answer: queue.SimpleQueue[list[Finding]] = queue.SimpleQueue()
 
     def work() -> None:
@@ -137,11 +137,9 @@ def _begun(check: Check) -> queue.SimpleQueue[list[Finding]]:
             answer.put(list(check.ask()))
         except MeshdeformError as error:
             answer.put([fail(check.name, error.detail, error.advice_text)])
-        except Exception as error:  # what else is wrong is a finding as well
-            answer.put(
-                [fail(check.name, f"{type(error).__name__}: {error}", "See whether it is set up as documented.")]
-            )
+        except Exception as error:  # any other error is a finding as well
+            answer.put([fail(check.name, f"{type(error).__name__}: {error}", "Check that it is set up as documented.")])
 
-    # A daemon: one that hangs must not hold the process.
+    # A daemon thread, so that one that hangs cannot keep the process alive.
     threading.Thread(target=work, name=check.name, daemon=True).start()
     return answer

@@ -1,4 +1,4 @@
-"""The machine: graphics card, disk, data directory, port, clock."""
+"""Check the machine: graphics card, disk, data directory, port, clock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from meshdeform.cli.diagnosis.checks import Finding, Patient, fail, ok, skip, warn
+from meshdeform.cli.diagnosis.checks import Finding, Subject, fail, ok, skip, warn
 
 __all__ = ["GPU_TIMEOUT_S", "check_clock", "check_data_dir", "check_disk", "check_gpu", "check_port", "nearest"]
 
@@ -24,10 +24,10 @@ GPU_TIMEOUT_S = 90.0
 _GIB, _MIB = 2**30, 2**20
 _ENOUGH, _TOO_LITTLE = 2 * _GIB, 200 * _MIB
 _SKEW_S = 5.0
-_BUILT = 1_750_000_000  # seconds; Meshdeform is younger than that
+_BUILT = 1_750_000_000  # seconds; an earlier time is wrong
 _TORCH_ADVICE = "Install the CUDA build of torch (README, Install)."
 
-# In a process of its own: a driver that is broken can hang or crash whoever asks it.
+# Runs in a separate process, since a broken driver can hang or crash it.
 _PROBE = """
 import json, warnings
 warnings.simplefilter("ignore")
@@ -49,8 +49,8 @@ print(json.dumps(found))
 """
 
 
-def check_gpu(patient: Patient) -> Iterator[Finding]:
-    """Whether torch and the driver agree, and a kernel runs."""
+def check_gpu(subject: Subject) -> Iterator[Finding]:
+    """Check that torch fits the driver and that a kernel runs."""
     if find_spec("torch") is None:
         yield skip("gpu", "torch is not installed")
         return
@@ -64,34 +64,36 @@ def check_gpu(patient: Patient) -> Iterator[Finding]:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         yield fail("gpu", f"torch cannot be imported: {last}", "Install torch again (README, Install).")
         return
-    yield _gpu(patient.settings.device, driver, found)
+    yield _gpu(subject.settings.device, driver, found)
 
 
 def _gpu(device: str, driver: str, found: dict[str, Any]) -> Finding:
     wanted, torch = device.startswith("cuda"), f"torch {found['torch']}"
     if found["devices"] and not found["error"]:
         broken = [each["name"] for each in found["devices"] if not each["works"]]
-        told = [
+        cards = [
             f"{each['name']}, {each['free'] / _GIB:.1f} of {each['total'] / _GIB:.1f} GiB free"
             for each in found["devices"]
         ]
-        said = f"{'; '.join(told)}; {torch}" + (f", driver {driver}" if driver else "")
+        detail = f"{'; '.join(cards)}; {torch}" + (f", driver {driver}" if driver else "")
         return (
-            fail("gpu", f"{said}: wrong results on {', '.join(broken)}", _TORCH_ADVICE) if broken else ok("gpu", said)
+            fail("gpu", f"{detail}: wrong results on {', '.join(broken)}", _TORCH_ADVICE)
+            if broken
+            else ok("gpu", detail)
         )
     if driver and not found["build"]:
-        said = f"there is a graphics card (driver {driver}), but {torch} is a build for the CPU"
-        return fail("gpu", said, _TORCH_ADVICE) if wanted else warn("gpu", said, _TORCH_ADVICE)
+        detail = f"there is a graphics card (driver {driver}), but {torch} is a build for the CPU"
+        return fail("gpu", detail, _TORCH_ADVICE) if wanted else warn("gpu", detail, _TORCH_ADVICE)
     if driver:
-        said = f"{torch} for CUDA {found['build']} cannot use the driver {driver}: {found['error'] or 'no device'}"
-        return fail("gpu", said, "Update the driver, or install a torch that is built for it.")
+        detail = f"{torch} for CUDA {found['build']} cannot use the driver {driver}: {found['error'] or 'no device'}"
+        return fail("gpu", detail, "Update the driver, or install a torch that is built for it.")
     if wanted:
         return fail("gpu", f"MESHDEFORM_DEVICE is {device}, and there is no graphics card", "Set it to auto or cpu.")
     return ok("gpu", f"none; {torch} computes on the CPU")
 
 
 def _driver() -> str:
-    """The version of NVIDIA's driver; empty where there is none."""
+    """Return the version of the NVIDIA driver; empty if there is none."""
     program = shutil.which("nvidia-smi")
     if program is None:
         return ""
@@ -105,30 +107,30 @@ def _driver() -> str:
 
 
 def nearest(path: Path) -> Path:
-    """The path itself, or its nearest ancestor that exists."""
+    """Return the path itself or its nearest existing ancestor."""
     path = path.absolute()
     while not path.exists():
         path = path.parent
     return path
 
 
-def check_disk(patient: Patient) -> Iterator[Finding]:
-    """Room for results, and for what is put aside meanwhile."""
-    places = {nearest(place).stat().st_dev: nearest(place) for place in (Path(tempfile.gettempdir()), patient.data_dir)}
+def check_disk(subject: Subject) -> Iterator[Finding]:
+    """Check the free space for results and temporary files."""
+    places = {nearest(place).stat().st_dev: nearest(place) for place in (Path(tempfile.gettempdir()), subject.data_dir)}
     for place in places.values():
         free = shutil.disk_usage(place).free
-        said = f"{free / _GIB:.1f} GiB free in {place}"
+        detail = f"{free / _GIB:.1f} GiB free in {place}"
         if free < _TOO_LITTLE:
-            yield fail("disk", said, "Make room: jobs fail when the disk is full.")
+            yield fail("disk", detail, "Free some space: jobs fail when the disk is full.")
         elif free < _ENOUGH:
-            yield warn("disk", said, "A job's results and checkpoints take up to a few hundred MiB: make room.")
+            yield warn("disk", detail, "A job's results and checkpoints take up to a few hundred MiB: free some space.")
         else:
-            yield ok("disk", said)
+            yield ok("disk", detail)
 
 
-def check_data_dir(patient: Patient) -> Iterator[Finding]:
-    """Whether `serve` could write where it keeps everything."""
-    place, found = patient.data_dir.absolute(), nearest(patient.data_dir)
+def check_data_dir(subject: Subject) -> Iterator[Finding]:
+    """Check that `serve` could write to its folder."""
+    place, found = subject.data_dir.absolute(), nearest(subject.data_dir)
     if not found.is_dir():
         yield fail("data directory", f"{found} is not a folder", "Choose another one with --data-dir.")
         return
@@ -139,11 +141,11 @@ def check_data_dir(patient: Patient) -> Iterator[Finding]:
         yield fail("data directory", f"{found} cannot be written: {error.strerror}", "Make it writable, or --data-dir.")
         return
     if found != place:
-        yield ok("data directory", f"{place} is made by the first `serve`")
+        yield ok("data directory", f"{place} will be created by the first `serve`")
     elif found.stat().st_mode & 0o002:
-        yield warn("data directory", f"everybody on this machine can write to {place}", f"chmod o-w {place}")
+        yield warn("data directory", f"every user of this machine can write to {place}", f"chmod o-w {place}")
     else:
-        yield ok("data directory", f"{place}{', a `serve` runs on it' if _locked(place) else ''}")
+        yield ok("data directory", f"{place}{', in use by a running `serve`' if _locked(place) else ''}")
 
 
 def _locked(folder: Path) -> bool:
@@ -160,48 +162,48 @@ def _locked(folder: Path) -> bool:
     return False
 
 
-def check_port(patient: Patient) -> Iterator[Finding]:
-    """Whether `serve` could listen, or does."""
-    place = f"{patient.host} port {patient.port}"
+def check_port(subject: Subject) -> Iterator[Finding]:
+    """Check that `serve` could listen, or already does."""
+    place = f"{subject.host} port {subject.port}"
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(patient.host, patient.port, type=socket.SOCK_STREAM)[0]
+        family, kind, protocol, _, address = socket.getaddrinfo(subject.host, subject.port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
     except OSError as error:
-        version = _version_at(patient)
+        version = _version_at(subject)
         if version:
-            yield ok("port", f"a Meshdeform {version} answers on {place}")
+            yield ok("port", f"Meshdeform {version} is running on {place}")
         else:
-            advice = "Choose another with --port (0 takes a free one), or end what listens there."
-            yield warn("port", f"{place} cannot be taken: {error.strerror}", advice)
+            advice = "Choose another with --port (0 takes a free one), or stop the program that uses it."
+            yield warn("port", f"{place} cannot be used: {error.strerror}", advice)
     else:
         yield ok("port", f"{place} is free")
 
 
-def _version_at(patient: Patient) -> str:
+def _version_at(subject: Subject) -> str:
     import httpx
 
-    host = f"[{patient.host}]" if ":" in patient.host else patient.host
+    host = f"[{subject.host}]" if ":" in subject.host else subject.host
     try:
-        answer = httpx.get(f"http://{host}:{patient.port}/healthz", timeout=patient.timeout_s, trust_env=False)
+        answer = httpx.get(f"http://{host}:{subject.port}/healthz", timeout=subject.timeout_s, trust_env=False)
         return str(answer.json()["version"])
     except (httpx.HTTPError, ValueError, KeyError, TypeError):
         return ""
 
 
-def check_clock(patient: Patient) -> Iterator[Finding]:
-    """Our clock beside those of the servers that were asked; to be run after them."""
+def check_clock(subject: Subject) -> Iterator[Finding]:
+    """Compare our clock with those of the servers; run this after their checks."""
     if time.time() < _BUILT:
-        yield fail("clock", f"it says {time.strftime('%Y-%m-%d')}", "Set the clock.")
+        yield fail("clock", f"it shows {time.strftime('%Y-%m-%d')}", "Set the clock.")
         return
-    off = {whose: skew for whose, skew in patient.skews_s.items() if abs(skew) > _SKEW_S}
+    off = {server: skew for server, skew in subject.skews_s.items() if abs(skew) > _SKEW_S}
     if off:
-        said = ", ".join(
-            f"{whose} is {abs(skew):.0f} s {'ahead' if skew > 0 else 'behind'}" for whose, skew in off.items()
+        detail = ", ".join(
+            f"{server} is {abs(skew):.0f} s {'ahead' if skew > 0 else 'behind'}" for server, skew in off.items()
         )
-        yield warn("clock", said, "Synchronise the clocks: signed URLs and deadlines go by them.")
-    elif patient.skews_s:
-        yield ok("clock", f"agrees with {', '.join(patient.skews_s)}")
+        yield warn("clock", detail, "Synchronise the clocks: signed URLs and deadlines depend on them.")
+    elif subject.skews_s:
+        yield ok("clock", f"agrees with {', '.join(subject.skews_s)}")
     else:
         yield ok("clock", time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()))

@@ -1,4 +1,4 @@
-"""The priors: the one that ships, and the one that is configured. Neither is loaded, nothing is fetched."""
+"""Check the built-in model and the configured one, without loading either."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import meshdeform
-from meshdeform.cli.diagnosis.checks import Finding, Patient, fail, ok
+from meshdeform.cli.diagnosis.checks import Finding, Subject, fail, ok
 
 __all__ = ["check_builtin", "check_model"]
 
@@ -21,7 +21,7 @@ _ADVICE = "Install meshdeform again: the weights are part of the package."
 
 
 def check_builtin() -> Iterator[Finding]:
-    """Whether the weights are there, whole, of this grammar, and those that were installed."""
+    """Check that the weights exist, are complete, fit the grammar and are the installed ones."""
     path = Path(meshdeform.__file__).parent.parent / _WEIGHTS
     if not path.is_file():
         yield fail("builtin prior", f"there is no {path}", _ADVICE)
@@ -42,7 +42,7 @@ def check_builtin() -> Iterator[Finding]:
 
 
 def _metadata(data: bytes) -> dict[str, Any]:
-    """The header of a safetensors file, whose lengths must be those of the file.
+    """Return the metadata of a safetensors file; check its lengths against the file.
 
     Source: the format of github.com/huggingface/safetensors: 8 bytes of length, JSON, the tensors' bytes.
     """
@@ -54,33 +54,33 @@ def _metadata(data: bytes) -> dict[str, Any]:
     header = json.loads(data[8 : 8 + size])
     ends = [tensor["data_offsets"][1] for name, tensor in header.items() if name != "__metadata__"]
     if not ends or max(ends) != len(data) - 8 - size:
-        raise ValueError("its length is not the one that it names")
+        raise ValueError("its length differs from the one in its header")
     return dict(header.get("__metadata__", {}))
 
 
 def _vocabulary_hash() -> str:
-    """The same as `meshdeform.priors.builtin.weights_file.vocabulary_hash`, which needs torch; a test compares."""
+    """Return what `meshdeform.priors.builtin.weights_file.vocabulary_hash` returns, without torch; a test compares."""
     from meshdeform.priors.builtin.grammar import VOCABULARY
 
     return hashlib.sha256(" ".join(VOCABULARY).encode()).hexdigest()[:16]
 
 
 def _installed_digest() -> bytes | None:
-    """SHA-256 of the weights by the list of what was installed; None in a clone, which has no such list."""
+    """Return the SHA-256 of the weights from the installation record; None in a clone, which has no record."""
     for file in importlib.metadata.files("meshdeform") or ():
         if file.as_posix() == _WEIGHTS and file.hash is not None and file.hash.mode == "sha256":
             return urlsafe_b64decode(file.hash.value + "=" * (-len(file.hash.value) % 4))
     return None
 
 
-def check_model(patient: Patient) -> Iterator[Finding]:
-    """Whether the files of MESHDEFORM_MODEL are all there, by its own index."""
-    model = patient.settings.model
+def check_model(subject: Subject) -> Iterator[Finding]:
+    """Check that all files of MESHDEFORM_MODEL exist, according to its index."""
+    model = subject.settings.model
     if model == "builtin":
         yield ok("model", "builtin (MESHDEFORM_MODEL is not set)")
         return
     from meshdeform.priors.model_files import find
 
-    files = find(model, patient.settings.model_revision)
+    files = find(model, subject.settings.model_revision)
     size = sum(path.stat().st_size for part in files.parts.values() for path in part.files)
     yield ok("model", f"{model}: {size / 2**30:.1f} GiB in {files.folder}")

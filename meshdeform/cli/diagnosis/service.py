@@ -1,4 +1,4 @@
-"""A service that runs somewhere: does it answer, are its parts well, is the key good, are there workers."""
+"""Check a running service: its address, its dependencies, the key and its workers."""
 
 from __future__ import annotations
 
@@ -10,79 +10,83 @@ from email.utils import parsedate_to_datetime
 import httpx
 
 import meshdeform
-from meshdeform.cli.diagnosis.checks import Finding, Patient, fail, ok, skip, warn
+from meshdeform.cli.diagnosis.checks import Finding, Subject, fail, ok, skip, warn
 
 __all__ = ["check_service"]
 
 _ALIVE = re.compile(r"^meshdeform_workers_alive(?:\{[^}]*\})? ([0-9.e+]+)$", re.MULTILINE)
 
 
-def check_service(patient: Patient) -> Iterator[Finding]:
-    """What can be asked without changing anything."""
-    if patient.url is None:
-        yield skip("service", "not asked (--url)")
+def check_service(subject: Subject) -> Iterator[Finding]:
+    """Check the service without changing anything."""
+    if subject.url is None:
+        yield skip("service", "not checked (no --url)")
         return
-    headers = {"Authorization": f"Bearer {patient.api_key}"} if patient.api_key else {}
-    with httpx.Client(base_url=patient.url, timeout=patient.timeout_s, headers=headers) as http:
+    headers = {"Authorization": f"Bearer {subject.api_key}"} if subject.api_key else {}
+    with httpx.Client(base_url=subject.url, timeout=subject.timeout_s, headers=headers) as http:
         try:
             answer = http.get("/healthz")
             version = str(answer.json()["version"])
         except httpx.HTTPError as error:
             reason = str(error) or type(error).__name__
-            yield fail("service", f"{patient.url} does not answer: {reason}", "Check the address, and that it runs.")
+            yield fail(
+                "service", f"{subject.url} does not respond: {reason}", "Check the address, and that the service runs."
+            )
             return
         except (ValueError, KeyError, TypeError):
-            said = f"{patient.url} answers {answer.status_code}, but is no Meshdeform"
-            yield fail("service", said, "Check the address, and what stands in front of the service.")
+            detail = f"{subject.url} returns {answer.status_code}, but is not Meshdeform"
+            yield fail("service", detail, "Check the address, and any proxy in front of the service.")
             return
-        _note_clock(patient, answer)
-        yield ok("service", f"Meshdeform {version} at {patient.url}")
+        _note_clock(subject, answer)
+        yield ok("service", f"Meshdeform {version} at {subject.url}")
         if version != meshdeform.__version__:
-            yield warn("versions", f"here {meshdeform.__version__}, there {version}", "Install the same one here.")
-        yield from _parts(http)
-        yield from _key(http, has_key=bool(patient.api_key))
+            yield warn("versions", f"here {meshdeform.__version__}, there {version}", "Install the same version here.")
+        yield from _dependencies(http)
+        yield from _key(http, has_key=bool(subject.api_key))
         yield from _workers(http)
 
 
-def _note_clock(patient: Patient, answer: httpx.Response) -> None:
+def _note_clock(subject: Subject, answer: httpx.Response) -> None:
     try:
-        # The header has whole seconds: half of one is its error.
-        said = parsedate_to_datetime(answer.headers["Date"]).timestamp() + 0.5
+        # The header has whole seconds: add their mean error.
+        moment = parsedate_to_datetime(answer.headers["Date"]).timestamp() + 0.5
     except (KeyError, TypeError, ValueError):
         return
-    patient.skews_s["the service"] = said - time.time() + answer.elapsed.total_seconds() / 2
+    subject.skews_s["the service"] = moment - time.time() + answer.elapsed.total_seconds() / 2
 
 
-def _parts(http: httpx.Client) -> Iterator[Finding]:
+def _dependencies(http: httpx.Client) -> Iterator[Finding]:
     try:
         found = http.get("/readyz").json()
         parts = {name: found[name] for name in ("record", "redis", "store")}
         away = {name: part.get("detail") or part["status"] for name, part in parts.items() if part["status"] != "ok"}
     except (httpx.HTTPError, ValueError, KeyError, TypeError, AttributeError) as error:
-        yield fail("its parts", f"/readyz does not tell: {type(error).__name__}", "See the service's log.")
+        yield fail("dependencies", f"/readyz does not respond: {type(error).__name__}", "See the service's log.")
         return
     if away:
-        said = "; ".join(f"{name}: {detail}" for name, detail in away.items())
-        yield fail("its parts", said, "Who runs the service starts them again; jobs that were accepted are not lost.")
+        found_away = "; ".join(f"{name}: {detail}" for name, detail in away.items())
+        yield fail("dependencies", found_away, "The administrator has to restart them; accepted jobs are not lost.")
     else:
-        yield ok("its parts", f"{', '.join(parts)} answer")
+        yield ok("dependencies", f"{', '.join(parts)} respond")
 
 
 def _key(http: httpx.Client, *, has_key: bool) -> Iterator[Finding]:
     try:
         status = http.get("/v1/limits").status_code
     except httpx.HTTPError as error:
-        yield fail("api key", f"/v1/limits does not answer: {type(error).__name__}", "See the service's log.")
+        yield fail("api key", f"/v1/limits does not respond: {type(error).__name__}", "See the service's log.")
         return
     if status in (401, 403):
-        said = "the service does not know the key" if has_key else "the service wants a key"
-        yield fail("api key", said, "Set MESHDEFORM_API_KEY; who runs the service makes keys: meshdeform keys create.")
+        detail = "the service refuses the key" if has_key else "the service requires a key"
+        yield fail(
+            "api key", detail, "Set MESHDEFORM_API_KEY to a key; administrators create them: meshdeform keys create."
+        )
     elif status == 429:
-        yield warn("api key", "over its limit of requests", "Wait a minute.")
+        yield warn("api key", "over its request limit", "Wait a minute.")
     elif status != 200:
-        yield fail("api key", f"/v1/limits answers {status}", "Check the address; is it an older service?")
+        yield fail("api key", f"/v1/limits returns {status}", "Check the address; the service may be older.")
     else:
-        yield ok("api key", "accepted" if has_key else "none is needed")
+        yield ok("api key", "accepted" if has_key else "none required")
 
 
 def _workers(http: httpx.Client) -> Iterator[Finding]:
@@ -92,8 +96,8 @@ def _workers(http: httpx.Client) -> Iterator[Finding]:
     except httpx.HTTPError:
         match = None
     if match is None:
-        yield skip("its workers", "the service does not tell (/metrics)")
+        yield skip("service workers", "unknown: /metrics is not readable")
     elif float(match[1]) < 1:
-        yield warn("its workers", "none is alive: jobs wait", "Start one: meshdeform worker.")
+        yield warn("service workers", "none is alive, so jobs stay queued", "Start one: meshdeform worker.")
     else:
-        yield ok("its workers", f"{float(match[1]):g} alive")
+        yield ok("service workers", f"{float(match[1]):g} alive")

@@ -8,33 +8,39 @@
     degree     = long | short | big | small          part = neck | legs | head | ...
 
 Every noun takes every adjective; `NOUNS` lists the parts of each noun. Synonyms, plurals, capitals and articles are
-accepted. Anything else is an error that lists the accepted words, because a prior must not silently ignore half of a
-prompt.
+accepted. Anything else is an error that suggests prompts: ignoring half of a prompt silently would be worse.
 
 Needs neither torch nor numpy: the service checks a prompt before it accepts the job.
 """
 
 from __future__ import annotations
 
-import difflib
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 from meshdeform.errors import PromptError, VocabularyError
+from meshdeform.priors.builtin.suggestions import correct, suggest_prompts
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
-    DEGREE_SYNONYMS,
     FILLERS,
     LENGTH,
-    LENGTHWISE,
-    NOUN_SYNONYMS,
     NOUNS,
     OPPOSITES,
-    PART_SYNONYMS,
     PARTS,
     SIZE,
-    SIZEWISE,
+)
+from meshdeform.priors.builtin.words import (
+    ATTRIBUTES,
+    MAX_ATTRIBUTES,
+    Attribute,
+    ParsedPrompt,
+    degree_of,
+    is_adjective,
+    is_known,
+    noun_of,
+    part_of,
 )
 
 __all__ = [
@@ -54,24 +60,6 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, order=True)
-class Attribute:
-    """One property: `Attribute("whole", "tall")` of the shape, or `Attribute("neck", "long")` of a part."""
-
-    part: str
-    degree: str
-
-    def __str__(self) -> str:
-        """Return the attribute as written in a prompt."""
-        return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
-
-
-ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in ADJECTIVES) + tuple(
-    Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
-)
-"""Every attribute, those of the whole shape first."""
-
-MAX_ATTRIBUTES = 3
 SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 _PAD = "<pad>"
 VOCABULARY: tuple[str, ...] = (
@@ -83,87 +71,42 @@ VOCABULARY: tuple[str, ...] = (
 )
 """Tokens in the order of their numbers; 0 is padding."""
 
+_ADVICE = (
+    "All words: meshdeform models builtin, or GET /v1/models. Free text needs a Stable Diffusion model (params.model)."
+)
 _NUMBER = {word: number for number, word in enumerate(VOCABULARY)}
 
 
+_Parts = list[tuple[str, list[str]]]
+
+
 @dataclass(frozen=True)
-class ParsedPrompt:
-    """Noun and attributes of a prompt."""
+class _Reading:
+    """The words of a prompt by their role, in order."""
 
-    noun: str
-    attributes: tuple[Attribute, ...] = ()
+    words: list[str]
+    nouns: list[str]
+    whole: list[str]
+    parts: _Parts
+    unknown: list[str]
 
-    @property
-    def tokens(self) -> tuple[str, ...]:
-        """Canonical words: the noun, then (degree, part) of each attribute."""
-        return (self.noun, *(word for attribute in self.attributes for word in (attribute.degree, attribute.part)))
-
-    def __str__(self) -> str:
-        """Return an English prompt with this meaning."""
-        whole = [attribute.degree for attribute in self.attributes if attribute.part == "whole"]
-        parts = [attribute for attribute in self.attributes if attribute.part != "whole"]
-        front = " ".join([*whole, self.noun])
-        article = "an" if front[0] in "aeiou" else "a"
-        clauses = [f"{a.degree} {a.part}" if a.part.endswith("s") else f"a {a.degree} {a.part}" for a in parts]
-        return f"{article} {front}" + (f" with {' and '.join(clauses)}" if clauses else "")
-
-
-def _singular(word: str) -> list[str]:
-    """Return the word and its possible singular forms."""
-    forms = [word]
-    if word.endswith("ies"):
-        forms.append(word[:-3] + "y")
-    if word.endswith("es"):
-        forms.append(word[:-2])
-    if word.endswith("s"):
-        forms.append(word[:-1])
-    return forms
+    def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
+        """Return an error with whole prompts that work instead, and with the vocabulary as data."""
+        prompts = suggest_prompts(self.nouns, self.whole, self.parts, self.unknown)
+        return VocabularyError(
+            detail,
+            advice=f"Try {_listed(prompts, 'or')}. {_ADVICE}",
+            unknown=unknown,
+            suggestions=prompts,
+            corrections=correct(self.unknown, with_nouns=not self.nouns),
+            nouns=sorted(NOUNS),
+            attributes=[*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())],
+        )
 
 
-def _noun(word: str) -> str | None:
-    irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
-    for form in _singular(irregular.get(word, word)):
-        canonical = NOUN_SYNONYMS.get(form, form)
-        if canonical in NOUNS:
-            return canonical
-    return None
-
-
-def _part(word: str) -> str | None:
-    canonical = PART_SYNONYMS.get(word, word)
-    if canonical in PARTS:
-        return canonical
-    return canonical + "s" if canonical + "s" in PARTS else None
-
-
-def _degree(word: str, part: str) -> str | None:
-    """Return the canonical degree that an adjective means for a part, or None."""
-    degree = DEGREE_SYNONYMS.get(word)
-    if degree is None:
-        return None
-    return (LENGTHWISE if PARTS[part] == LENGTH else SIZEWISE).get(degree, degree)
-
-
-def _refuse(detail: str, unknown: list[str]) -> VocabularyError:
-    """Return an error that lists the vocabulary of the prior."""
-    nouns = sorted(NOUNS)
-    attributes = [*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())]
-    known = [*nouns, *NOUN_SYNONYMS, *ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *DEGREE_SYNONYMS]
-    strange = [word for word in unknown if word not in known]
-    close = {word: match[0] for word in strange if (match := difflib.get_close_matches(word, known, 1, 0.7))}
-    hint = "".join(f" Did you mean {match!r} instead of {word!r}?" for word, match in close.items())
-    return VocabularyError(
-        f"{detail}{hint}",
-        advice=(
-            f"The builtin demonstration prior knows these nouns: {', '.join(nouns)}; "
-            f"and these attributes: {', '.join(attributes)}. For any other prompt choose a Stable Diffusion model: "
-            'set model to its hub id or folder (install the "sd" extra on the worker).'
-        ),
-        unknown=unknown,
-        suggestions=close,
-        nouns=nouns,
-        attributes=attributes,
-    )
+def _listed(items: Iterable[str], conjunction: str) -> str:
+    quoted = [repr(item) for item in items]
+    return f" {conjunction} ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
 
 
 def parse(prompt: str) -> ParsedPrompt:
@@ -184,9 +127,10 @@ def parse(prompt: str) -> ParsedPrompt:
     PromptError
         The prompt is empty or has more than three attributes.
     VocabularyError
-        A word, a part or a combination is not supported; carries `unknown`, `suggestions`, `nouns` and `attributes`.
+        A word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up to three
+        prompts that are accepted), `corrections` (of misspelt words), `nouns` and `attributes`.
     """
-    return _assemble(*_read(prompt))
+    return _assemble(_read(prompt))
 
 
 def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
@@ -204,84 +148,96 @@ def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
     PromptError
         As `parse`; or the negative prompt means the same as the prompt.
     VocabularyError
-        As `parse`.
+        As `parse`, but without suggestions, which are for prompts.
     """
     wanted = parse(prompt)
-    nouns, whole, parts = _read(negative)
-    unwanted = _assemble(nouns or [wanted.noun], whole, parts)
+    try:
+        reading = _read(negative)
+        unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
+    except VocabularyError as error:
+        extra = {**error.extra, "suggestions": []}
+        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_ADVICE, **extra) from error
     if unwanted == wanted:
         raise PromptError(
-            f"The negative prompt {negative!r} says the same as the prompt {prompt!r}.",
+            f"The negative prompt {negative!r} means the same as the prompt {prompt!r}.",
             advice="Remove from one what is in the other.",
         )
     return unwanted
 
 
-def _read(prompt: str) -> tuple[list[str], list[str], list[tuple[str, list[str]]]]:
-    """Return nouns, adjectives of the whole, and parts with their adjectives, in the order of the prompt."""
-    words = re.findall(r"[^\W_]+(?:'[^\W_]+)?", prompt.lower())
+def _read(prompt: str) -> _Reading:
+    """Return the words of a prompt by their role; unknown words are an error."""
+    words = _split(prompt)
     if not words:
-        raise PromptError("The prompt is empty.", advice="Name a thing, for example: a tall vase.")
-    nouns: list[str] = []
+        raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
+    reading = _Reading(words, nouns=[], whole=[], parts=[], unknown=[])
     pending: list[str] = []
-    whole: list[str] = []
-    parts: list[tuple[str, list[str]]] = []
-    unknown: list[str] = []
     for word in words:
         if word in FILLERS:
             continue
-        part = _part(word)
-        noun = _noun(word)
-        if part is not None and (nouns or noun is None):
-            parts.append((part, pending))
+        part, noun = part_of(word), noun_of(word)
+        if part is not None and (reading.nouns or noun is None):
+            reading.parts.append((part, pending))
             pending = []
         elif noun is not None:
-            nouns.append(noun)
-            whole += pending
+            reading.nouns.append(noun)
+            reading.whole.extend(pending)
             pending = []
-        elif word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS:
+        elif is_adjective(word):
             pending.append(word)
         else:
-            unknown.append(word)
-    if unknown:
-        raise _refuse(f"The builtin demonstration prior does not know {', '.join(map(repr, unknown))}.", unknown)
-    whole += pending  # "a vase, tall and thin"
-    return nouns, whole, parts
+            reading.unknown.append(word)
+    reading.whole.extend(pending)  # "a vase, tall and thin"
+    if reading.unknown:
+        words = reading.unknown
+        raise reading.refusal(f"The built-in model does not understand {_listed(words, 'and')}.", words)
+    return reading
 
 
-def _assemble(nouns: list[str], whole: list[str], parts: list[tuple[str, list[str]]]) -> ParsedPrompt:
+def _split(prompt: str) -> list[str]:
+    """Return the words in lower case; a compound with an unknown word stays one: "low-poly" says nothing of height."""
+    found: list[str] = []
+    for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", prompt.lower().replace("low poly", "low-poly")):
+        pieces = word.split("-")
+        found += pieces if all(is_known(piece) for piece in pieces) else [word]
+    return found
+
+
+def _assemble(reading: _Reading) -> ParsedPrompt:
     """Check that known words fit together, and put them in canonical order."""
-    if len(set(nouns)) != 1:
-        found = f"it names {len(set(nouns))}: {', '.join(dict.fromkeys(nouns))}" if nouns else "it names none"
-        raise _refuse(f"The builtin demonstration prior needs exactly one thing to make, and {found}.", [])
-    noun = nouns[0]
+    if len(set(reading.nouns)) != 1:
+        found = f"{_listed(dict.fromkeys(reading.nouns), 'and')} were found" if reading.nouns else "None was found"
+        raise reading.refusal(
+            f"The built-in model needs exactly one object in the prompt, such as 'a mushroom'. {found}.", []
+        )
+    noun = reading.nouns[0]
     found_attributes: list[Attribute] = []
-    for word in whole:
+    for word in reading.whole:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
         if degree is None:
-            raise _refuse(f"{word!r} says nothing about a shape that is scaled to fit its frame.", [word])
+            raise reading.refusal(f"{word!r} has no effect: the asset is scaled to fit its frame.", [word])
         found_attributes.append(Attribute("whole", degree))
-    for part, words in parts:
+    for part, words in reading.parts:
         if part not in NOUNS[noun]:
             own = ", ".join(NOUNS[noun]) or "none"
-            raise _refuse(f"A {noun} of the builtin prior has no {part} to size (its parts: {own}).", [part])
-        degrees = {_degree(word, part) for word in words}
+            raise reading.refusal(f"The {noun} of the built-in model has no {part} (its parts: {own}).", [part])
+        degrees = {degree_of(word, part) for word in words}
         if len(degrees) != 1 or None in degrees:
             low, high = PARTS[part]
-            raise _refuse(f"Say either {low!r} or {high!r} of the {part}.", [*words, part])
+            raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
     unique = sorted(set(found_attributes), key=ATTRIBUTES.index)
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
-        raise _refuse("The prompt asks for opposite sizes of one part.", [])
+        raise reading.refusal("The prompt gives opposite sizes for one part.", [])
     of_whole = {attribute.degree for attribute in unique if attribute.part == "whole"}
     clash = next((pair for pair in OPPOSITES if pair <= of_whole), None)
     if clash:
-        raise _refuse(f"Nothing is {' and '.join(sorted(clash))} at once.", [])
+        raise reading.refusal(f"Nothing can be {' and '.join(sorted(clash))} at once.", [])
     if len(unique) > MAX_ATTRIBUTES:
         raise PromptError(
-            f"The builtin demonstration prior takes at most {MAX_ATTRIBUTES} attributes, the prompt has {len(unique)}.",
-            advice="Leave some of them out.",
+            f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
+            advice="Remove some of them.",
         )
     return ParsedPrompt(noun, tuple(unique))
 

@@ -14,16 +14,16 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 from meshdeform.cli.diagnosis import checks, machine, models, packages, servers
-from meshdeform.cli.diagnosis.checks import Check, Patient, Status, ok, run_checks
+from meshdeform.cli.diagnosis.checks import Check, Status, Subject, ok, run_checks
 from meshdeform.settings import Settings
 from tests.cases import each_case
 
 CARD = {"name": "X", "free": 2**30, "total": 2**31, "works": True}
 
 
-def patient(folder: Path, **settings: object) -> Patient:
+def subject(folder: Path, **settings: object) -> Subject:
     found = Settings(data_dir=folder / "data", **settings)  # type: ignore[arg-type]
-    return Patient(found, host="127.0.0.1", port=8765, url=None, api_key=None, timeout_s=1.0)
+    return Subject(found, host="127.0.0.1", port=8765, url=None, api_key=None, timeout_s=1.0)
 
 
 def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +71,7 @@ def test_a_check_that_hangs_is_left_behind() -> None:
     )
     never.set()
     assert [(finding.name, finding.status.value) for finding in found] == [("a", "fail"), ("b", "fail"), ("c", "ok")]
-    assert "no answer within 0.05 s" in found[0].detail
+    assert "no response within 0.05 s" in found[0].detail
 
 
 @each_case(
@@ -116,7 +116,7 @@ def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: p
     def full(*_: object) -> None:
         raise UnavailableError("No space is left.", advice="Free space.")
 
-    here = patient(tmp_path)
+    here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("assets/a", b"before")
     monkeypatch.setattr(ObjectStore, "put", full)
     (finding,) = servers.check_store(here)
@@ -127,9 +127,9 @@ def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: p
 def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.record.database import Database
 
-    here = patient(tmp_path)
+    here = subject(tmp_path)
     (finding,) = servers.check_database(here)
-    assert (finding.status, "is made at the first start" in finding.detail) == (Status.OK, True)
+    assert (finding.status, "will be created at the first start" in finding.detail) == (Status.OK, True)
     assert not here.data_dir.exists()
     Database(here.settings.resolved_database_url).close()
     path = here.data_dir / "meshdeform.sqlite"
@@ -153,7 +153,7 @@ def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
 def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     from meshdeform.storage import ObjectStore
 
-    here = patient(tmp_path)
+    here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("kept", b"x")
     before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
     (finding,) = servers.check_store(here)
@@ -162,7 +162,7 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
 
 
 def test_a_port_that_somebody_has(tmp_path: Path) -> None:
-    here = patient(tmp_path)
+    here = subject(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         here.port, here.timeout_s = taken.getsockname()[1], 0.2
         (finding,) = machine.check_port(here)
@@ -170,7 +170,7 @@ def test_a_port_that_somebody_has(tmp_path: Path) -> None:
 
 
 def test_the_clock_is_compared(tmp_path: Path) -> None:
-    here = patient(tmp_path)
+    here = subject(tmp_path)
     here.skews_s["Redis"] = -90.0
     (finding,) = machine.check_clock(here)
     assert (finding.status, finding.detail) == (Status.WARN, "Redis is 90 s behind")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.cli.batches.manifest import Wish, read_prompts, read_table, wishes_of_assets
+from meshdeform.cli.batches.manifest import Entry, combine, read_prompts, read_table
 from meshdeform.cli.batches.rows import Row, make_rows
 from meshdeform.errors import ParameterError
 from tests.cases import each_case
@@ -21,8 +21,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def rows_of(wishes: list[Wish], **more: object) -> list[Row]:
-    return make_rows(wishes, **{"defaults": {}, **more})[0]  # type: ignore[arg-type]
+def rows_of(entries: list[Entry], **more: object) -> list[Row]:
+    return make_rows(entries, **{"defaults": {}, **more})[0]  # type: ignore[arg-type]
 
 
 def test_the_same_rows_in_every_format(folder: Path) -> None:
@@ -45,7 +45,7 @@ def test_the_same_rows_in_every_format(folder: Path) -> None:
 @each_case(
     ("name", "text", "said"),
     [
-        ("m.csv", "prompt\na vase\n", "line 2, names no asset"),
+        ("m.csv", "prompt\na vase\n", "line 2: the asset is missing"),
         ("m.csv", "asset\n", "has no rows"),
         ("m.csv", "asset,prompt\na.glb,a vase,more\n", "more cells"),
         ("m.csv", "asset,morph\na.glb,perhaps\n", "not true or false"),
@@ -61,8 +61,8 @@ def test_a_broken_table_says_where(folder: Path, name: str, text: str, said: str
 
 def test_a_folder_times_prompts_times_seeds(folder: Path) -> None:
     (folder / "prompts.txt").write_text("# shapes\n\na vase\n a mushroom \n")
-    wishes = wishes_of_assets(folder, read_prompts(folder / "prompts.txt"))
-    rows = rows_of(wishes, seeds=range(5, 8))
+    entries = combine(folder, read_prompts(folder / "prompts.txt"))
+    rows = rows_of(entries, seeds=range(5, 8))
     assert [row.name for row in rows[:4]] == [
         "a-a-vase-seed5",
         "a-a-vase-seed6",
@@ -71,31 +71,31 @@ def test_a_folder_times_prompts_times_seeds(folder: Path) -> None:
     ]
     assert [row.request.params.seed for row in rows[:3]] == [5, 6, 7]
     assert len(rows) == len({row.key for row in rows}) == len({row.name for row in rows}) == 12
-    with pytest.raises(ParameterError, match="no manifest"):
-        wishes_of_assets(folder, [])
+    with pytest.raises(ParameterError, match="not a manifest"):
+        combine(folder, [])
 
 
 def test_every_wrong_row_is_told_at_once(folder: Path) -> None:
-    wishes = [
-        Wish("line 2", folder / "a.glb", params={"steps": 0}),
-        Wish("line 3", folder / "gone.glb", "a vase"),
-        Wish("line 4", folder / "a.glb", name="../out"),
-        Wish("line 5", folder / "a.glb", params={"colour": "red"}),
-        Wish("line 6", folder / "a.glb", "a vase"),
+    entries = [
+        Entry("line 2", folder / "a.glb", params={"steps": 0}),
+        Entry("line 3", folder / "gone.glb", "a vase"),
+        Entry("line 4", folder / "a.glb", name="../out"),
+        Entry("line 5", folder / "a.glb", params={"colour": "red"}),
+        Entry("line 6", folder / "a.glb", "a vase"),
     ]
     with pytest.raises(ParameterError, match="4 of 5 rows") as told:
-        rows_of(wishes)
+        rows_of(entries)
     assert [error["place"] for error in told.value.extra["errors"]] == ["line 2", "line 3", "line 4", "line 5"]
 
 
 def test_a_key_is_what_decides_the_result_and_nothing_else(folder: Path) -> None:
     def key(**more: object) -> str:
-        wish = Wish("x", folder / "a.glb", "a vase", **more)  # type: ignore[arg-type]
-        return rows_of([wish])[0].key
+        entry = Entry("x", folder / "a.glb", "a vase", **more)  # type: ignore[arg-type]
+        return rows_of([entry])[0].key
 
     same = key()
     (folder / "c.glb").write_bytes(b"one")
-    assert rows_of([Wish("elsewhere", folder / "c.glb", "a vase")])[0].key == same
+    assert rows_of([Entry("elsewhere", folder / "c.glb", "a vase")])[0].key == same
     assert key(params={"seed": 0}) == same, "the default, written out"
     others = [key(params={"seed": 1}), key(morph=True), key(name="other"), key(target=folder / "b.obj")]
     assert len({same, *others}) == 5
@@ -104,9 +104,9 @@ def test_a_key_is_what_decides_the_result_and_nothing_else(folder: Path) -> None
 
 
 def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:
-    one = Wish("1", folder / "a.glb", "a vase", params={"steps": 10})
+    one = Entry("1", folder / "a.glb", "a vase", params={"steps": 10})
     (first,) = rows_of([one])
-    other = Wish("0", folder / "a.glb", "A Vase", params={"steps": 20})
+    other = Entry("0", folder / "a.glb", "A Vase", params={"steps": 20})
     again = rows_of([other, one], known_names={first.key: first.name})
     names = {row.key: row.name for row in again}
     assert names[first.key] == first.name

@@ -54,26 +54,73 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         assert parse(prompt).tokens == tokens
 
 
-def test_unknown_words_are_named_with_suggestions_and_a_way_out() -> None:
+@each_case(
+    ("prompt", "unknown", "suggestions"),
+    [
+        ("a purple girafe", ["purple", "girafe"], ["a giraffe"]),
+        ("a cute low-poly mushroom, 4k", ["cute", "low-poly", "4k"], ["a mushroom"]),
+        ("a low poly mushroom", ["low-poly"], ["a mushroom"]),
+        ("a tall red vase", ["red"], ["a tall vase"]),
+        ("a twistd vase", ["twistd"], ["a twisted vase"]),
+        ("a mouse beside a house", ["mouse", "beside"], ["a house"]),
+        ("a mouse", ["mouse"], ["a rabbit", "a mushroom", "a vase"]),
+        ("a dog and a cat", [], ["a dog", "a cat"]),
+        ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
+        ("Albert Einstein", ["albert", "einstein"], ["a mushroom", "a vase", "a rabbit"]),
+        ("a tall wizard", ["wizard"], ["a tall snowman", "a tall mushroom", "a tall vase"]),
+        ("a chair with legs", ["legs"], ["a chair with short legs", "a chair with long legs"]),
+        ("a tall short vase", [], ["a tall vase", "a short vase"]),
+        ("a vase with long ears", ["ears"], ["a vase"]),
+    ],
+)
+def test_a_refusal_names_the_unknown_words_and_up_to_three_prompts_that_work(
+    prompt: str, unknown: list[str], suggestions: list[str]
+) -> None:
+    with pytest.raises(VocabularyError) as caught:
+        parse(prompt)
+    assert caught.value.extra["unknown"] == unknown
+    assert caught.value.extra["suggestions"] == suggestions
+
+
+def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     with pytest.raises(VocabularyError) as caught:
         parse("a purple girafe")
     error = caught.value
     assert error.status == 422
-    assert error.extra["unknown"] == ["purple", "girafe"]
-    assert error.extra["suggestions"] == {"girafe": "giraffe"}
+    assert error.detail == "The built-in model does not understand 'purple' and 'girafe'."
+    assert error.advice_text.startswith("Try 'a giraffe'. ")
+    assert "Stable Diffusion" in error.advice_text
+    assert "airplane" not in error.advice_text
+    assert error.extra["corrections"] == {"girafe": "giraffe"}
     assert error.extra["nouns"] == sorted(NOUNS)
     assert "tall" in error.extra["attributes"]
     assert "short/long neck" in error.extra["attributes"]
-    assert "'giraffe'" in error.detail
-    assert "Stable Diffusion" in error.advice_text
-    assert "mushroom" in error.advice_text
+
+
+def test_a_refused_negative_prompt_suggests_nothing_for_the_prompt() -> None:
+    with pytest.raises(VocabularyError, match="negative prompt") as caught:
+        parse_negative("blurry", "a vase")
+    assert caught.value.extra["unknown"] == ["blurry"]
+    assert caught.value.extra["suggestions"] == []
+
+
+_WORDS = [*NOUNS, *vocabulary.PARTS, *vocabulary.ADJECTIVES, *vocabulary.DEGREE_SYNONYMS]
+
+
+@given(st.lists(st.sampled_from(_WORDS)))
+def test_every_suggestion_is_a_prompt_that_is_accepted(words: list[str]) -> None:
+    with pytest.raises(VocabularyError) as caught:
+        parse(" ".join([*words, "red"]))
+    suggestions = caught.value.extra["suggestions"]
+    assert 1 <= len(suggestions) <= 3
+    assert [str(parse(suggestion)) for suggestion in suggestions] == suggestions
 
 
 @each_case(
     ("prompt", "says"),
     [
-        ("a dog and a cat", "dog, cat"),
-        ("tall and thin", "names none"),
+        ("a dog and a cat", "'dog' and 'cat'"),
+        ("tall and thin", "None was found"),
         ("a vase with long ears", "its parts: neck"),
         ("a bowl with a long neck", "its parts: none"),
         ("a chair with thick legs", "'short' or 'long'"),
@@ -171,5 +218,5 @@ def test_a_negative_prompt_is_a_prompt_or_attributes_of_the_prompts_noun(negativ
 
 @pytest.mark.parametrize("negative", ["a thin vase", "thin", "Thin vases"])
 def test_a_negative_prompt_that_is_the_prompt_is_refused(negative: str) -> None:
-    with pytest.raises(PromptError, match="says the same"):
+    with pytest.raises(PromptError, match="means the same"):
         parse_negative(negative, "a thin vase")

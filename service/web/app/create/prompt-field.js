@@ -118,7 +118,7 @@ export class PromptField {
     else this.input.removeAttribute("aria-invalid");
     if (!error) return void fill(this.problem);
     const problem = error instanceof ProblemError ? error : null;
-    const suggestions = Object.entries(problem?.document.suggestions ?? {}).map(([word, close]) => [word, String(close)]);
+    const suggestions = Object.entries(problem?.document.corrections ?? {}).map(([word, close]) => [word, String(close)]);
     fill(
       this.problem,
       h("strong", null, problem ? problem.message : String(error)),
