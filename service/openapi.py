@@ -15,6 +15,7 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic.json_schema import models_json_schema
 
+from meshdeform.serving.defaults import DEFAULT_URL
 from service.documentation.links import add_links
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
@@ -28,6 +29,10 @@ _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
     "(RFC 9457) with a stable code and advice. The guide is docs/http.md."
 )
+_SERVERS = [
+    {"url": "/", "description": "The server of this document."},
+    {"url": DEFAULT_URL, "description": "A server started with `meshdeform serve`."},
+]
 _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
@@ -55,6 +60,7 @@ def describe(app: FastAPI) -> None:
                 schemas.pop(name, None)
             schemas.update(more["$defs"])
             document["components"]["schemas"] = dict(sorted(schemas.items()))
+            document["servers"] = _SERVERS
             document["tags"] = _TAGS
             add_links(document)
             _remove_null(document)

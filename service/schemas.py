@@ -32,7 +32,7 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 
 class Problem(BaseModel):
-    """An error, in the form of RFC 9457. Programs should compare `code`, which is stable; other members may be added."""
+    """An error in the form of RFC 9457. Programs should compare `code`, which is stable; other members may be added."""
 
     model_config = ConfigDict(extra="allow")
 

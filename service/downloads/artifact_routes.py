@@ -63,7 +63,8 @@ def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Resp
     response_class=StreamingResponse,
     responses={
         **download_responses(
-            "model/gltf-binary", "model/vnd.usdz+zip", "application/json", "image/png", "application/octet-stream"
+            "`Content-Type` is the artifact's `content_type`, such as `model/gltf-binary`, `application/json` for "
+            "`report.json`, or `image/png` for `preview.png`."
         ),
         **problem_responses(ForbiddenError),
     },
