@@ -376,8 +376,12 @@ class AsyncClient:
 
         Raises
         ------
+        JobNotFinishedError
+            The job has not finished.
         NotFoundError
             The job has no artifact with such a name.
+        MeshdeformError
+            The job failed: its error; `ConflictError` if it was canceled or has expired.
         """
         return await self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
 

@@ -372,8 +372,12 @@ class Client:
 
         Raises
         ------
+        JobNotFinishedError
+            The job has not finished.
         NotFoundError
             The job has no artifact with such a name.
+        MeshdeformError
+            The job failed: its error; `ConflictError` if it was canceled or has expired.
         """
         return self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
 
