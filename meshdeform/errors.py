@@ -26,6 +26,7 @@
     ├── RequestTimeoutError            408  request_timeout        the body arrives too slowly
     ├── RangeError                     416  range_not_satisfiable  the range begins past the end
     ├── ConflictError                  409  conflict               the resource's state does not allow it
+    │   ├── JobNotFinishedError        409  job_not_finished       a result was requested before the job finished
     │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request with this key is still running
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
@@ -61,6 +62,7 @@ __all__ = [
     "ForbiddenError",
     "IdempotencyBusyError",
     "IdempotencyMismatchError",
+    "JobNotFinishedError",
     "LimitError",
     "MeshdeformError",
     "MethodNotAllowedError",
@@ -299,6 +301,13 @@ class ConflictError(MeshdeformError):
     status = 409
     code = "conflict"
     advice = "Check its state first; a finished job never changes."
+
+
+class JobNotFinishedError(ConflictError):
+    """The job has not finished, so that it has no results yet."""
+
+    code = "job_not_finished"
+    advice = "Request it again after the seconds in Retry-After; GET /v1/jobs/{id} with Prefer waits for the job's end."
 
 
 class IdempotencyBusyError(ConflictError):

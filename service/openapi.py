@@ -1,7 +1,7 @@
-"""The OpenAPI document: what FastAPI finds, and the schemas that only the multipart body and the errors refer to.
+"""Build the OpenAPI document: what FastAPI finds, and the schemas of bodies and errors that it cannot see.
 
 python -m service.openapi            write openapi/openapi.json
-python -m service.openapi --check    fail if it is not what is committed
+python -m service.openapi --check    fail if the committed document is outdated
 """
 
 from __future__ import annotations
@@ -15,34 +15,39 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic.json_schema import models_json_schema
 
+from meshdeform.serving.defaults import DEFAULT_URL
 from service.documentation.links import add_links
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
 
 __all__ = ["describe", "main", "text"]
 
-# What no route's signature names: bodies that are read as they come, and problems.
+# Documents missing from the routes' signatures: bodies that are streamed, and problems.
 _MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Problem)
 _REFERENCE = "#/components/schemas/{model}"
 _DESCRIPTION = (
-    "Post an asset and a prompt as a job, follow it, and fetch its results. What is wrong is told as a problem "
-    "document (RFC 9457) with a code, and with advice. In words: docs/http.md."
+    "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
+    "(RFC 9457) with a stable code and advice. The guide is docs/http.md."
 )
+_SERVERS = [
+    {"url": "/", "description": "The server of this document."},
+    {"url": DEFAULT_URL, "description": "A server started with `meshdeform serve`."},
+]
 _TAGS = [
-    {"name": "jobs", "description": "One request to deform one asset: post it, look at it, cancel it, delete it."},
-    {"name": "uploads", "description": "Files that are sent by themselves, in pieces if need be, and named by jobs."},
-    {"name": "events", "description": "What happens to a job, as it happens: docs/http.md#events."},
-    {"name": "checkpoints", "description": "Where a job can go on from, and its shape there."},
+    {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
+    {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
+    {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
+    {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},
-    {"name": "webhooks", "description": "Be told of events by signed messages: docs/webhooks.md."},
-    {"name": "models", "description": "What jobs may name as `params.model`."},
-    {"name": "limits", "description": "What this server allows."},
-    {"name": "health", "description": "For whoever runs the service."},
+    {"name": "webhooks", "description": "Receive events as signed messages: docs/webhooks.md."},
+    {"name": "models", "description": "The models that jobs may use in `params.model`."},
+    {"name": "limits", "description": "The limits of this server."},
+    {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
 ]
 
 
 def describe(app: FastAPI) -> None:
-    """Let `app.openapi()` give the whole document."""
+    """Make `app.openapi()` return the complete document."""
     found = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -50,14 +55,15 @@ def describe(app: FastAPI) -> None:
             document = found()
             _, more = models_json_schema([(model, "validation") for model in _MODELS], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})
-            # FastAPI adds its own error schemas wherever there is a parameter; no answer of ours has them.
+            # FastAPI adds its own error schemas to every route with parameters; no response uses them.
             for name in ("HTTPValidationError", "ValidationError"):
                 schemas.pop(name, None)
             schemas.update(more["$defs"])
             document["components"]["schemas"] = dict(sorted(schemas.items()))
+            document["servers"] = _SERVERS
             document["tags"] = _TAGS
             add_links(document)
-            _say_what_can_be_sent(document)
+            _remove_null(document)
             document["info"]["description"] = _DESCRIPTION
             document["info"]["license"] = {"name": "Apache-2.0", "identifier": "Apache-2.0"}
             app.openapi_schema = document
@@ -66,8 +72,8 @@ def describe(app: FastAPI) -> None:
     app.openapi = openapi  # type: ignore[method-assign]
 
 
-def _say_what_can_be_sent(document: dict[str, Any]) -> None:
-    """Take `null` out of the parameters' schemas: it is how Python says that one is left out, and cannot be sent."""
+def _remove_null(document: dict[str, Any]) -> None:
+    """Remove `null` from the schemas of parameters: it is Python's default, and cannot be sent."""
     for methods in document["paths"].values():
         for operation in methods.values():
             for parameter in operation.get("parameters", []):
@@ -76,12 +82,12 @@ def _say_what_can_be_sent(document: dict[str, Any]) -> None:
                 if len(kinds) == 1 and "$ref" not in kinds[0]:
                     parameter["schema"] = {**{k: v for k, v in schema.items() if k != "anyOf"}, **kinds[0]}
                 elif kinds:
-                    # What stands beside a reference is not seen by every reader.
+                    # Some readers ignore the siblings of a reference.
                     schema["anyOf"] = kinds
 
 
 def text() -> str:
-    """Return the document as it is committed."""
+    """Return the document in the form in which it is committed."""
     from service.app import create_app
 
     return json.dumps(create_app().openapi(), indent=2, ensure_ascii=False) + "\n"
@@ -100,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if options.path.is_file() and options.path.read_text(encoding="utf-8") == document:
         return 0
-    print(f"{options.path} is not what the routes say. Run: python -m service.openapi", file=sys.stderr)
+    print(f"{options.path} is outdated. Run: python -m service.openapi", file=sys.stderr)
     return 1
 
 

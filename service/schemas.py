@@ -1,4 +1,4 @@
-"""Documents that only HTTP knows; those about jobs are `meshdeform.api.jobs`."""
+"""Define the documents of the HTTP API that the client does not share; those of jobs are in `meshdeform.api.jobs`."""
 
 from __future__ import annotations
 
@@ -32,232 +32,247 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 
 class Problem(BaseModel):
-    """An error, as RFC 9457 has it. Programs compare `code`, which is stable; more members may follow."""
+    """An error in the form of RFC 9457. Programs should compare `code`, which is stable; other members may be added."""
 
     model_config = ConfigDict(extra="allow")
 
     type: str = Field(description="A URN with the code.", examples=["urn:meshdeform:problem:parameter_invalid"])
     title: str = Field(
-        description="The same sentence for every occurrence.", examples=["A parameter is unknown or out of range"]
+        description="The same sentence for every error with this code.",
+        examples=["A parameter is unknown or out of range"],
     )
     status: int = Field(ge=400, le=599, description="The HTTP status.", examples=[422])
-    detail: str = Field(description="About this occurrence.", examples=["params.steps: Input should be at least 1"])
-    code: str = Field(description="What happened, in a word that never changes.", examples=["parameter_invalid"])
+    detail: str = Field(
+        description="What is wrong with this request.", examples=["params.steps: Input should be at least 1"]
+    )
+    code: str = Field(description="A stable name of the error.", examples=["parameter_invalid"])
     advice: str = Field(description="What to do.", examples=["Fix the members that `errors` names."])
-    instance: str = Field(description="The path that was asked for.", examples=["/v1/jobs"])
+    instance: str = Field(description="The path of the request.", examples=["/v1/jobs"])
     request_id: str | None = Field(
         None,
-        description="The request's id, as the header `X-Request-ID` and the server's log have it.",
+        description="The request's id, also in the header `X-Request-ID` and in the server's log.",
         examples=["req_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     )
     errors: list[dict[str, Any]] | None = Field(
         None,
-        description="Where parameters are wrong: the place (`loc`), what is wrong (`msg`) and its kind (`type`).",
+        description="Invalid members: their place (`loc`), what is wrong (`msg`), and the kind of error (`type`).",
         examples=[[{"loc": ["params", "steps"], "msg": "Input should be at least 1", "type": "greater_than_equal"}]],
     )
 
 
 class Health(BaseModel):
-    """The process lives."""
+    """The liveness of the process."""
 
     status: Literal["ok"] = Field("ok", description="Always `ok`.", examples=["ok"])
     version: str = Field(description="Version of Meshdeform.", examples=["0.1.0"])
 
 
 class PartHealth(BaseModel):
-    """Whether one part answers."""
+    """The availability of one dependency."""
 
-    status: Literal["ok", "unavailable"] = Field(description="Whether it answers.", examples=["ok"])
-    detail: str = Field("", description="What is wrong, where something is.", examples=["Redis does not answer."])
+    status: Literal["ok", "unavailable"] = Field(description="`ok` if it responds.", examples=["ok"])
+    detail: str = Field("", description="What is wrong; empty if nothing is.", examples=["Redis does not respond."])
 
 
 class Readiness(BaseModel):
-    """Whether every part answers that the service needs."""
+    """The availability of everything that the service needs."""
 
-    status: Literal["ok", "unavailable"] = Field(description="`ok` when every part is.", examples=["ok"])
+    status: Literal["ok", "unavailable"] = Field(description="`ok` if all of them are.", examples=["ok"])
     record: PartHealth = Field(description="The database.")
     redis: PartHealth = Field(description="The queue.")
     store: PartHealth = Field(description="The object store.")
 
 
 class AssetFound(BaseModel):
-    """What there is to deform in a file."""
+    """The contents of an asset file."""
 
-    filename: str = Field(description="Its name, as it was sent.", examples=["sphere.glb"])
+    filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
     size: int = Field(ge=0, description="Bytes.", examples=[30720])
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
     format: str = Field(description="`glb`, `gltf`, `obj`, `ply` or `stl`.", examples=["glb"])
-    vertices: int = Field(ge=0, description="Vertices in the default scene, every instance counted.", examples=[642])
-    triangles: int = Field(ge=0, description="Triangles in the default scene, likewise.", examples=[1280])
-    meshes: int = Field(ge=0, description="Instances of meshes in the default scene.", examples=[1])
-    extensions: list[str] = Field(description="Extensions of glTF that it uses.", examples=[["KHR_materials_unlit"]])
-    skipped: list[dict[str, Any]] = Field(description="What is left as it is, and why.", examples=[[]])
+    vertices: int = Field(ge=0, description="Vertices in the default scene, counting every instance.", examples=[642])
+    triangles: int = Field(
+        ge=0, description="Triangles in the default scene, counting every instance.", examples=[1280]
+    )
+    meshes: int = Field(ge=0, description="Mesh instances in the default scene.", examples=[1])
+    extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
+    skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
 
 
 class JobEstimate(BaseModel):
-    """How long a job would take, by what the record knows of others."""
+    """The estimated time of a job, based on finished jobs."""
 
     queue_s: float | None = Field(
-        None, ge=0.0, description="Seconds until a worker takes it; null where that is not known.", examples=[12.5]
+        None, ge=0.0, description="Seconds until a worker takes it; null if unknown.", examples=[12.5]
     )
     run_s: float | None = Field(
-        None, ge=0.0, description="Seconds from then to its end; null where that is not known.", examples=[90.0]
+        None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
     )
-    basis: str = Field(description="What that is told from.", examples=["20 jobs of this kind and model"])
+    basis: str = Field(description="What the estimate is based on.", examples=["20 jobs of this kind and model"])
 
 
 class Validation(BaseModel):
-    """A job that would be accepted."""
+    """A valid job."""
 
-    valid: Literal[True] = Field(True, description="Always true: anything else is a problem.", examples=[True])
-    asset: AssetFound = Field(description="What there is to deform.")
-    target: AssetFound | None = Field(None, description="The second mesh of `target` guidance.")
-    # Of the job's kind: only those of `text_deform` are `ResolvedParams`.
-    params: SkipValidation[SerializeAsAny[ResolvedParams]] = Field(
-        description="Every parameter with the value that it would have."
+    valid: Literal[True] = Field(
+        True, description="Always true: an invalid job is reported as a problem.", examples=[True]
     )
-    estimate: JobEstimate = Field(description="How long it would take.")
+    asset: AssetFound = Field(description="The asset to deform.")
+    target: AssetFound | None = Field(None, description="The second mesh of `target` guidance.")
+    # Other kinds than `text_deform` have other parameters.
+    params: SkipValidation[SerializeAsAny[ResolvedParams]] = Field(
+        description="Every parameter, with the value with which the job would run."
+    )
+    estimate: JobEstimate = Field(description="The time that it would take.")
 
 
 class FileLimits(BaseModel):
-    """What one file may cost."""
+    """Limits on a file."""
 
-    formats: list[str] = Field(description="Formats that are read.", examples=[["glb", "obj", "ply", "stl"]])
-    max_bytes: int = Field(description="Size of a request's body, and of an upload.", examples=[104857600])
-    max_json_bytes: int = Field(description="Size of a GLB's JSON chunk.", examples=[16777216])
+    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl"]])
+    max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
+    max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
     max_json_values: int = Field(description="Values in that JSON.", examples=[500000])
-    max_json_depth: int = Field(description="How deep they nest.", examples=[128])
+    max_json_depth: int = Field(description="Nesting depth of that JSON.", examples=[128])
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
-    max_triangles: int = Field(description="Triangles to deform, every instance counted.", examples=[500000])
-    max_vertices: int = Field(description="Vertices to deform, likewise.", examples=[2000000])
-    max_primitives: int = Field(description="Primitives and morph targets, likewise.", examples=[100000])
+    max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[500000])
+    max_vertices: int = Field(description="Vertices to deform, counting every instance.", examples=[2000000])
+    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[100000])
     max_check_bytes: int = Field(
-        description="Memory that the check of the largest file may take; less for smaller ones.", examples=[2214592512]
+        description="Bytes of memory for checking the largest file; less for smaller files.", examples=[2214592512]
     )
-    max_check_s: float = Field(description="Seconds that the check of a file may take.", examples=[30.0])
+    max_check_s: float = Field(description="Seconds for checking a file.", examples=[30.0])
 
 
 class JobLimits(BaseModel):
-    """What a job may ask for."""
+    """Limits on a job."""
 
-    max_document_bytes: int = Field(description="Size of the JSON document.", examples=[262144])
+    max_document_bytes: int = Field(description="Bytes of the JSON document.", examples=[262144])
     max_steps: int = Field(description="Optimiser steps.", examples=[50000])
-    max_prompt_characters: int = Field(description="Length of the prompt.", examples=[1000])
+    max_prompt_characters: int = Field(description="Characters of the prompt.", examples=[1000])
     max_filename_characters: int = Field(
-        description="Length of a file's name; of a longer one the end is kept.", examples=[200]
+        description="Characters of a file name; only the end of a longer one is kept.", examples=[200]
     )
-    max_metadata_entries: int = Field(description="Labels.", examples=[32])
-    max_metadata_name_characters: int = Field(description="Length of a label's name.", examples=[64])
-    max_metadata_value_characters: int = Field(description="Length of a label's value.", examples=[500])
+    max_metadata_entries: int = Field(description="Number of labels.", examples=[32])
+    max_metadata_name_characters: int = Field(description="Characters of a label's name.", examples=[64])
+    max_metadata_value_characters: int = Field(description="Characters of a label's value.", examples=[500])
     min_priority: int = Field(description="Lowest priority.", examples=[-100])
-    max_priority: int = Field(description="Greatest priority.", examples=[100])
+    max_priority: int = Field(description="Highest priority.", examples=[100])
     max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
     max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
     default_retention_s: float | None = Field(
-        description="`retention_s` of a job that says nothing; null: it is kept.", examples=[604800]
+        description="`retention_s` of a job that sets none; null: such a job is never deleted.", examples=[604800]
     )
 
 
 class RequestLimits(BaseModel):
-    """What requests may do."""
+    """Limits on requests."""
 
-    requests_per_minute: int | None = Field(description="Requests of this API key; null: any.", examples=[600])
-    max_active_jobs: int | None = Field(description="Unfinished jobs of this API key; null: any.", examples=[1000])
-    max_page: int = Field(description="Length of a page of a list.", examples=[200])
-    max_wait_s: int = Field(description="Longest `Prefer: wait`.", examples=[60])
-    max_idempotency_key_characters: int = Field(description="Length of an `Idempotency-Key`.", examples=[255])
-    idempotency_kept_s: float = Field(description="How long such a key is known.", examples=[86400])
+    requests_per_minute: int | None = Field(
+        description="Requests per minute with this API key; null: unlimited.", examples=[600]
+    )
+    max_active_jobs: int | None = Field(
+        description="Unfinished jobs of this API key; null: unlimited.", examples=[1000]
+    )
+    max_page: int = Field(description="Entries on a page of a list.", examples=[200])
+    max_wait_s: int = Field(description="Longest `Prefer: wait`, in seconds.", examples=[60])
+    max_idempotency_key_characters: int = Field(description="Characters of an `Idempotency-Key`.", examples=[255])
+    idempotency_kept_s: float = Field(description="Seconds for which such a key is remembered.", examples=[86400])
     max_bodies_at_once: int = Field(
-        description="Bodies with files that one process of the server receives at the same time.", examples=[16]
+        description="Bodies with files that one server process receives at the same time.", examples=[16]
     )
     max_body_idle_s: float = Field(
-        description="Seconds after which a body that does not come is given up.", examples=[60]
+        description="Seconds without data after which a request's body is abandoned.", examples=[60]
     )
 
 
 class UploadLimits(BaseModel):
-    """What uploads may do."""
+    """Limits on uploads."""
 
-    max_bytes: int = Field(description="Size.", examples=[104857600])
-    ttl_s: float = Field(description="How long one is kept that no job has used.", examples=[86400])
-    signed_url_ttl_s: float = Field(description="How long its signed URL is valid.", examples=[3600])
+    max_bytes: int = Field(description="Bytes.", examples=[104857600])
+    ttl_s: float = Field(description="Seconds for which an upload that no job uses is kept.", examples=[86400])
+    signed_url_ttl_s: float = Field(description="Seconds for which a signed URL is valid.", examples=[3600])
 
 
 class LimitList(BaseModel):
-    """Everything that a caller controls, with its limit."""
+    """All limits on requests."""
 
-    files: FileLimits = Field(description="Assets and targets.")
-    jobs: JobLimits = Field(description="The request document.")
-    requests: RequestLimits = Field(description="HTTP.")
-    uploads: UploadLimits = Field(description="`POST /v1/uploads`.")
+    files: FileLimits = Field(description="Limits on assets and targets.")
+    jobs: JobLimits = Field(description="Limits on the request document.")
+    requests: RequestLimits = Field(description="Limits on HTTP requests.")
+    uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
 
 
 class VocabularyView(BaseModel):
-    """All that a model understands."""
+    """The vocabulary of a model."""
 
-    nouns: list[str] = Field(description="The things that it makes; a prompt names one.", examples=[["giraffe"]])
+    nouns: list[str] = Field(
+        description="The objects that it can make; a prompt names one of them.", examples=[["giraffe"]]
+    )
     attributes: list[str] = Field(
-        description="What a thing, or a part of it, can be.", examples=[["tall", "long neck", "short neck"]]
+        description="Properties of an object or of its parts.", examples=[["tall", "long neck", "short neck"]]
     )
     parts: dict[str, list[str]] = Field(
-        description="By noun: the parts that it has.", examples=[{"giraffe": ["head", "legs", "neck"]}]
+        description="The parts of each noun's object.", examples=[{"giraffe": ["head", "legs", "neck"]}]
     )
-    max_attributes: int = Field(ge=0, description="Attributes of one prompt.", examples=[3])
+    max_attributes: int = Field(ge=0, description="Attributes allowed in one prompt.", examples=[3])
     examples: list[str] = Field(
-        description="Prompts that it understands.", examples=[["a giraffe with a long neck", "a tall vase"]]
+        description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
     )
 
 
 class ModelView(BaseModel):
-    """A model that jobs may name."""
+    """A model that jobs may use."""
 
-    id: str = Field(description="What `params.model` says.", examples=["builtin"])
-    title: str = Field(description="Its name, for people.", examples=["Builtin"])
+    id: str = Field(description="The value for `params.model`.", examples=["builtin"])
+    title: str = Field(description="Its display name.", examples=["Builtin"])
     description: str = Field(
-        description="What it is for, for people.", examples=["The small demonstration model that comes along."]
+        description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]
     )
     available: bool | None = Field(
-        description="Whether it can be loaded; null where only the workers' machines know.", examples=[True]
+        description="Whether it can be loaded; null if this server cannot check that.", examples=[True]
     )
-    problem: str | None = Field(description="Why it is not available, and what to do; else null.", examples=[None])
-    vocabulary: VocabularyView | None = Field(description="All that it understands; null: any prompt.")
+    problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
+    vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
 
 
 class ModelList(BaseModel):
     """The models of this server."""
 
-    default: str = Field(description="The one that jobs get that name none.", examples=["builtin"])
-    models: list[ModelView] = Field(description="The default one first.")
+    default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
+    models: list[ModelView] = Field(description="The models, the default first.")
 
 
 class UploadView(BaseModel):
-    """A file that is uploaded by itself, to be named by jobs."""
+    """A file uploaded separately, for use in jobs."""
 
-    id: str = Field(description="To name it in `asset` or `target`.", examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"])
+    id: str = Field(description="Use it in `asset` or `target`.", examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"])
     filename: str = Field(description="Its name.", examples=["knight.glb"])
-    size: int = Field(ge=1, description="Bytes that it will have.", examples=[30720])
+    size: int = Field(ge=1, description="Bytes of the complete file.", examples=[30720])
     state: Literal["open", "complete"] = Field(
-        description="`open`: bytes may come. `complete`: jobs may name it.", examples=["open"]
+        description="`open`: it accepts bytes. `complete`: jobs may use it.", examples=["open"]
     )
-    offset: int = Field(ge=0, description="Bytes that have come.", examples=[0])
+    offset: int = Field(ge=0, description="Bytes received so far.", examples=[0])
     sha256: str | None = Field(
         None,
-        description="SHA-256 of its bytes: as announced while it is open, as verified once it is complete.",
+        description="SHA-256 of its bytes: announced while it is open, verified once it is complete.",
         examples=[_SHA256],
     )
     created_at: datetime = Field(description="UTC.", examples=["2026-01-31T12:00:00Z"])
     expires_at: datetime = Field(
-        description="When it is deleted unless a job has used it, UTC.", examples=["2026-02-01T12:00:00Z"]
+        description="When it is deleted unless a job uses it, UTC.", examples=["2026-02-01T12:00:00Z"]
     )
-    method: str | None = Field(None, description="How to send the bytes; null once it is complete.", examples=["PUT"])
+    method: str | None = Field(
+        None, description="HTTP method for sending the bytes; null once it is complete.", examples=["PUT"]
+    )
     url: str | None = Field(
         None,
-        description="Where to send them: absolute, or a path of this server. The signature in it is the permission; "
-        "no API key goes along. Null once it is complete.",
+        description="Where to send the bytes: absolute, or a path of this server. It is signed and needs no API key. "
+        "Null once the upload is complete.",
         examples=["/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6/content?expires=1769950800&signature=3b1f"],
     )
     url_expires_at: datetime | None = Field(
-        None, description="Until when the URL is valid, UTC; `GET` gives a new one.", examples=["2026-01-31T13:00:00Z"]
+        None, description="When the URL expires, UTC; `GET` returns a new one.", examples=["2026-01-31T13:00:00Z"]
     )
     headers: dict[str, str] = Field(
         default_factory=dict,
@@ -266,6 +281,6 @@ class UploadView(BaseModel):
     )
     resumable: bool = Field(
         False,
-        description="Whether the bytes may come in several requests, each with `Content-Range`.",
+        description="Whether the bytes may be sent in several requests, each with `Content-Range`.",
         examples=[True],
     )

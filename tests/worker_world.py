@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,13 +17,14 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, NewJob, Origin, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
 from worker.context import WorkerContext
 from worker.runner import JobRunner
 
-__all__ = ["EVERY", "STEPS", "World", "away", "fail_for_a_while", "new_world"]
+__all__ = ["EVERY", "STEPS", "World", "away", "fail_for_a_while", "new_world", "working"]
 
 STEPS, EVERY = 50, 10
 
@@ -85,12 +87,13 @@ class World:
 
     @contextlib.contextmanager
     def _listen(self, job_id: str) -> Iterator[Any]:
-        class Deaf:
-            def wait(self, timeout_s: float) -> bool:
-                time.sleep(min(timeout_s, 0.005))
-                return False
+        yield _Deaf()
 
-        yield Deaf()
+
+class _Deaf:
+    def wait(self, timeout_s: float) -> bool:
+        time.sleep(min(timeout_s, 0.005))
+        return False
 
 
 @contextlib.contextmanager
@@ -99,6 +102,38 @@ def new_world(folder: Path) -> Iterator[World]:
     world = World(folder)
     yield world
     world.record.close()
+
+
+@contextlib.contextmanager
+def working(settings: Settings, start: StartRun) -> Iterator[None]:
+    """Run the jobs of a real service, one after the other, in a thread of this process."""
+    record, store = JobRecord(settings.resolved_database_url), ObjectStore(settings.resolved_storage_url)
+    ended = threading.Event()
+    context = WorkerContext(
+        settings=settings,
+        record=record,
+        store=store,
+        listen=lambda job_id: contextlib.nullcontext(_Deaf()),
+        start=start,
+        load_prior=lambda model: object(),  # type: ignore[arg-type, return-value]
+        device="cpu",
+        stopping=ended.is_set,
+        worker=WorkerIdentity("a thread", settings.queue, "cpu"),
+        renew=ended.set,
+    )
+
+    def work() -> None:
+        while not ended.wait(0.02):
+            JobRunner(context).run("any")
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        record.close()
 
 
 def away(*_: Any, **__: Any) -> Any:

@@ -10,10 +10,7 @@ from typing import Any, Self
 
 import httpx
 
-from meshdeform.client import downloads, events
-from meshdeform.client import reading as looking
-from meshdeform.client import running as deforming
-from meshdeform.client import submitting as creating
+from meshdeform.client import downloads, events, reading, running, submitting
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import (
     ArtifactView,
@@ -154,7 +151,7 @@ class AsyncClient:
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
         job = await self._driver.run(
-            deforming.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
+            running.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
         )
         return AsyncResult(self, job)
 
@@ -206,7 +203,7 @@ class AsyncClient:
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
-        return await self._driver.run(creating.submitted(order, files, self._policy))
+        return await self._driver.run(submitting.submitted(order, files, self._policy))
 
     async def validate(
         self,
@@ -230,17 +227,17 @@ class AsyncClient:
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, None)
-        return await self._driver.run(creating.validated(order, files, self._policy))
+        return await self._driver.run(submitting.validated(order, files, self._policy))
 
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
         """Upload a file for use in any number of jobs."""
-        return await self._driver.run(creating.sent_ahead(asset, filename, idempotency_key, self._policy))
+        return await self._driver.run(submitting.sent_ahead(asset, filename, idempotency_key, self._policy))
 
     async def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
         """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        return await self._driver.run(creating.retried(job, idempotency_key, self._policy))
+        return await self._driver.run(submitting.retried(job, idempotency_key, self._policy))
 
     async def branch(
         self,
@@ -260,17 +257,17 @@ class AsyncClient:
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        return await self._driver.run(creating.branched(job, step, order, target, idempotency_key, self._policy))
+        return await self._driver.run(submitting.branched(job, step, order, target, idempotency_key, self._policy))
 
     async def get(self, job: JobLike) -> JobView:
         """Return a job's current state."""
-        return await self._driver.run(looking.got(job, self._policy))
+        return await self._driver.run(reading.got(job, self._policy))
 
     def jobs(
         self, *, state: JobState | str | None = None, metadata: Mapping[str, str] | None = None, limit: int = 50
     ) -> AsyncIterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`."""
-        return self._driver.iterate(looking.listed(state, dict(metadata or {}), limit, self._policy))
+        return self._driver.iterate(reading.listed(state, dict(metadata or {}), limit, self._policy))
 
     def watch(self, job: JobLike, *, after: int | None = None) -> AsyncIterator[EventView]:
         """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.
@@ -286,7 +283,7 @@ class AsyncClient:
         UnavailableError
             The service does not answer for longer than five times `timeout_s`. Shorter outages are bridged.
         """
-        return self._driver.iterate(events.followed(looking.identity(job), after or 0, self._policy, Emit))
+        return self._driver.iterate(events.followed(reading.identity(job), after or 0, self._policy, Emit))
 
     async def wait(
         self,
@@ -319,7 +316,7 @@ class AsyncClient:
             With `check`: the job's error, or `ConflictError` if it was canceled or has expired.
         """
         return await self._driver.run(
-            looking.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
+            reading.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
         )
 
     async def result(self, job: JobLike, *, timeout_s: float | None = None) -> AsyncResult:
@@ -328,31 +325,31 @@ class AsyncClient:
 
     async def cancel(self, job: JobLike) -> JobView:
         """Request cancellation of a job."""
-        return await self._driver.run(looking.canceled(job, self._policy))
+        return await self._driver.run(reading.canceled(job, self._policy))
 
     async def delete(self, job: JobLike) -> None:
         """Delete a finished job with its artifacts."""
-        await self._driver.run(looking.deleted(job, self._policy))
+        await self._driver.run(reading.deleted(job, self._policy))
 
     async def artifacts(self, job: JobLike) -> list[ArtifactView]:
         """Return a job's artifacts, sorted by name."""
-        return await self._driver.run(looking.artifacts(job, self._policy))
+        return await self._driver.run(reading.artifacts(job, self._policy))
 
     async def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""
-        return await self._driver.run(looking.checkpoints(job, self._policy))
+        return await self._driver.run(reading.checkpoints(job, self._policy))
 
     async def signed_url(self, job: JobLike, name: str) -> SignedUrl:
         """Return a URL of an artifact that needs no API key."""
-        return await self._driver.run(looking.signed_url(job, name, self._policy))
+        return await self._driver.run(reading.signed_url(job, name, self._policy))
 
     async def limits(self) -> Limits:
         """Return the service's limits on requests."""
-        return await self._driver.run(looking.limits(self._policy))
+        return await self._driver.run(reading.limits(self._policy))
 
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""
-        return await self._driver.run(looking.models(self._policy))
+        return await self._driver.run(reading.models(self._policy))
 
     async def read(self, job: JobLike, name: str) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256."""
@@ -379,8 +376,12 @@ class AsyncClient:
 
         Raises
         ------
+        JobNotFinishedError
+            The job has not finished.
         NotFoundError
             The job has no artifact with such a name.
+        MeshdeformError
+            The job failed: its error; `ConflictError` if it was canceled or has expired.
         """
         return await self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
 

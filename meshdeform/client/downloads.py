@@ -18,9 +18,9 @@ from meshdeform.client.commands import Answer, Call, Operation, Pause, Read, Str
 from meshdeform.client.documents import ArtifactView
 from meshdeform.client.paths import JobLike, identity, job_path
 from meshdeform.client.problems import error_of, unreachable
-from meshdeform.client.reading import artifacts
+from meshdeform.client.reading import artifacts, got, succeeded
 from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
-from meshdeform.errors import MeshdeformError, NotFoundError, RangeError, UnavailableError
+from meshdeform.errors import JobNotFinishedError, MeshdeformError, NotFoundError, RangeError, UnavailableError
 
 __all__ = ["fetched", "loaded", "saved"]
 
@@ -69,6 +69,12 @@ def saved(url: str, path: Path, policy: Policy, sha256: str | None = None) -> Op
 def fetched(job: JobLike, folder: Path, names: Sequence[str] | None, policy: Policy) -> Operation[list[Path]]:
     """Save a job's artifacts; see `Client.fetch`."""
     there = {artifact.name: artifact for artifact in (yield from artifacts(job, policy))}
+    if not there:
+        found = yield from got(job, policy)
+        if not found.state.terminal:
+            detail = f"The job {found.id} is {found.state}: it has no artifacts yet."
+            raise JobNotFinishedError(detail, advice="Wait until it has finished.", job_id=found.id)
+        succeeded(found)
     wanted = list(there) if names is None else list(names)
     for name in wanted:
         if name not in there:

@@ -10,10 +10,7 @@ from typing import Any, Self
 
 import httpx
 
-from meshdeform.client import downloads, events
-from meshdeform.client import reading as looking
-from meshdeform.client import running as deforming
-from meshdeform.client import submitting as creating
+from meshdeform.client import downloads, events, reading, running, submitting
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import (
     ArtifactView,
@@ -152,7 +149,7 @@ class Client:
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
         job = self._driver.run(
-            deforming.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
+            running.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
         )
         return Result(self, job)
 
@@ -204,7 +201,7 @@ class Client:
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, idempotency_key)
-        return self._driver.run(creating.submitted(order, files, self._policy))
+        return self._driver.run(submitting.submitted(order, files, self._policy))
 
     def validate(
         self,
@@ -228,17 +225,17 @@ class Client:
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         files = Files.of(asset, target, filename, upload, None)
-        return self._driver.run(creating.validated(order, files, self._policy))
+        return self._driver.run(submitting.validated(order, files, self._policy))
 
     def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
         """Upload a file for use in any number of jobs."""
-        return self._driver.run(creating.sent_ahead(asset, filename, idempotency_key, self._policy))
+        return self._driver.run(submitting.sent_ahead(asset, filename, idempotency_key, self._policy))
 
     def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
         """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        return self._driver.run(creating.retried(job, idempotency_key, self._policy))
+        return self._driver.run(submitting.retried(job, idempotency_key, self._policy))
 
     def branch(
         self,
@@ -258,17 +255,17 @@ class Client:
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        return self._driver.run(creating.branched(job, step, order, target, idempotency_key, self._policy))
+        return self._driver.run(submitting.branched(job, step, order, target, idempotency_key, self._policy))
 
     def get(self, job: JobLike) -> JobView:
         """Return a job's current state."""
-        return self._driver.run(looking.got(job, self._policy))
+        return self._driver.run(reading.got(job, self._policy))
 
     def jobs(
         self, *, state: JobState | str | None = None, metadata: Mapping[str, str] | None = None, limit: int = 50
     ) -> Iterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`."""
-        return self._driver.iterate(looking.listed(state, dict(metadata or {}), limit, self._policy))
+        return self._driver.iterate(reading.listed(state, dict(metadata or {}), limit, self._policy))
 
     def watch(self, job: JobLike, *, after: int | None = None) -> Iterator[EventView]:
         """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.
@@ -284,7 +281,7 @@ class Client:
         UnavailableError
             The service does not answer for longer than five times `timeout_s`. Shorter outages are bridged.
         """
-        return self._driver.iterate(events.followed(looking.identity(job), after or 0, self._policy, Emit))
+        return self._driver.iterate(events.followed(reading.identity(job), after or 0, self._policy, Emit))
 
     def wait(
         self,
@@ -317,7 +314,7 @@ class Client:
             With `check`: the job's error, or `ConflictError` if it was canceled or has expired.
         """
         return self._driver.run(
-            looking.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
+            reading.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
         )
 
     def result(self, job: JobLike, *, timeout_s: float | None = None) -> Result:
@@ -326,31 +323,31 @@ class Client:
 
     def cancel(self, job: JobLike) -> JobView:
         """Request cancellation of a job."""
-        return self._driver.run(looking.canceled(job, self._policy))
+        return self._driver.run(reading.canceled(job, self._policy))
 
     def delete(self, job: JobLike) -> None:
         """Delete a finished job with its artifacts."""
-        self._driver.run(looking.deleted(job, self._policy))
+        self._driver.run(reading.deleted(job, self._policy))
 
     def artifacts(self, job: JobLike) -> list[ArtifactView]:
         """Return a job's artifacts, sorted by name."""
-        return self._driver.run(looking.artifacts(job, self._policy))
+        return self._driver.run(reading.artifacts(job, self._policy))
 
     def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""
-        return self._driver.run(looking.checkpoints(job, self._policy))
+        return self._driver.run(reading.checkpoints(job, self._policy))
 
     def signed_url(self, job: JobLike, name: str) -> SignedUrl:
         """Return a URL of an artifact that needs no API key."""
-        return self._driver.run(looking.signed_url(job, name, self._policy))
+        return self._driver.run(reading.signed_url(job, name, self._policy))
 
     def limits(self) -> Limits:
         """Return the service's limits on requests."""
-        return self._driver.run(looking.limits(self._policy))
+        return self._driver.run(reading.limits(self._policy))
 
     def models(self) -> ModelList:
         """Return the models that jobs may use."""
-        return self._driver.run(looking.models(self._policy))
+        return self._driver.run(reading.models(self._policy))
 
     def read(self, job: JobLike, name: str) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256."""
@@ -375,8 +372,12 @@ class Client:
 
         Raises
         ------
+        JobNotFinishedError
+            The job has not finished.
         NotFoundError
             The job has no artifact with such a name.
+        MeshdeformError
+            The job failed: its error; `ConflictError` if it was canceled or has expired.
         """
         return self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
 

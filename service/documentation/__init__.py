@@ -1,1 +1,1 @@
-"""Describe the routes: the HTML reference, the links between operations, the documented answers."""
+"""Document the API: the HTML reference, the links between operations, and shared responses and headers."""

@@ -1,4 +1,4 @@
-"""How one answer leads to the next request, as OpenAPI's `links` say it: for readers, generated clients and tests."""
+"""Add OpenAPI `links`: how the values of one response become the parameters of the next request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OF_A_WEBHOOK = (
 )
 _OF_AN_UPLOAD = ("get_upload", "complete_upload", "delete_upload")
 
-# By operation: status, and what its answer leads to, with the parameters that it takes from there.
+# By operation: the status of the response, and the operations that can follow with their parameters.
 _LINKS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
     "create_job": ("202", dict.fromkeys(_OF_A_JOB, _BODY_ID)),
     "retry_job": ("202", dict.fromkeys(_OF_A_JOB, _BODY_ID)),
@@ -63,12 +63,12 @@ _LINKS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
 
 
 def add_links(document: dict[str, Any]) -> None:
-    """Write the links into an OpenAPI document.
+    """Add the links to an OpenAPI document.
 
     Raises
     ------
     KeyError
-        An operation or a status that a link names is not in it.
+        The document lacks an operation or a status that a link refers to.
     """
     operations = {
         operation["operationId"]: operation

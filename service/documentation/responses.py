@@ -1,4 +1,4 @@
-"""What several routes say about themselves in the OpenAPI document."""
+"""Define responses, headers and parameters that several routes share in the OpenAPI document."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ __all__ = [
 JobId = Annotated[
     str,
     Path(
-        description="The job's id, as `POST /v1/jobs` gave it.",
+        description="The job's id, as returned by `POST /v1/jobs`.",
         pattern=JOB_ID_PATTERN,
         examples=["job_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     ),
@@ -67,14 +67,20 @@ ASSET_ERRORS = (
 )
 REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
-"""What every route with an owner can say."""
+"""Errors of every route that needs an API key."""
 
 ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
 NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, RequestTimeoutError)
 
-ETAG = {"ETag": {"description": "Changes with the job.", "schema": {"type": "string"}, "example": 'W/"7"'}}
+ETAG = {
+    "ETag": {"description": "Identifies this version of the job.", "schema": {"type": "string"}, "example": 'W/"7"'}
+}
 RETRY_AFTER = {
-    "Retry-After": {"description": "When to look again, in seconds.", "schema": {"type": "integer"}, "example": 1}
+    "Retry-After": {
+        "description": "Seconds to wait before the next request.",
+        "schema": {"type": "integer"},
+        "example": 1,
+    }
 }
 LOCATION = {
     "Location": {
@@ -85,14 +91,14 @@ LOCATION = {
 }
 REPLAY = {
     REPLAYED: {
-        "description": "`true` where the answer was given before, to the first request with this key.",
+        "description": "`true` if this repeats the response to the first request with this key.",
         "schema": {"type": "string"},
         "example": "true",
     }
 }
 WAITED = {
     "Preference-Applied": {
-        "description": "How long the answer was held back at most, where `Prefer` asked for it.",
+        "description": "The longest wait that `Prefer` requested and the server granted.",
         "schema": {"type": "string"},
         "example": "wait=30",
     }
@@ -100,6 +106,6 @@ WAITED = {
 
 
 def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
-    """Return what OpenAPI says about a body that is a JSON document."""
+    """Return the OpenAPI description of a body that is a JSON document."""
     content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
     return {"requestBody": {"required": True, "content": {"application/json": content}}}

@@ -8,8 +8,8 @@ from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
-from meshdeform.errors import ForbiddenError, NotFoundError
-from meshdeform.record.models import Artifact
+from meshdeform.errors import ForbiddenError, JobNotFinishedError, NotFoundError
+from meshdeform.record.models import Artifact, JobState
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
@@ -22,7 +22,7 @@ from service.downloads.responses import (
 )
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.state import AppStateDep
+from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
@@ -63,9 +63,10 @@ def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Resp
     response_class=StreamingResponse,
     responses={
         **download_responses(
-            "model/gltf-binary", "model/vnd.usdz+zip", "application/json", "image/png", "application/octet-stream"
+            "`Content-Type` is the artifact's `content_type`, such as `model/gltf-binary`, `application/json` for "
+            "`report.json`, or `image/png` for `preview.png`."
         ),
-        **problem_responses(ForbiddenError),
+        **problem_responses(ForbiddenError, JobNotFinishedError),
     },
     openapi_extra=OPEN_TO_SIGNED,
 )
@@ -78,7 +79,7 @@ def get_artifact(
     conditions: ConditionsDep,
 ) -> Response:
     """Streamed, whole or one range, so a broken download can go on. A signed URL needs no API key."""
-    artifact = _find(app.record.artifacts(id, owner), name)
+    artifact = _find(app, id, owner, name)
     found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
     return download(request, app, found, conditions)
 
@@ -89,23 +90,35 @@ def get_artifact(
     summary="Make a URL that needs no API key",
     responses={
         200: {"model": SignedUrl, "description": "The URL."},
-        **problem_responses(NotFoundError, *CALLER_ERRORS),
+        **problem_responses(NotFoundError, JobNotFinishedError, *CALLER_ERRORS),
     },
 )
 def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
     """For browsers, viewers and programs that carry no key: whoever has the URL may read this one artifact."""
-    artifact = _find(app.record.artifacts(id, principal.owner_id), name)
+    artifact = _find(app, id, principal.owner_id, name)
     found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
     return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
-def _find(artifacts: list[Artifact], name: str) -> Artifact:
-    for artifact in artifacts:
-        if artifact.name == name:
-            return artifact
-    names = [artifact.name for artifact in artifacts]
+def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
+    job = app.record.get(job_id, owner)
+    artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job_id, owner)}
+    if name in artifacts:
+        return artifacts[name]
+    state = job.state.value
+    if not job.state.terminal:
+        raise JobNotFinishedError(f"The job is {state}: it has no artifacts yet.", state=state)
+    if job.state is JobState.SUCCEEDED:
+        has = f"It has: {', '.join(artifacts)}."
+        raise NotFoundError(f"The job has no artifact {name!r}.", advice=has, artifacts=list(artifacts))
+    happened = {
+        JobState.FAILED: f"The job failed: {job.error.detail}" if job.error else "The job failed.",
+        JobState.CANCELED: "The job was canceled.",
+        JobState.EXPIRED: "The job expired before it finished.",
+    }
     raise NotFoundError(
-        f"The job has no artifact {name!r}.",
-        advice=f"It has: {', '.join(names)}." if names else "Artifacts are there once the job is `succeeded`.",
-        artifacts=names,
+        f"There is no artifact {name!r}. {happened[job.state]}",
+        advice="Only a job that succeeded has artifacts. Retry this one: POST /v1/jobs/{id}/retry.",
+        state=state,
+        artifacts=[],
     )

@@ -45,7 +45,7 @@ def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Re
     operation_id="get_checkpoint_mesh",
     summary="Download the mesh of a checkpoint",
     response_class=StreamingResponse,
-    responses=download_responses(_GLB),
+    responses=download_responses(f"`Content-Type` is `{_GLB}`."),
 )
 def get_checkpoint_mesh(
     request: Request,

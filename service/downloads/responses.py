@@ -57,13 +57,21 @@ _CONTENT_RANGE = {
 }
 
 
-def download_responses(*media_types: str) -> dict[int | str, dict[str, Any]]:
-    """Return what OpenAPI says about the answers of a download."""
-    content = {media_type: {"schema": {"type": "string", "contentMediaType": media_type}} for media_type in media_types}
+def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:
+    """Return the OpenAPI description of a download's responses.
+
+    Code generators would parse bytes as JSON if one of several media types were JSON, so the document has a single one.
+
+    Parameters
+    ----------
+    media_types : str
+        A sentence about the `Content-Type` that is sent.
+    """
+    content = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
     return {
-        200: {"description": "Its bytes.", "content": content, "headers": _HEADERS},
+        200: {"description": f"The bytes. {media_types}", "content": content, "headers": _HEADERS},
         206: {
-            "description": "The bytes that `Range` asks for.",
+            "description": f"The bytes in `Range`. {media_types}",
             "content": content,
             "headers": {**_HEADERS, **_CONTENT_RANGE},
         },

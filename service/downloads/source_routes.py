@@ -22,7 +22,9 @@ router = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"])
 _OTHER = "application/octet-stream"
 # PLY has no registered type.
 _TYPES = {"glb": "model/gltf-binary", "gltf": "model/gltf+json", "obj": "model/obj", "ply": _OTHER, "stl": "model/stl"}
-_RESPONSES = download_responses(*dict.fromkeys(_TYPES.values()))
+_RESPONSES = download_responses(
+    f"`Content-Type` is one of {', '.join(f'`{each}`' for each in dict.fromkeys(_TYPES.values()))}."
+)
 _HEAD_BYTES = 64
 
 

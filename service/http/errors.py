@@ -14,6 +14,7 @@ from starlette.routing import Match
 
 from meshdeform.errors import (
     IdempotencyBusyError,
+    JobNotFinishedError,
     LimitError,
     MeshdeformError,
     MethodNotAllowedError,
@@ -89,7 +90,7 @@ def _answer(
         headers["WWW-Authenticate"] = "Bearer"
     if isinstance(error, UnavailableError):
         headers["Retry-After"] = "2"
-    if isinstance(error, IdempotencyBusyError):
+    if isinstance(error, IdempotencyBusyError | JobNotFinishedError):
         headers["Retry-After"] = "1"
     if isinstance(error, LimitError):
         headers["Retry-After"] = str(error.extra.get("retry_after_s", _BUSY_S))

@@ -1,4 +1,4 @@
-"""The web page: `/`, and its files below `/web/`. They need no API key, the requests that the page makes do."""
+"""Serve the web page: `/`, and its files below `/web/`. They need no API key; the page's requests do."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["PAGE_HEADERS", "routes"]
 
 PAGE_HEADERS = {
-    # Its own scripts and styles, bytes that it holds itself (blob:, data:), and no other host at all. WebAssembly is
-    # for decoders of meshes; no text is ever run as a script.
+    # Only this server's scripts and styles, data that the page holds itself (blob:, data:), and no other host.
+    # WebAssembly is for mesh decoders; no text is ever run as a script.
     "Content-Security-Policy": "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; "
     "img-src 'self' blob: data:; connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; "
     "manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -33,12 +33,12 @@ PAGE_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), "
     "magnetometer=(), microphone=(), payment=(), usb=()",
-    # Every release may change every file, and a page of two releases does not work: asked for again each time.
+    # A page made of files from two releases would not work, so browsers revalidate every file.
     "Cache-Control": "no-cache",
 }
-"""Headers of every answer that is part of the page."""
+"""Headers of every response that is part of the page."""
 
-# `mimetypes` reads files of the system, which differ from machine to machine; browsers refuse scripts of another type.
+# `mimetypes` depends on the system's files, and browsers refuse scripts with the wrong type.
 _TYPES = {
     ".css": "text/css; charset=utf-8",
     ".glb": "model/gltf-binary",
@@ -55,15 +55,15 @@ _TYPES = {
 
 
 class _Page(StaticFiles):
-    """The files of `service/web`, with the page's headers."""
+    """Serves the files of `service/web` with the page's headers."""
 
     def get_path(self, scope: Scope) -> str:
-        """Return the path below the folder that the route names; of `/` it is the page itself."""
+        """Return the path of the requested file in the folder; for `/`, the page itself."""
         path: str = scope["path_params"].get("path", "index.html")
         return os.path.normpath(path.lstrip("/"))
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Return a file, or raise 404 where the deployment has no page."""
+        """Return a file, or raise 404 if the page is switched off."""
         if scope["app"].state.app_state.settings.web == "off":
             raise HTTPException(404)
         return await super().get_response(path, scope)
@@ -71,7 +71,7 @@ class _Page(StaticFiles):
     def file_response(
         self, full_path: str | os.PathLike[str], stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Return a file or 304. The tag is weak: it is the same for the compressed form and the plain one."""
+        """Return a file or 304. The tag is weak, because the compressed and the plain file share it."""
         response = super().file_response(full_path, stat_result, scope, status_code)
         tag = response.headers["etag"]
         response.headers.update({**PAGE_HEADERS, "ETag": f"W/{tag}"})
@@ -82,7 +82,7 @@ class _Page(StaticFiles):
 
 @functools.cache
 def _parameters() -> bytes:
-    """Return the schema of a job's parameters, from which the page makes its form."""
+    """Return the schema of a job's parameters, from which the page builds its form."""
     return json.dumps(DeformParams.model_json_schema()).encode()
 
 
@@ -94,7 +94,7 @@ async def _send_parameters(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 _files = GZipMiddleware(_Page(directory=Path(__file__).parents[1] / "web", check_dir=False), compresslevel=6)
-# Plain routes, so that they are not in the OpenAPI document, which is about the API.
+# Plain Starlette routes do not appear in the OpenAPI document.
 routes = [
     Route("/web/parameters.json", GZipMiddleware(_send_parameters), methods=["GET"]),
     *(Route(path, _files, methods=["GET"]) for path in ("/", "/web/{path:path}")),

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-from tests.integration.conftest import Api
+import pytest
+
+from meshdeform.client import Client
+from meshdeform.errors import JobNotFinishedError, NumericalError
+from meshdeform.record.models import JobError, JobState
+from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import check_document, check_problem, finished_job
+
+
+@pytest.fixture
+def client(api: Api) -> Iterator[Client]:
+    with Client(api.url, max_retries=0) as made:
+        yield made
 
 
 def test_artifacts_are_listed_and_streamed(api: Api, openapi: dict[str, Any]) -> None:
@@ -69,4 +82,29 @@ def test_an_artifact_whose_object_is_gone_is_an_error_before_the_first_byte(api:
 
 def test_an_artifact_that_is_not_there_says_what_is(api: Api) -> None:
     problem = check_problem(api.http.get(f"/v1/jobs/{finished_job(api)}/artifacts/nothing.glb"), 404, "not_found")
+    assert problem["artifacts"] == ["result.glb"]
+
+
+def test_a_result_requested_too_early_or_of_a_job_without_one(api: Api, client: Client, tmp_path: Path) -> None:
+    job = new_job(api.record)
+    url = f"/v1/jobs/{job.id}/artifacts/result.glb"
+    for early in (api.http.get(url), api.http.post(f"{url}/url")):
+        problem = check_problem(early, 409, "job_not_finished")
+        assert (early.headers["retry-after"], problem["state"]) == ("1", "queued")
+    for download in (lambda: client.read(job.id, "result.glb"), lambda: client.fetch(job.id, tmp_path)):
+        with pytest.raises(JobNotFinishedError, match="queued"):
+            download()
+    assert api.record.leases.claim(job.id, "worker", 60.0)
+    error = JobError.of(NumericalError("The loss is not finite."))
+    api.record.leases.finish(job.id, 1, JobState.FAILED, error)
+    problem = check_problem(api.http.get(url), 404, "not_found")
+    assert problem["detail"] == "There is no artifact 'result.glb'. The job failed: The loss is not finite."
+    assert problem["state"] == "failed"
+    with pytest.raises(NumericalError):
+        client.fetch(job.id, tmp_path)
+    canceled = new_job(api.record)
+    api.record.request_cancel(canceled.id)
+    problem = check_problem(api.http.get(f"/v1/jobs/{canceled.id}/artifacts/result.glb"), 404, "not_found")
+    assert "canceled" in problem["detail"]
+    problem = check_problem(api.http.get(f"/v1/jobs/{finished_job(api)}/artifacts/other.glb"), 404, "not_found")
     assert problem["artifacts"] == ["result.glb"]

@@ -18,6 +18,7 @@ from meshdeform.client import Client
 from meshdeform.errors import (
     AssetFormatError,
     ConflictError,
+    JobNotFinishedError,
     NotFoundError,
     NumericalError,
     ParameterError,
@@ -144,7 +145,7 @@ def test_problems_are_the_errors_that_they_were(api: Api, client: Client, sphere
     with pytest.raises(ConflictError) as conflict:
         client.delete(job.id)
     assert conflict.value.extra["state"] == "queued"
-    with pytest.raises(NotFoundError):
+    with pytest.raises(JobNotFinishedError):
         client.download(job.id, "result.glb", tmp_path / "x.glb")
     assert not (tmp_path / "x.glb").exists()
 
