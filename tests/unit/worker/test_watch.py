@@ -213,7 +213,7 @@ def test_few_of_many_steps_become_events(record: RecordStub, ear: Ear) -> None:
 
 
 def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worker.watch._TOLD_EVERY_S", 0.0)
+    monkeypatch.setattr("worker.watch._EVENT_EVERY_S", 0.0)
     with watch_of(record, ear) as watch:
         for n in (1, 2, 3):
             watch.step(step(n, 10_000))
