@@ -1,7 +1,7 @@
-"""Which uploaded files are in use: the same bytes are stored once, and removed with the last job that needs them.
+"""Track which stored files are in use: equal bytes are stored once, and removed with the last job that needs them.
 
-A request pins its file before it stores it, and the job's row, when it commits, takes the pin's place. So between a
-look and a removal no request can slip in that counts on the bytes being there.
+A request pins its file before storing it, and the committed row of its job replaces the pin, so that a file cannot be
+removed while a request relies on it.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from meshdeform.record.schema import files, jobs, uploads
 __all__ = ["FileLeases", "FileLedger"]
 
 _PIN_LASTS_S = 3600.0
-"""A pin that is older belongs to a request whose process died."""
+"""Older pins belong to requests whose process died."""
 _REMOVAL_LASTS_S = 900.0
-"""Longer than any removal takes. One that is older belongs to a process that died."""
+"""Longer than any removal takes; older ones belong to a process that died."""
 _BEING_REMOVED = -1
-_WAIT_S, _LOOK_EVERY_S = 30.0, 0.05
+_WAIT_S, _POLL_EVERY_S = 30.0, 0.05
 
 
 class FileLeases:
-    """Pins of one request, given back where it ends without a job; made by `FileLedger.leases`."""
+    """The pins of one request, released if it ends without a job; created by `FileLedger.leases`."""
 
     def __init__(self, files: FileLedger) -> None:
         self._files = files
@@ -40,11 +40,11 @@ class FileLeases:
             self._keys.append(key)
 
     def passed_on(self, keys: Collection[str]) -> None:
-        """Let go of files that a recorded job keeps now."""
+        """Forget the pins of files that a recorded job now refers to."""
         self._keys = [key for key in self._keys if key not in keys]
 
     def give_back(self) -> None:
-        """Give back what nobody took over."""
+        """Release the remaining pins."""
         if self._keys:
             self._files.unpin(self._keys)
 
@@ -57,7 +57,7 @@ class FileLedger:
 
     @contextmanager
     def leases(self) -> Iterator[FileLeases]:
-        """Pin files while a request makes a job of them."""
+        """Pin files while a request creates a job from them."""
         leases = FileLeases(self)
         try:
             yield leases
@@ -65,18 +65,18 @@ class FileLedger:
             leases.give_back()
 
     def pin(self, key: str) -> None:
-        """Keep the file: a job that needs it is about to be made. Waits while it is just being removed.
+        """Keep a file for a job that is about to be created. Waits while the file is being removed.
 
         Raises
         ------
         UnavailableError
-            The removal takes too long: the object store is slow, or away.
+            The removal takes too long: the object store is slow or does not answer.
         """
         end = time.monotonic() + _WAIT_S
         while not self._pinned(key):
             if time.monotonic() > end:
-                raise UnavailableError("The file is just being removed, and the object store does not answer.")
-            time.sleep(_LOOK_EVERY_S)
+                raise UnavailableError("The file is being removed, and the object store does not answer.")
+            time.sleep(_POLL_EVERY_S)
 
     def _pinned(self, key: str) -> bool:
         now = self._database.now()
@@ -90,7 +90,7 @@ class FileLedger:
             return connection.execute(insert.returning(files.c.key)).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
-        """Give the pins back, within a transaction if there is one. A file that nobody pinned is entered."""
+        """Release pins, within a transaction if given. Files without an entry get one."""
         if connection is None:
             with self._database.write() as own:
                 return self.unpin(keys, own)
@@ -104,22 +104,22 @@ class FileLedger:
         return None
 
     def unused(self) -> list[str]:
-        """Return the files that no job and no request needs."""
+        """Return the keys of the files that no job, upload or request needs."""
         with self._database.read() as connection:
             return list(connection.execute(sa.select(files.c.key).where(self._is_unused())).scalars())
 
     def remove_unused(self, key: str, remove: Callable[[str], None]) -> bool:
-        """Call `remove` if nobody needs the file, while nobody can begin to.
+        """Call `remove` if the file is unused, and prevent new pins meanwhile.
 
-        No transaction waits for the store: where there is one writer at a time, all would wait with it.
+        No transaction is open during the removal: on SQLite it would block all writers.
 
         Returns
         -------
         bool
-            Whether it was removed.
+            Whether the file was removed.
         """
         with self._database.write() as connection:
-            # First the lock on the row, then the look: another transaction may just have committed.
+            # Lock the row before the test: another transaction may just have committed.
             held = sa.select(files.c.key).where(files.c.key == key).with_for_update()
             if connection.execute(held).first() is None:
                 return False

@@ -1,4 +1,4 @@
-"""What keeps the promise that no accepted job is lost: the record is compared with the leases and with Redis."""
+"""Compare the record with leases and Redis, and repair differences, so that no accepted job is lost."""
 
 from __future__ import annotations
 
@@ -21,22 +21,23 @@ RECONCILE_EVERY_S = 5.0
 
 
 class Reconciler:
-    """Takes back jobs whose worker is silent, tells Redis again about those that it lost, and removes what is over.
+    """A periodic task that takes back jobs of silent workers, repeats lost messages, and removes expired data.
 
-    Any number may run at once: every change is one that `JobRecord` guards, and what is told twice is claimed once.
+    Any number may run at once: every change is guarded by the state that it starts from, and a job announced twice is
+    claimed once.
 
     Parameters
     ----------
     record : JobRecord
     queue : JobQueue
     max_attempts : int
-        Workers that a job may lose before it fails.
+        Number of lost workers after which a job fails.
     lease_s : float
-        What a lease lasts; one that ends much later than that from now was given by a clock that has been set back.
+        Duration of a lease. A lease that ends much later was given before the clock was set back, and is shortened.
     store : ObjectStore, optional
-        With it, objects that nobody can reach any more are removed.
+        If given, unreachable objects are removed from it.
     every_s : float
-        Seconds between two looks, when it runs as a context manager. Default: 5, or a sixth of a shorter lease.
+        Seconds between two runs as a context manager. Default: 5, or a sixth of a shorter lease.
     """
 
     def __init__(
@@ -52,59 +53,59 @@ class Reconciler:
         self._record, self._queue, self._max_attempts, self._lease_s = record, queue, max_attempts, lease_s
         self._store = store
         self._every_s = min(RECONCILE_EVERY_S, lease_s / 6) if every_s is None else every_s
-        self._told: list[str] = []
+        self._announced: list[str] = []
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run, name="reconciler", daemon=True)
 
     def run_once(self) -> list[str]:
-        """Look once. A duty that fails does not keep the others from being done; the next look does what is left.
+        """Run all tasks once. If one fails, the others still run, and the next run does the rest.
 
         Returns
         -------
         list of str
-            The jobs that Redis was told about.
+            The jobs announced to Redis.
         """
-        self._told = []
-        for duty in (self._take_back, self._expire, self._tell, self._delete, self._remove):
+        self._announced = []
+        for duty in (self._take_back, self._expire, self._announce, self._delete, self._remove):
             try:
                 duty()
             except MeshdeformError as error:
-                _log.warning("the reconciler waits: %s", error)
+                _log.warning("the reconciler will retry: %s", error)
             except Exception:
-                # Without this thread nobody takes back what a dead worker held: it must outlive any mistake.
-                _log.exception("the reconciler met an error that it does not know")
-        return self._told
+                # Without this thread no jobs are taken back from dead workers: it must survive any error.
+                _log.exception("unexpected error in the reconciler")
+        return self._announced
 
     def _take_back(self) -> None:
         if cut := self._record.upkeep.shorten_leases(self._lease_s):
-            _log.warning("%d leases were given by a clock that is ahead; they are cut", cut)
+            _log.warning("%d leases were given before the clock was set back; they are shortened", cut)
         for job_id in self._record.upkeep.reclaim_expired(self._max_attempts):
             _log.warning("job %s: its worker is silent; it is queued again", job_id)
             failpoint("reconciler.reclaimed")
 
     def _expire(self) -> None:
         for job_id in self._record.upkeep.expire_deadlines():
-            _log.info("job %s: its deadline is over", job_id)
-            # Its worker is refused with its next write; told now, it stops at once.
+            _log.info("job %s: its deadline has passed", job_id)
+            # The worker's next write is refused; with this message it stops at once.
             self._queue.publish_cancel(job_id)
 
-    def _tell(self) -> None:
-        """See that Redis holds a message for every queued job.
+    def _announce(self) -> None:
+        """Ensure that Redis has a message for every queued job.
 
-        Workers take the most urgent job, whichever they are told of: so as long as there are as many messages as queued
-        jobs, none is forgotten, and nothing needs to be compared one by one.
+        Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
+        jobs, none is forgotten, and they need not be compared one by one.
         """
-        # Before the rest: what comes after this look is left to the next one.
-        untold = self._record.upkeep.untold()
+        # Read first: jobs queued after this are left to the next run.
+        unannounced = self._record.upkeep.unannounced()
         if self._queue.length() < self._record.upkeep.queued_count():
-            told = self._queue.told()
+            announced = self._queue.announced()
             for job_id in self._record.upkeep.queued_ids():
-                if job_id not in told:
+                if job_id not in announced:
                     self._queue.enqueue(job_id)
-                    self._told.append(job_id)
+                    self._announced.append(job_id)
                     failpoint("reconciler.told")
-        if untold:
-            self._record.upkeep.told(untold)
+        if unannounced:
+            self._record.upkeep.mark_announced(unannounced)
 
     def _delete(self) -> None:
         if deleted := self._record.upkeep.delete_retained():

@@ -1,4 +1,4 @@
-"""What the reconciler does, `record.upkeep`: silent workers, deadlines, retention, and who is still to be told."""
+"""The reconciler's tasks, `record.upkeep`: silent workers, deadlines, retention, and jobs not yet announced."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ IDEMPOTENCY_KEPT_S = 86_400.0
 
 
 class Upkeep:
-    """Any number of reconcilers may do this at once: what one has changed, another does not find any more."""
+    """Tasks that any number of reconcilers may run at once: each change ends the condition that leads to it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def reclaim_expired(self, max_attempts: int) -> list[str]:
-        """Take back every job whose lease is over; return the ids that are queued again.
+        """Take back every job whose lease has expired; return the ids of those queued again.
 
-        A job that was to be canceled is canceled. One that has now lost `max_attempts` workers fails (`worker_lost`).
+        A job in state `canceling` is canceled. A job that has lost `max_attempts` workers fails (`worker_lost`).
         """
         expired = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at < self._database.now())
         return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts))
@@ -52,14 +52,8 @@ class Upkeep:
         return [row.id for row in queued]
 
     def shorten_leases(self, lease_s: float) -> int:
-        """Cut leases that end later than one given now could: the clock was set back after they were given.
-
-        Returns
-        -------
-        int
-            How many there were.
-        """
-        # Twice as long, so that hosts may differ a little in their settings and their clocks.
+        """Shorten leases that end too late because the clock was set back since; return their number."""
+        # Twice as long, so that hosts may differ slightly in their settings and clocks.
         ahead = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at > self._database.now(2 * lease_s))
 
         def cut(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
@@ -69,9 +63,9 @@ class Upkeep:
         return len(self._each(ahead, cut))
 
     def expire_deadlines(self) -> list[str]:
-        """End every job whose deadline is over; return the ids of those that a worker had.
+        """End every job whose deadline has passed; return the ids of those that a worker had.
 
-        One that was to be canceled is canceled: its user was told so.
+        A job in state `canceling` is canceled, as was confirmed to its user.
         """
         late = sa.and_(jobs.c.state.in_([JobState.QUEUED, *rows.OWNED]), jobs.c.deadline_at < self._database.now())
         asked = jobs.c.state == JobState.CANCELING
@@ -84,13 +78,13 @@ class Upkeep:
 
         def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
             ended = change.update(held, values, lambda row: EventType(row.state))
-            # The lease stays in the row for whoever reads it; nothing can be written with it any more.
+            # The lease stays in the row for information; the state prevents further writes of the worker.
             return [row.id for row in ended if row.lease_expires_at]
 
         return self._each(late, end)
 
     def delete_retained(self) -> list[str]:
-        """Delete every job whose time is over; return their ids. Their objects are due for removal now."""
+        """Delete every job whose retention has ended; return their ids. Their objects are due for removal."""
         over = sa.and_(jobs.c.state.in_(TERMINAL_STATES), jobs.c.retain_until < self._database.now())
 
         def forget(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
@@ -101,7 +95,7 @@ class Upkeep:
         return self._each(over, forget)
 
     def delete_stale_requests(self) -> None:
-        """Forget idempotency keys that are a day old."""
+        """Delete idempotency keys older than a day."""
         old = idempotency.c.created_at < self._database.now(-IDEMPOTENCY_KEPT_S)
         with self._database.read() as connection:
             if connection.execute(sa.select(idempotency.c.key).where(old).limit(1)).first() is None:
@@ -110,45 +104,45 @@ class Upkeep:
             connection.execute(sa.delete(idempotency).where(old))
 
     def expired_uploads(self) -> list[str]:
-        """Return the ids of uploads whose time is over, some at a time."""
+        """Return the ids of a batch of expired uploads."""
         over = uploads.c.expires_at < self._database.now()
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(uploads.c.id).where(over).limit(_BATCH)))
 
-    def untold(self) -> list[str]:
-        """Return the jobs whose workers are still to be told, oldest first."""
+    def unannounced(self) -> list[str]:
+        """Return the jobs not yet announced to workers, oldest first."""
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(outbox.c.job_id).order_by(outbox.c.job_id)))
 
-    def told(self, job_ids: Collection[str]) -> None:
-        """Their workers are told: take them off the outbox."""
+    def mark_announced(self, job_ids: Collection[str]) -> None:
+        """Remove announced jobs from the outbox."""
         ids = sorted(job_ids)
         with self._database.write() as connection:
             for start in range(0, len(ids), _BATCH):
                 some = outbox.c.job_id.in_(ids[start : start + _BATCH])
-                # One that somebody holds stays for the next look: its job ends this moment, or it is told by another.
+                # Locked rows stay for the next run: their jobs are just ending, or another process announces them.
                 free = sa.select(outbox.c.job_id).where(some).with_for_update(skip_locked=True).cte("free")
                 connection.execute(sa.delete(outbox).where(outbox.c.job_id.in_(sa.select(free.c.job_id))))
 
     def queued_count(self) -> int:
-        """Return how many jobs are queued."""
+        """Return the number of queued jobs."""
         count = sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == JobState.QUEUED)
         with self._database.read() as connection:
             return connection.execute(count).scalar_one()
 
     def queued_ids(self) -> list[str]:
-        """Return the queued jobs, the most urgent first."""
+        """Return the ids of the queued jobs, highest priority first."""
         queued = sa.select(jobs.c.id).where(jobs.c.state == JobState.QUEUED)
         with self._database.read() as connection:
             return list(connection.scalars(queued.order_by(jobs.c.priority.desc(), jobs.c.id)))
 
     def discarded_prefixes(self) -> list[str]:
-        """Return the prefixes of objects that belonged to deleted jobs."""
+        """Return the prefixes of objects of deleted jobs."""
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(discarded.c.prefix)))
 
     def forget_discarded(self, prefix: str) -> None:
-        """The store holds nothing under the prefix any more."""
+        """Remove a prefix whose objects have been removed from the store."""
         with self._database.write() as connection:
             connection.execute(sa.delete(discarded).where(discarded.c.prefix == prefix))
 
@@ -157,16 +151,16 @@ class Upkeep:
         condition: sa.ColumnElement[bool],
         change_them: Callable[[Change, sa.ColumnElement[bool]], list[str]],
     ) -> list[str]:
-        """Change the jobs of a condition, some in each transaction, which holds their rows; return the ids it gives.
+        """Change the jobs that satisfy a condition in batches, one transaction each; return the ids from `change_them`.
 
-        The change must end the condition. Rows that somebody else holds are left for the next look: so those who change
-        many never wait for each other, least of all in a circle.
+        The change must end the condition. Rows locked by others are left for the next run, so that reconcilers never
+        wait for each other and cannot deadlock.
         """
         some = sa.select(jobs.c.id).where(condition).limit(_BATCH)
         ids: list[str] = []
         while True:
             with self._database.read() as connection:
-                # Almost always there is none, and then nobody need wait for a write lock.
+                # Usually there is none, and no write lock is needed.
                 if connection.execute(some.limit(1)).first() is None:
                     return sorted(ids)
             with changing(self._database) as change:

@@ -154,7 +154,7 @@ QUESTIONS: dict[str, Ask] = {
     "old keys": lambda record: record.upkeep.delete_stale_requests(),
     "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
     "uploads over their time": lambda record: record.upkeep.expired_uploads(),
-    "who is to be told": lambda record: record.upkeep.untold(),
+    "who is to be told": lambda record: record.upkeep.unannounced(),
     "how many are queued": lambda record: record.upkeep.queued_count(),
     "who is queued": lambda record: record.upkeep.queued_ids(),
     "a worker that is gone": lambda record: record.leases.worker_ended("worker"),

@@ -44,7 +44,7 @@ def test_telling_twice_is_two_deliveries_of_one_id(queue: JobQueue) -> None:
     queue.enqueue("job_1")
     queue.enqueue("job_1")
     queue.enqueue("job_2")
-    assert queue.told() == {"job_1", "job_2"}
+    assert queue.announced() == {"job_1", "job_2"}
 
 
 def test_a_cancel_is_heard_by_who_listens_for_this_job(queue: JobQueue) -> None:

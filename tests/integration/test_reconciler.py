@@ -44,9 +44,9 @@ def until(true: Callable[[], bool]) -> None:
 def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
     jobs = [new_job(record) for _ in range(3)]
     queue.enqueue(jobs[1].id)
-    assert record.upkeep.untold() == ids(jobs)
+    assert record.upkeep.unannounced() == ids(jobs)
     assert reconciler(record, queue).run_once() == [jobs[0].id, jobs[2].id]
-    assert record.upkeep.untold() == []
+    assert record.upkeep.unannounced() == []
     assert reconciler(record, queue).run_once() == []
     assert queue.length() == 3
 
@@ -63,7 +63,7 @@ def test_what_redis_forgot_is_told_again_and_only_that(record: JobRecord, queue:
     queue.enqueue(jobs[2].id)
     assert looks.run_once() == [jobs[1].id, jobs[3].id]
     assert looks.run_once() == []
-    assert queue.told() == {job.id for job in jobs[1:]}
+    assert queue.announced() == {job.id for job in jobs[1:]}
     assert queue.length() == 3
 
 
@@ -113,11 +113,11 @@ def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: Jo
         server.kill()
         more = new_job(record)
         assert looks.run_once() == []
-        assert record.upkeep.untold() == [more.id]
+        assert record.upkeep.unannounced() == [more.id]
         server.start()
         assert looks.run_once() == ids([*jobs, more])
         assert looks.run_once() == []
-        assert record.upkeep.untold() == []
+        assert record.upkeep.unannounced() == []
     finally:
         queue.close()
         server.stop()
@@ -136,7 +136,7 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
         thread.join()
     for each in records:
         each.close()
-    assert queue.told() == jobs
+    assert queue.announced() == jobs
     # What was told twice is taken once.
     taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(queue.length())]
     assert {job.id for job in taken if job} == jobs
@@ -145,10 +145,10 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
 
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
-    record.upkeep.told([job.id])
+    record.upkeep.mark_announced([job.id])
     assert reconciler(record, queue).run_once() == [job.id]
     assert record.get(job.id).state is JobState.QUEUED
-    assert record.upkeep.untold() == []
+    assert record.upkeep.unannounced() == []
 
 
 @pytest.mark.both_databases
@@ -274,5 +274,5 @@ def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: st
 
     queue.enqueue = flaky  # type: ignore[method-assign]
     with Reconciler(record, queue, 3, LEASE_S, every_s=0.01):
-        until(lambda: job.id in queue.told())
+        until(lambda: job.id in queue.announced())
     queue.close()

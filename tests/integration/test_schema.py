@@ -184,7 +184,7 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         failed = opened.get(_old_id(JobState.FAILED))
         assert failed.error is not None
         assert opened.events.after(failed.id)[-1].data["error"] == failed.error.model_dump()
-        assert opened.upkeep.untold() == [_old_id(JobState.QUEUED)]
+        assert opened.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
         (checkpoint,) = opened.leases.checkpoints(_old_id(JobState.RUNNING))
         assert (checkpoint.step, checkpoint.size, checkpoint.created_at) == (5, 0, _MADE)
@@ -215,7 +215,7 @@ def test_a_record_can_go_back_to_the_first_version_and_come_again(
     assert [tuple(row) for row in states] == [(state.value, 5) for state in JobState]
     migrate(HEAD)
     assert history(record, _old_id(JobState.FAILED)) == _PAST[JobState.FAILED]
-    assert record.upkeep.untold() == [_old_id(JobState.QUEUED)]
+    assert record.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
 
 
 def _columns(connection: sa.Connection) -> dict[str, list[str]]:
