@@ -3,6 +3,8 @@
 A message is deleted as soon as it is read, before the job starts, so that RQ has nothing to time, retry or clean up,
 and keeps no result. If the worker dies, the reconciler sends another message. Only public methods of RQ's worker are
 used and overridden.
+
+Whoever can write to Redis must not be able to run code here: functions and callbacks named in Redis are never imported.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from types import FrameType
 from typing import Any
 
@@ -19,8 +22,9 @@ from rq.job import Job
 from rq.serializers import JSONSerializer
 from rq.worker import WorkerStatus
 from rq.worker.base import BaseWorker, StopRequested
+from rq.worker_registration import clean_worker_registry
 
-from meshdeform.record.queue import job_of
+from meshdeform.record.queue import MESSAGE, job_of
 
 __all__ = ["InProcessWorker"]
 
@@ -65,7 +69,7 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         on_stop: Callable[[], None],
     ) -> None:
         self._run, self._on_idle, self._on_stop = run, on_idle, on_stop
-        self._stop_requested = self._last = False
+        self._ending = self._last = False
         self._idle_at = 0.0
         super().__init__(
             [Queue(queue, connection=connection, serializer=JSONSerializer)],
@@ -74,26 +78,39 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         )
 
     def execute_job(self, job: Job, queue: Queue) -> None:
-        """Delete the message, then run the next job of the record."""
+        """Delete the message; if it is ours, run the next job of the record."""
         self.set_state(WorkerStatus.BUSY)
         self.heartbeat(_LONGEST_JOB_S)
+        ours = _is_ours(job)
         job.delete()
         self.connection.lrem(queue.intermediate_queue_key, 1, job.id)
-        try:
-            self._run(job_of(job.id))
-        except Exception:
-            _log.exception("message %s", job.id)
-        if self._stop_requested or self._last:
+        if ours:
+            self._run_next(job.id)
+        else:
+            _log.warning("message %s was not sent by Meshdeform; it is dropped", job.id)
+        if self._ending or self._last:
             raise StopRequested
+
+    def _run_next(self, message: str) -> None:
+        try:
+            self._run(job_of(message))
+        except Exception:
+            _log.exception("message %s", message)
+
+    def run_maintenance_tasks(self) -> None:
+        """Remove dead workers from RQ's list. Unlike RQ's method, do not clean registries, which calls callbacks."""
+        for queue in self.queues:
+            clean_worker_registry(queue)
+        self.last_cleaned_at = datetime.now(UTC)
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:  # noqa: ARG002 - RQ's signature
         """Stop after the job, which is stopped after its current step; without a job, stop at once.
 
         Unlike RQ's method, this does not use the Redis connection, which the interrupted code may be using.
         """
-        if self._stop_requested:
+        if self._ending:
             return
-        self._stop_requested = True
+        self._ending = True
         self._on_stop()
         if self.get_state() != WorkerStatus.BUSY:
             raise StopRequested
@@ -104,7 +121,7 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         A library that catches every exception may have swallowed the one raised by `request_stop`.
         """
         if self.get_state() == WorkerStatus.IDLE:
-            if self._stop_requested:
+            if self._ending:
                 raise StopRequested
             if time.monotonic() >= self._idle_at:
                 self._idle_at = time.monotonic() + _WAIT_S / 2
@@ -114,3 +131,10 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
     def end_after_job(self) -> None:
         """Stop after the current job."""
         self._last = True
+
+
+def _is_ours(job: Job) -> bool:
+    try:
+        return bool(job.func_name == MESSAGE)
+    except Exception:  # whatever the serializer raises for bytes that it cannot read
+        return False

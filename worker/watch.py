@@ -39,10 +39,10 @@ _EVENT_EVERY_S = 5.0
 
 
 class CancelListener(Protocol):
-    """A subscription to the cancellation of a job."""
+    """A subscription to hints that a job may have been canceled."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Return True when a cancellation was requested; False after `timeout_s` seconds. Never raises."""
+        """Return True when a hint arrives; False after `timeout_s` seconds. Never raises."""
 
 
 class StepTimer:
@@ -111,7 +111,7 @@ class JobWatch:
         self._published: Progress | None = None
         self._last_event: Progress | None = None
         self._last_event_at = 0.0
-        self._done = threading.Event()
+        self._done, self._wake = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=carried(self._run), name=f"watch {job.id}", daemon=True)
         self._cancel_listener = threading.Thread(
             target=carried(self._listen_for_cancel), name=f"cancel {job.id}", daemon=True
@@ -128,6 +128,7 @@ class JobWatch:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._done.set()
+        self._wake.set()
         self._thread.join()
         # The cancel listener ends within half a second by itself; the end of the job need not wait for it.
 
@@ -158,13 +159,17 @@ class JobWatch:
     def _run(self) -> None:
         next_heartbeat = 0.0
         try:
-            while not self._done.is_set() and not self.lost:
+            while True:
+                hinted = self._wake.is_set()
+                self._wake.clear()
+                if self._done.is_set() or self.lost:
+                    break
                 now = time.monotonic()
-                if now >= next_heartbeat:
+                if hinted or now >= next_heartbeat:
                     next_heartbeat = now + self._heartbeat_every_s
                     self._attempt(self._beat)
                 self._attempt(self._publish)
-                self._done.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
+                self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
             self._attempt(self._publish)
         except Exception:
             # Without its watch the job would run on until its lease expires and then lose its work: stop it now.
@@ -176,7 +181,9 @@ class JobWatch:
             with self._listen() as listener:
                 while not (self._done.is_set() or self.lost or self.canceled):
                     if listener.wait(PUBLISH_EVERY_S):
-                        self.canceled = True
+                        # Only the record is believed: ask it now, and again only after a moment.
+                        self._wake.set()
+                        self._done.wait(PUBLISH_EVERY_S)
         except Exception:
             _log.exception("job %s: a cancellation will only be noticed at the next heartbeat", self._job.id)
 

@@ -21,9 +21,9 @@ from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 
-__all__ = ["CancelSubscription", "JobQueue", "job_of"]
+__all__ = ["MESSAGE", "CancelSubscription", "JobQueue", "job_of"]
 
-_MESSAGE = "a job waits"
+MESSAGE = "a job waits"
 """The function name that RQ stores in a message. It is never called: the reader of a message claims the next job."""
 _log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class JobQueue:
         """
         with _redis_errors():
             self._queue.enqueue(
-                _MESSAGE, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
+                MESSAGE, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
             )
 
     def announced(self) -> set[str]:
@@ -116,7 +116,10 @@ class CancelSubscription:
         self._pubsub: PubSub | None = None
 
     def wait(self, timeout_s: float) -> bool:
-        """Return True when a message arrives; False after `timeout_s` seconds. Never raises."""
+        """Return True when a message arrives; False after `timeout_s` seconds. Never raises.
+
+        Anybody with access to Redis can send one, so it is only a hint to ask the record.
+        """
         end = time.monotonic() + timeout_s
         try:
             if self._pubsub is None:
