@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
 import sqlite3
 import ssl
+import stat
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -19,9 +21,12 @@ from sqlalchemy import event
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import HEAD, UtcDateTime
 
-__all__ = ["Database", "make_engine"]
+__all__ = ["RECORD_FILE", "Database", "make_engine"]
 
 _log = logging.getLogger(__name__)
+RECORD_FILE = "meshdeform.sqlite"
+"""The name of the record in a data folder, where nothing else is kept for others."""
+
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
 _IDLE_IN_TRANSACTION_S = 10.0
@@ -50,6 +55,8 @@ class Database:
         self._engine = make_engine(url)
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
+            if self.is_sqlite:
+                _make_private(Path(self._engine.url.database or ""))
             self._migrate()
         except BaseException:
             self.close()
@@ -87,6 +94,14 @@ class Database:
             return datetime.now(UTC) + timedelta(seconds=later_s)
         clock = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
         return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
+
+    def clock(self) -> datetime:
+        """Return the current time by the clock of `now`, as a value."""
+        if self.is_sqlite:
+            return datetime.now(UTC)
+        with self.read() as connection:
+            instant: datetime = connection.execute(sa.select(self.now())).scalar_one()
+        return instant
 
     def upsert(self, table: sa.Table) -> Any:
         """Return an `INSERT` that supports `ON CONFLICT`: SQLAlchemy has one for each database."""
@@ -179,11 +194,30 @@ def _sqlite_engine(url: sa.URL) -> sa.Engine:
         raise DependencyError(
             "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
         )
-    Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+    Path(url.database).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S, "check_same_thread": False})
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _make_private(path: Path) -> None:
+    """Create the file of a record for its user only, and restrict an existing one: it has prompts, secrets and keys."""
+    try:
+        # Never open an existing one: closing it would release the locks that SQLite holds on it in this process.
+        with suppress(FileExistsError):
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+        for file in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
+            if file.exists() and file.stat().st_mode & 0o077:
+                file.chmod(0o600)
+        folder = path.parent.stat()
+        # Only a folder of its own: the record may also be in a home folder, or in one that others need.
+        if path.name == RECORD_FILE and folder.st_mode & 0o077 and not folder.st_mode & stat.S_ISVTX:
+            path.parent.chmod(0o700)
+    except PermissionError as error:
+        _log.warning("other users of this machine may be able to read the record: %s", error)
+    except OSError as error:
+        raise UnavailableError(f"The record cannot be opened: {error.strerror}.") from error
 
 
 def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -83,6 +85,36 @@ def test_sqlite_is_durable(tmp_path) -> None:
         }
     assert pragma == {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 30_000}
     database.close()
+
+
+def test_only_its_user_can_read_a_record_on_sqlite(tmp_path: Path) -> None:
+    def modes(folder: Path) -> dict[str, int]:
+        return {path.name: stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.iterdir())}
+
+    private = {
+        "data": 0o700,
+        "meshdeform.sqlite": 0o600,
+        "meshdeform.sqlite-wal": 0o600,
+        "meshdeform.sqlite-shm": 0o600,
+    }
+    folder, before = tmp_path / "data", os.umask(0o022)
+    try:
+        first = Database(f"sqlite:///{folder}/meshdeform.sqlite")
+        with first.read() as connection:
+            connection.execute(sa.text("SELECT * FROM alembic_version"))
+        assert modes(folder) == private
+        for path in (folder, *folder.iterdir()):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        # One that an older version left, also while another process has it open.
+        Database(f"sqlite:///{folder}/meshdeform.sqlite").close()
+        assert modes(folder) == private
+        first.close()
+        # A folder that others may need stays as it is.
+        (tmp_path / "home").mkdir(mode=0o755)
+        Database(f"sqlite:///{tmp_path}/home/record.sqlite").close()
+        assert modes(tmp_path / "home") == {"home": 0o755, "record.sqlite": 0o600}
+    finally:
+        os.umask(before)
 
 
 # -- migrations with data in them
