@@ -6,9 +6,11 @@ removed while a request relies on it.
 
 from __future__ import annotations
 
+import secrets
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -24,6 +26,8 @@ _REMOVAL_LASTS_S = 900.0
 """Longer than any removal takes; older ones belong to a process that died."""
 _BEING_REMOVED = -1
 _WAIT_S, _POLL_EVERY_S = 30.0, 0.05
+_EXAMINED = 300
+"""Number of files that one search for unused ones examines; their number must not slow it down."""
 
 
 class FileLeases:
@@ -54,6 +58,7 @@ class FileLedger:
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self._position = f"assets/{secrets.token_hex(4)}"
 
     @contextmanager
     def leases(self) -> Iterator[FileLeases]:
@@ -104,9 +109,23 @@ class FileLedger:
         return None
 
     def unused(self) -> list[str]:
-        """Return the keys of the files that no job, upload or request needs."""
+        """Return the unused files among the next few hundred; repeated calls go through all files in turn.
+
+        This finds files left behind by dead processes and by expired jobs and uploads. The first position is random, so
+        that several processes examine different files.
+        """
         with self._database.read() as connection:
-            return list(connection.execute(sa.select(files.c.key).where(self._is_unused())).scalars())
+            some: list[str] = list(connection.scalars(self._after(self._position, _EXAMINED)))
+            if len(some) < _EXAMINED:
+                some += connection.scalars(self._after("", _EXAMINED - len(some)))
+            if not some:
+                return []
+            self._position = some[-1]
+            found = sa.select(files.c.key).where(files.c.key.in_(some), self._is_unused())
+            return sorted(connection.scalars(found))
+
+    def _after(self, key: str, limit: int) -> sa.Select[Any]:
+        return sa.select(files.c.key).where(files.c.key > key).order_by(files.c.key).limit(limit)
 
     def remove_unused(self, key: str, remove: Callable[[str], None]) -> bool:
         """Call `remove` if the file is unused, and prevent new pins meanwhile.
@@ -139,15 +158,12 @@ class FileLedger:
         return True
 
     def _is_unused(self) -> sa.ColumnElement[bool]:
-        needed = sa.or_(
-            sa.exists().where(jobs.c.asset_key == files.c.key),
-            sa.exists().where(jobs.c.target_key == files.c.key),
-            sa.exists().where(jobs.c.origin_key == files.c.key),
-            sa.exists().where(uploads.c.key == files.c.key),
-        )
+        # One condition for each: PostgreSQL looks those up in an index, and reads whole tables for one of them all.
+        references = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key, uploads.c.key)
+        unneeded = sa.and_(*(~sa.exists().where(column == files.c.key) for column in references))
         unpinned = sa.or_(
             files.c.pins == 0,
             sa.and_(files.c.pins > 0, files.c.touched_at < self._database.now(-_PIN_LASTS_S)),
             sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
-        return sa.and_(unpinned, sa.not_(needed))
+        return sa.and_(unpinned, unneeded)

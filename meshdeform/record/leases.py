@@ -17,7 +17,7 @@ from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing, hold, stale
 from meshdeform.record.database import Database
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
-from meshdeform.record.schema import artifacts, checkpoints, jobs, workers
+from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
 
 __all__ = ["RELEASED", "Leases", "WorkerIdentity"]
 
@@ -155,7 +155,7 @@ class Leases:
         size: int = 0,
         mesh: Artifact | None = None,
     ) -> None:
-        """Record a stored checkpoint and the mesh of that step."""
+        """Record a stored checkpoint and the mesh of that step. If it is new progress, forget lost attempts."""
         values = {
             "job_id": job_id,
             "attempt": attempt,
@@ -172,9 +172,18 @@ class Leases:
         insert = insert.on_conflict_do_update(index_elements=["job_id", "attempt", "step"], set_=values)
         with changing(self._database) as change:
             where = rows.fenced(job_id, attempt)
-            if not change.update(where, {}, EventType.CHECKPOINT, {"step": step}):
+            changed = change.update(where, {}, EventType.CHECKPOINT, {"step": step})
+            if not changed:
                 raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
+            if changed[0].lost_attempts and not self._reached_before(change.connection, job_id, attempt, step):
+                change.connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0))
+
+    def _reached_before(self, connection: sa.Connection, job_id: str, attempt: int, step: int) -> bool:
+        """Return whether an earlier attempt stored a checkpoint of this step or a later one, deleted or not."""
+        earlier = sa.and_(events.c.job_id == job_id, events.c.attempt < attempt, events.c.type == EventType.CHECKPOINT)
+        reached = sa.select(sa.func.max(events.c.data["step"].as_integer())).where(earlier)
+        return (connection.execute(reached).scalar() or 0) >= step
 
     def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
         """Remove a checkpoint from the record, so that its objects can be deleted."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import Any
 
 import sqlalchemy as sa
@@ -13,12 +15,59 @@ from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import RELEASED
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
-from meshdeform.record.schema import discarded, idempotency, jobs, outbox, uploads
+from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads
 
-__all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep"]
+__all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep", "Watch"]
 
 _BATCH = 100
+_UNBLAMED_FACTOR = 10
+"""A job fails after so many times `max_attempts` losses without a checkpoint, even if none was blamed on it: it may be
+the one that brings its machine down."""
 IDEMPOTENCY_KEPT_S = 86_400.0
+
+
+@dataclass
+class Watch:
+    """The period during which a reclaimer has watched the leases without a gap, by the record's clock.
+
+    A gap means that the reclaimer was paused (a suspended machine, SIGSTOP), that the clock was set, or that the record
+    did not answer; it has just started if there is no earlier look. The workers may have been paused as well, so that
+    expired leases prove nothing until one lease has passed, in which every live worker renews its own.
+
+    Attributes
+    ----------
+    lease_s : float
+        Duration of a lease.
+    every_s : float
+        Seconds between two looks.
+    now, since : datetime, optional
+        The last look, and the first one after the last gap; None before the first look.
+    """
+
+    lease_s: float
+    every_s: float
+    now: datetime | None = None
+    since: datetime | None = None
+
+    def look(self, now: datetime) -> None:
+        """Note a look at the leases."""
+        # A worker renews its lease six times as often as it expires, so that a gap of half a lease harms nobody.
+        longest = timedelta(seconds=self.every_s + self.lease_s / 2)
+        if self.now is None or not timedelta(0) <= now - self.now <= longest:
+            self.since = now
+        self.now = now
+
+    @property
+    def patient(self) -> bool:
+        """Whether one lease has passed since the last gap."""
+        if self.now is None or self.since is None:
+            return False
+        return self.now - self.since >= timedelta(seconds=self.lease_s)
+
+    @property
+    def renewed_since(self) -> datetime | None:
+        """The expiry of a lease renewed at the last gap. Workers with later leases were alive after the gap."""
+        return None if self.since is None else self.since + timedelta(seconds=self.lease_s)
 
 
 class Upkeep:
@@ -27,20 +76,41 @@ class Upkeep:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def reclaim_expired(self, max_attempts: int) -> list[str]:
+    def clock(self) -> datetime:
+        """Return the current time by the record's clock."""
+        return self._database.clock()
+
+    def reclaim_expired(self, max_attempts: int, watch: Watch | None = None) -> list[str]:
         """Take back every job whose lease has expired; return the ids of those queued again.
 
         A job in state `canceling` is canceled. A job that has lost `max_attempts` workers fails (`worker_lost`).
-        """
-        expired = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at < self._database.now())
-        return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts))
 
-    def _take_back(self, change: Change, held: sa.ColumnElement[bool], max_attempts: int) -> list[str]:
+        Parameters
+        ----------
+        max_attempts : int
+        watch : Watch, optional
+            How long the caller has watched the leases. Default: forever.
+        """
+        silent: sa.ColumnElement[bool] = jobs.c.lease_expires_at < self._database.now()
+        blamed: sa.ColumnElement[bool] = sa.true()
+        if watch is not None:
+            # Never later than the caller's last look: it may be paused between that look and this statement.
+            patient = sa.true() if watch.patient else sa.false()
+            silent = sa.and_(jobs.c.lease_expires_at < watch.now, sa.or_(_ended(), patient))
+            blamed = sa.or_(_ended(), jobs.c.lease_expires_at >= watch.renewed_since)
+        expired = sa.and_(jobs.c.state.in_(rows.OWNED), silent)
+        return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts, blamed))
+
+    def _take_back(
+        self, change: Change, held: sa.ColumnElement[bool], max_attempts: int, blamed: sa.ColumnElement[bool]
+    ) -> list[str]:
         lost = WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off.")
         over = {"finished_at": self._database.now(), "phase": "done"}
-        more = {"lost_attempts": jobs.c.lost_attempts + 1}
+        count = jobs.c.lost_attempts + sa.case((blamed, 1), else_=0)
+        more = {"lost_attempts": count}
         running = sa.and_(held, jobs.c.state == JobState.RUNNING)
-        exhausted = sa.and_(running, jobs.c.lost_attempts + 1 >= max_attempts)
+        too_often = _losses_in_a_row() + 1 >= _UNBLAMED_FACTOR * max_attempts
+        exhausted = sa.and_(running, sa.or_(count >= max_attempts, too_often))
         failed = {**RELEASED, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
         canceled = {**RELEASED, **over, "state": JobState.CANCELED}
         again = {**RELEASED, **more, "state": JobState.QUEUED, "phase": "queued"}
@@ -85,7 +155,9 @@ class Upkeep:
 
     def delete_retained(self) -> list[str]:
         """Delete every job whose retention has ended; return their ids. Their objects are due for removal."""
-        over = sa.and_(jobs.c.state.in_(TERMINAL_STATES), jobs.c.retain_until < self._database.now())
+        # An expression, so that SQLite does not choose an index on the state, which finds every finished job.
+        finished = (jobs.c.state + "").in_(TERMINAL_STATES)
+        over = sa.and_(finished, jobs.c.retain_until < self._database.now())
 
         def forget(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
             ids = list(change.connection.scalars(sa.delete(jobs).where(held).returning(jobs.c.id)))
@@ -169,6 +241,21 @@ class Upkeep:
                     ids += change_them(change, jobs.c.id.in_(held))
             if not held:
                 return sorted(ids)
+
+
+def _ended() -> sa.ColumnElement[bool]:
+    """Return the condition that the job's supervisor has reported the end of its worker (`Leases.worker_ended`)."""
+    return jobs.c.worker_id.is_(None)
+
+
+def _losses_in_a_row() -> sa.ColumnElement[int]:
+    """Return the number of recoveries of a job since its last checkpoint."""
+    mine = events.c.job_id == jobs.c.id
+    last = events.alias("last")
+    saved = sa.select(sa.func.max(last.c.seq)).where(last.c.job_id == jobs.c.id, last.c.type == EventType.CHECKPOINT)
+    after = events.c.seq > sa.func.coalesce(saved.correlate(jobs).scalar_subquery(), 0)
+    lost = sa.select(sa.func.count()).where(mine, events.c.type == EventType.RECOVERED, after)
+    return lost.correlate(jobs).scalar_subquery()
 
 
 def _lost_attempt(row: Row) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, at, claimed, ids, late, posted, set_to
@@ -31,6 +33,26 @@ def queue(redis_url: str) -> Iterator[JobQueue]:
 
 def reconciler(record: JobRecord, queue: JobQueue, store: ObjectStore | None = None) -> Reconciler:
     return Reconciler(record, queue, 3, LEASE_S, store=store)
+
+
+def watching(record: JobRecord, queue: JobQueue, store: ObjectStore | None = None) -> Reconciler:
+    """A reconciler that has watched the leases for as long as one lasts."""
+    looks = reconciler(record, queue, store)
+    now = record.upkeep.clock()
+    looks._watch.now, looks._watch.since = now, now - timedelta(seconds=2 * LEASE_S)
+    return looks
+
+
+class Paused:
+    """What is done in the moment in which a reconciler pauses before it counts again."""
+
+    def __init__(self, do: Callable[[], object]) -> None:
+        self._do = do
+
+    def wait(self, seconds: float) -> None:
+        """Do it at once."""
+        assert seconds > 0
+        self._do()
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -146,9 +168,80 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
     record.upkeep.mark_announced([job.id])
-    assert reconciler(record, queue).run_once() == [job.id]
+    assert watching(record, queue).run_once() == [job.id]
     assert record.get(job.id).state is JobState.QUEUED
     assert record.upkeep.unannounced() == []
+
+
+def test_a_worker_between_its_message_and_its_claim_is_no_lost_message(record: JobRecord, queue: JobQueue) -> None:
+    job, looks = new_job(record), reconciler(record, queue)
+    looks._done = Paused(lambda: claimed(record, job))  # type: ignore[assignment]
+    assert looks.run_once() == []
+    assert queue.length() == 0
+
+
+@pytest.mark.both_databases
+def test_after_a_pause_or_a_jump_of_the_clock_a_worker_renews_its_lease_before_anybody_reclaims(
+    record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = claimed(record, new_job(record))
+    clock, ahead = record.upkeep.clock, timedelta(0)
+    monkeypatch.setattr(record.upkeep, "clock", lambda: clock() + ahead)
+    monkeypatch.setattr(record.upkeep, "shorten_leases", lambda _: 0)  # it goes by the real clock
+    reconcilers = [watching(record, queue) for _ in range(2)]
+    for hour in range(1, 5):
+        ahead = timedelta(hours=hour)
+        for looks in reconcilers:
+            looks.run_once()
+            assert record.get(job.id).state is JobState.RUNNING
+        # The worker renews its lease, by the same clock.
+        set_to(record, job, lease_expires_at=clock() + ahead + timedelta(seconds=LEASE_S))
+    for looks in reconcilers:
+        looks.run_once()
+    assert record.get(job.id).attempt == 1
+
+
+@pytest.mark.both_databases
+def test_who_dies_with_the_whole_machine_is_taken_back_after_one_lease_and_not_blamed(
+    record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = new_job(record)
+    clock, ahead = record.upkeep.clock, timedelta(0)
+    monkeypatch.setattr(record.upkeep, "clock", lambda: clock() + ahead)
+    monkeypatch.setattr(record.upkeep, "shorten_leases", lambda _: 0)  # it goes by the real clock
+    for _ in range(4):
+        claimed(record, job)
+        ahead += timedelta(hours=1)
+        looks = reconciler(record, queue)
+        looks.run_once()
+        assert record.get(job.id).state is JobState.RUNNING
+        for _ in range(3):
+            ahead += timedelta(seconds=LEASE_S / 2)
+            looks.run_once()
+        assert record.get(job.id).state is JobState.QUEUED
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 0}
+    # One whose neighbours live is blamed: its supervisor says so, or it had renewed its lease before their eyes.
+    claimed(record, job)
+    record.leases.worker_ended("worker")
+    looks.run_once()
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 1}
+    set_to(record, claimed(record, job), lease_expires_at=clock() + ahead)
+    ahead += timedelta(seconds=1)
+    looks.run_once()
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 2}
+
+
+def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobRecord) -> None:
+    job, now = new_job(record), record.upkeep.clock()
+    watch = Watch(LEASE_S, 5.0, now=now, since=now)
+    watch.since = now + timedelta(hours=1)  # nothing is blamed on it
+    watch.now = now + timedelta(hours=2)
+    for _ in range(2 * 10 - 1):
+        claimed(record, job, OVER)
+        assert record.upkeep.reclaim_expired(2, watch) == [job.id]
+    claimed(record, job, OVER)
+    assert record.upkeep.reclaim_expired(2, watch) == []
+    assert record.get(job.id).state is JobState.FAILED
 
 
 @pytest.mark.both_databases
@@ -238,7 +331,7 @@ def test_one_duty_that_fails_does_not_stop_the_others(
     store.put(f"jobs/{over.id}/1/result.glb", b"result")
     nowhere = JobQueue(f"redis://127.0.0.1:{free_port()}/0", "test")
     with caplog.at_level(logging.WARNING):
-        assert reconciler(record, nowhere, store).run_once() == []
+        assert watching(record, nowhere, store).run_once() == []
     nowhere.close()
     assert "Redis" in caplog.text
     assert record.get(lost.id).state is JobState.QUEUED
