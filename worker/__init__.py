@@ -1,4 +1,4 @@
-"""Runs jobs: a supervisor that never imports torch, and the worker process that it keeps running.
+"""Run jobs: a supervisor that never imports torch, and the worker process that it keeps running.
 
-A thin shell over `meshdeform`; RQ tells it that there is a job, the record says whose it is.
+A thin shell over `meshdeform`: a message from RQ announces a job, and a claim in the record decides who runs it.
 """

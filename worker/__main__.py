@@ -1,4 +1,4 @@
-"""``python -m worker``: the supervisor, which starts and tends the worker process."""
+"""``python -m worker``: the supervisor, which starts and monitors the worker process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one attempt does between the claim and its end: start, steps with checkpoints, results."""
+"""Run one attempt at a job, from the claim to its end: start, steps with checkpoints, results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Attempt", "Ended", "Outcome", "is_out_of_memory"]
 _log = logging.getLogger(__name__)
 
 _OUT_OF_MEMORY = "OutOfMemoryError"
-# What CUDA and its libraries say where torch has no class for it.
+# Messages of CUDA and its libraries for which torch has no exception class.
 _OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED", "CUDNN_STATUS_ALLOC_FAILED")
 
 
@@ -43,17 +43,17 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Ended:
-    """The end of an attempt, not yet on the record.
+    """The end of an attempt, not yet recorded.
 
     Attributes
     ----------
     outcome : Outcome
     results : list of Artifact
-        Stored; where it succeeded.
+        The stored results of a successful attempt.
     error : JobError, optional
-        Where it failed.
+        Why a failed attempt failed.
     step_s : float, optional
-        Mean seconds of a step; None where it did none.
+        Mean seconds per step; None if no step was done.
     """
 
     outcome: Outcome
@@ -63,7 +63,7 @@ class Ended:
 
 
 class _InterruptedError(Exception):
-    """The job is canceled, or the process is to end, while something is waited for."""
+    """The job was canceled, or the process is stopping, during a wait."""
 
 
 class Attempt:
@@ -86,12 +86,12 @@ class Attempt:
         self._steps, self._steps_s = 0, 0.0
 
     def run(self) -> Ended:
-        """Do it.
+        """Run the attempt and return how it ended.
 
         Raises
         ------
         StaleAttemptError
-            Another attempt has the job, or it is over: a deadline, say.
+            Another attempt has the job, or the job is over, for example by its deadline.
         UnavailableError
             The store or the record has not answered for too long.
         """
@@ -133,7 +133,7 @@ class Attempt:
         return self._ended(Outcome.SUCCEEDED, results=results)
 
     def _optimize(self, run: JobRun) -> bool:
-        """Do the steps that are left; False where the job must stop before its end."""
+        """Do the remaining steps; return False if the job must stop before its end."""
         every = self._job.request.params.checkpoint_every_steps
         began = time.monotonic()
         for report in run:
@@ -143,7 +143,7 @@ class Attempt:
             failpoint("worker.step")
             stop = self._must_stop()
             due = report.step < report.total_steps and self._checkpoints.due(report.step, every)
-            # A canceled job needs no checkpoint; one that is handed back needs it most of all.
+            # A canceled job needs no checkpoint; a job that is handed back does.
             if (due or stop) and not self._watch.canceled:
                 self._checkpoints.try_to_save(run)
             if stop:
@@ -152,7 +152,7 @@ class Attempt:
         return True
 
     def _start(self) -> JobRun:
-        """Start from the newest checkpoint that can be used, else from what the job begins with."""
+        """Start from the newest usable checkpoint, otherwise from the job's origin or its asset."""
         job, store, ask = self._job, self._at.store, self._retry.until_answered
         asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
         given = job.target
@@ -188,20 +188,20 @@ class Attempt:
             except CheckpointError as error:
                 _log.warning("job %s: %s", job.id, error)
                 continue
-            _log.info("job %s: goes on from step %d", job.id, run.step)
+            _log.info("job %s: resumes at step %d", job.id, run.step)
             return run
         if job.origin is None or not job.origin.key:
             return start()
         origin = self._checkpoints.origin(self._retry)
         if job.origin.mode is OriginMode.BRANCH:
             if origin is None:
-                raise CheckpointError(f"The checkpoint of job {job.origin.job_id} cannot be read any more.")
+                raise CheckpointError(f"The checkpoint of job {job.origin.job_id} can no longer be read.")
             return start(initial=origin)
         try:
             return start(origin)
         except CheckpointError as error:
-            # The same request: from the beginning it comes to the same result.
-            _log.warning("job %s: begins anew: %s", job.id, error)
+            # The request is the same, so a start from the beginning gives the same result.
+            _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
 
     def _phase(self, name: str, run: JobRun | None = None) -> None:
@@ -229,12 +229,12 @@ class Attempt:
             _log.warning("job %s: failed: %s", self._job.id, error)
             return self._ended(Outcome.FAILED, error=JobError.of(error))
         _log.error("job %s: failed", self._job.id, exc_info=error)
-        # What an unforeseen error says may hold paths of this machine: it stays in the log.
-        unknown = MeshdeformError("The worker met an error that it does not know; its log has it.")
+        # The text of an unexpected error may contain paths of this machine, so it stays in the log.
+        unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
         return self._ended(Outcome.FAILED, error=JobError.of(unknown))
 
     def _out_of_memory(self, error: Exception) -> Ended:
-        """Save what can be saved: the state is that of before the step that found no memory."""
+        """Save the state from before the step that ran out of memory, if possible."""
         _log.warning("job %s: the device is out of memory: %s", self._job.id, error)
         run = self._run
         if run is not None and run.step > self._checkpoints.step and not self._watch.canceled:
@@ -243,7 +243,7 @@ class Attempt:
             except StaleAttemptError:
                 raise
             except Exception:
-                _log.exception("job %s: no checkpoint of step %d", self._job.id, run.step)
+                _log.exception("job %s: the checkpoint of step %d was not stored", self._job.id, run.step)
         return self._ended(Outcome.OUT_OF_MEMORY)
 
     def _ended(
@@ -254,9 +254,9 @@ class Attempt:
 
 
 def is_out_of_memory(error: BaseException | None) -> bool:
-    """Return whether the error, or the one that it was made of, says that the device ran out of memory.
+    """Return whether the error or one of its causes means that the device ran out of memory.
 
-    Names and words are compared, not classes: that needs no torch, and a fake may raise one as well.
+    Names and messages are compared instead of classes, which needs no torch and lets tests raise such an error.
     """
     while error is not None:
         if any(each.__name__ == _OUT_OF_MEMORY for each in type(error).__mro__):

@@ -1,4 +1,4 @@
-"""What a worker process has at hand; made once, and shared by all attempts at all jobs."""
+"""The dependencies of a worker process, created once and shared by all attempts."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ __all__ = ["WorkerContext"]
 
 @dataclass(frozen=True)
 class WorkerContext:
-    """Hold the settings, the record, the store, and what starts a run.
+    """The settings, the record, the store, and the functions that start a run.
 
     Attributes
     ----------
     settings : Settings
     record, store : JobRecord, ObjectStore
     listen : callable
-        Opens a listener for the cancel of a job.
+        Opens a listener for the cancellation of a job.
     start : StartRun
-        Starts a run of any kind: `meshdeform.runs.start_run`, which imports what the kind needs.
+        Starts a run of any kind: `meshdeform.runs.start_run`, which imports the kind's dependencies.
     load_prior : callable
-        Gives the prior of a model; keeps it between jobs.
+        Returns the prior of a model and keeps it between jobs.
     device : str
     stopping : callable
-        True once this process is to end: the job is then handed back after its step.
+        Returns True once this process is stopping: the job is then handed back after its current step.
     worker : WorkerIdentity
-        Whose leases those of this process are.
+        The holder of this process's leases.
     renew : callable
-        Ends this process after the job, because its device ran out of memory; the next one has a clean context.
+        Ends this process after the job because its device ran out of memory; its successor has a clean context.
     pulse : Pulse
-        Tells the supervisor that something moves.
+        Shows the supervisor that the worker makes progress.
     retry_for_s : float
-        How long an outage of the store or the record may last before a job is left to another attempt.
+        Maximum seconds of an outage of the store or the record before the job is left to another attempt.
     """
 
     settings: Settings

@@ -1,4 +1,4 @@
-"""What computes in a worker process: the kinds of job, the device and the prior. Torch is imported here."""
+"""Load the kinds of job, the device and the prior in a worker process. Torch is imported here."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Engine:
-    """Made once for the process.
+    """The functions and the device that run jobs, created once per process.
 
     Attributes
     ----------
     start : StartRun
     load_prior : callable
-        Gives the prior of a model; keeps it between jobs.
+        Returns the prior of a model and keeps it between jobs.
     device : str
     """
 
@@ -37,12 +37,12 @@ class Engine:
 
 
 def torch_engine(settings: Settings) -> Engine:
-    """Load torch and what stands on it.
+    """Load torch and the kinds of job, and return the engine.
 
     Raises
     ------
     DependencyError
-        The device that the settings name is not there.
+        The device named in the settings does not exist.
     """
     from meshdeform.runs.devices import resolve_device, use_threads
 
@@ -55,19 +55,19 @@ def torch_engine(settings: Settings) -> Engine:
         return priors.get(model, device=device, revision=revision, dtype=settings.dtype)
 
     for kind in kinds():
-        kind.load()  # now, not when the first job waits
+        kind.load()  # now, so that the first job does not wait for it
     return Engine(start_run, load_prior, device)
 
 
 class PriorCache:
-    """Keeps the prior that was used last; another one takes its place, so only one is ever in memory."""
+    """A cache of one prior, the last one used, so that only one is in memory."""
 
     def __init__(self) -> None:
         self._key: tuple[str, str, str, str] | None = None
         self._prior: Prior | None = None
 
     def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
-        """Return the prior `model`, loaded unless it is the one at hand.
+        """Return the prior `model`, loading it unless it is cached.
 
         Raises
         ------

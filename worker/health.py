@@ -1,7 +1,6 @@
-"""``python -m worker.health``: exit code 0 while a supervisor lives on this host. For the health checks of containers.
+"""``python -m worker.health``: exit with code 0 if a supervisor runs on this host. For health checks of containers.
 
-A supervisor holds a lock on a file for as long as it lives. The kernel takes the lock away when the process ends,
-however it ends.
+A supervisor holds a lock on a file while it runs. The kernel releases the lock when the process ends, however it ends.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ def _path(settings: Settings) -> Path:
 
 @contextmanager
 def sign_of_life(settings: Settings) -> Iterator[None]:
-    """Hold the lock that the health check looks for. A folder that cannot be written only gets a warning."""
+    """Hold the lock that the health check tests. A folder that cannot be written only causes a warning."""
     try:
         settings.data_dir.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(_path(settings), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        _log.warning("health checks will not see this worker: %s", error)
+        _log.warning("health checks will not find this worker: %s", error)
         yield
         return
     try:
@@ -48,7 +47,7 @@ def sign_of_life(settings: Settings) -> Iterator[None]:
 
 
 def main() -> int:
-    """Look for a supervisor, print what is wrong, and return the exit code."""
+    """Test for a supervisor, print why there is none, and return the exit code."""
     try:
         descriptor = os.open(_path(Settings()), os.O_RDWR)
     except OSError:

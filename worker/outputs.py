@@ -1,4 +1,4 @@
-"""What an attempt stores, checkpoints and results: it is uploaded, read back, and only then pointed at."""
+"""Store the checkpoints and results of an attempt. Each is uploaded and read back before the record refers to it."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ __all__ = ["CheckpointStore", "store_results"]
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
 _PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
-"""After a failure: the least time, and how much longer than the failure took. Most of it goes to steps."""
+"""After a failure: the minimum pause, and its length per second that the failure took, so that steps get most time."""
 
 
 class CheckpointStore:
-    """The checkpoints of one attempt at one job, and those that earlier attempts left.
+    """The checkpoints of one attempt at a job, and those left by earlier attempts.
 
     Parameters
     ----------
     record : JobRecord
     store : ObjectStore
     job : Job
-        As claimed: its attempt is in the keys, so two attempts never write the same object.
+        As claimed: its attempt is part of the keys, so that two attempts never write the same object.
     kept : int
-        How many stay, the newest.
+        Number of newest checkpoints to keep.
 
     Attributes
     ----------
     step : int
-        The newest step that this attempt has stored; 0 for none.
+        The newest step stored by this attempt; 0 for none.
     """
 
     def __init__(self, record: JobRecord, store: ObjectStore, job: Job, kept: int) -> None:
@@ -49,43 +49,43 @@ class CheckpointStore:
         self.step = 0
 
     def usable(self, retry: Retry) -> Iterator[bytes]:
-        """The stored checkpoints that are whole, newest first."""
+        """Yield the intact stored checkpoints, newest first."""
         about = f"job {self._job.id}: the checkpoints"
         for reference in retry.until_answered(about, lambda: self._record.leases.checkpoints(self._job.id)):
             what = f"the checkpoint of step {reference.step}"
-            data = self._whole(reference.key, reference.sha256, what, retry)
+            data = self._intact(reference.key, reference.sha256, what, retry)
             if data is not None:
                 yield data
 
     def origin(self, retry: Retry) -> bytes | None:
-        """The checkpoint that the job's origin names; None where there is none or it is not whole."""
+        """Return the checkpoint of the job's origin; None if there is none or it is damaged."""
         origin = self._job.origin
         if origin is None or not origin.key:
             return None
-        return self._whole(origin.key, origin.sha256, f"the checkpoint of job {origin.job_id}", retry)
+        return self._intact(origin.key, origin.sha256, f"the checkpoint of job {origin.job_id}", retry)
 
-    def _whole(self, key: str, sha256: str, what: str, retry: Retry) -> bytes | None:
+    def _intact(self, key: str, sha256: str, what: str, retry: Retry) -> bytes | None:
         try:
             data = retry.until_answered(f"job {self._job.id}: {what}", lambda: self._store.get(key))
         except NotFoundError:
             _log.warning("job %s: %s is gone", self._job.id, what)
             return None
         if hashlib.sha256(data).hexdigest() != sha256:
-            _log.warning("job %s: %s is torn", self._job.id, what)
+            _log.warning("job %s: %s is damaged", self._job.id, what)
             return None
         return data
 
     def due(self, step: int, every: int) -> bool:
-        """Return whether step `step` should be stored: by the interval, or because an earlier one could not be."""
+        """Return whether to store step `step`: because of the interval, or because an earlier one was not stored."""
         return (step % every == 0 or self._missed) and time.monotonic() >= self._not_before
 
     def try_to_save(self, run: JobRun, *, mesh: bool = True) -> bool:
-        """Store the state as it is now; where the store or the record is away, warn and be due again a little later.
+        """Store the current state; if the store or the record does not answer, warn and retry after a later step.
 
         Returns
         -------
         bool
-            Whether it is stored.
+            Whether it was stored.
 
         Raises
         ------
@@ -98,20 +98,20 @@ class CheckpointStore:
         except UnavailableError as error:
             now = time.monotonic()
             self._missed, self._not_before = True, now + max(_PAUSE_S, _PAUSE_PER_S * (now - began))
-            _log.warning("job %s: no checkpoint of step %d yet: %s", self._job.id, run.step, error.detail)
+            _log.warning("job %s: the checkpoint of step %d is not stored: %s", self._job.id, run.step, error.detail)
             return False
         self._missed = False
         return True
 
     def save(self, run: JobRun, *, mesh: bool = True) -> None:
-        """Store the state as it is now, with the mesh of that step; the newest ones stay.
+        """Store the current state with the mesh of that step, and delete the oldest checkpoints.
 
         Raises
         ------
         StaleAttemptError
             Another attempt has taken the job over.
         UnavailableError
-            The store or the record does not answer, or the store does not keep what was written.
+            The store or the record does not answer, or the store returns different bytes.
         """
         job, step = self._job, run.step
         name = f"checkpoint-{step:06d}"
@@ -126,11 +126,11 @@ class CheckpointStore:
         self._forget(self._record.leases.checkpoints(job.id)[self._kept :])
 
     def _save_mesh(self, run: JobRun, name: str) -> Artifact | None:
-        """The mesh is for people to look at: a checkpoint without it still saves the work."""
+        """Store the mesh for people to view; return None on failure, because a checkpoint does not need it."""
         try:
             mesh = run.snapshot()
         except Exception:
-            _log.exception("job %s: no mesh of step %d", self._job.id, run.step)
+            _log.exception("job %s: the mesh of step %d was not stored", self._job.id, run.step)
             return None
         return store_artifact(self._store, self._job, f"{name}.glb", mesh)
 
@@ -141,8 +141,8 @@ class CheckpointStore:
                 for key in filter(None, (reference.key, reference.mesh_key)):
                     self._store.delete(key)
             except MeshdeformError as error:
-                # Nothing points at it any more; it goes with the job.
-                _log.warning("job %s: an old checkpoint stays for now: %s", self._job.id, error.detail)
+                # Nothing refers to it any more; it is deleted with the job.
+                _log.warning("job %s: an old checkpoint is not deleted yet: %s", self._job.id, error.detail)
 
 
 def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactData) -> Artifact:
@@ -151,7 +151,7 @@ def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactDa
     Raises
     ------
     UnavailableError
-        The store does not answer, or gives back something else than was written.
+        The store does not answer, or returns different bytes.
     """
     key = f"jobs/{job.id}/{job.attempt}/{name}"
     stored = store.put_verified(key, artifact.data, artifact.content_type)
@@ -171,7 +171,7 @@ def store_results(store: ObjectStore, job: Job, artifacts: dict[str, ArtifactDat
     Raises
     ------
     UnavailableError
-        The store has not answered for as long as `retry` lasts.
+        The store has not answered within the time limit of `retry`.
     """
     results = []
     for name, artifact in artifacts.items():

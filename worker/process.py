@@ -1,4 +1,4 @@
-"""The worker process: ``python -m worker.process``, started by the supervisor. It holds torch and the prior."""
+"""The worker process: ``python -m worker.process``, started by the supervisor. It loads torch and the prior."""
 
 from __future__ import annotations
 
@@ -31,37 +31,37 @@ _log = logging.getLogger(__name__)
 
 
 def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
-    """Take jobs until a signal says to stop.
+    """Run jobs until a signal stops the process.
 
     Parameters
     ----------
     load_engine : callable
-        Gives what computes; a test's process may have another one.
+        Returns the engine; tests replace it.
 
     Returns
     -------
     int
-        The exit code: 0, or `OUT_OF_MEMORY` where the device needs a clean context.
+        The exit code: 0, or `OUT_OF_MEMORY` if the device needs a clean context.
     """
     settings = Settings()
     configure_logging(settings)
     start_tracing("worker")
-    # A signal before RQ's loop begins ends the process at once, which is right: nothing has been claimed yet.
+    # Before RQ's loop starts, a signal ends the process at once: nothing has been claimed yet.
     pulse = Pulse.of_environment()
     engine = load_engine(settings)
     stopping = spent = False
 
     def stop() -> None:
-        # In a signal handler, which another signal may interrupt: nothing here may hold a lock.
+        # This runs in a signal handler, which another signal may interrupt: it must not take a lock.
         nonlocal stopping
         stopping = True
-        # Should a step hang and the supervisor be gone, nobody else would end this process: the kernel's alarm does.
+        # If a step hangs and the supervisor is gone, only the kernel's alarm can end this process.
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(round(STOP_GRACE_S))
 
     def renew() -> None:
         nonlocal spent
-        _log.warning("this process ends, for a clean context of the device")
+        _log.warning("this process exits to free the device's memory")
         spent = True
         listener.end_after_job()
 
@@ -85,7 +85,7 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         try:
             record.leases.idle(worker)
         except MeshdeformError as error:
-            _log.warning("the record does not know that this worker is alive: %s", error.detail)
+            _log.warning("the record was not updated with this worker's sign of life: %s", error.detail)
 
     listener = InProcessWorker(
         settings.queue, Redis.from_url(settings.redis_url), JobRunner(context).run, on_idle=idle, on_stop=stop
@@ -97,7 +97,7 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     except RedisError:
         if not stopping and not spent:
             raise
-        _log.warning("Redis was not told that this worker ends")
+        _log.warning("this worker could not deregister from Redis")
     finally:
         stop_tracing()
     return OUT_OF_MEMORY if spent and not stopping else 0

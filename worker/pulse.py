@@ -1,8 +1,8 @@
-"""What a supervisor and its worker process share: a name, an exit code, a time to stop, and a pulse.
+"""The interface between a supervisor and its worker process: a name, an exit code, a grace period, and a pulse.
 
-The pulse is how the supervisor sees that its worker moves: a counter in shared memory, beaten at each step and phase.
-The lease cannot tell it, for a thread renews that however long a step hangs. A write to shared memory never waits,
-whatever the supervisor does meanwhile.
+The pulse shows the supervisor that its worker makes progress: a counter in shared memory, incremented at each step and
+phase. The lease does not show it, because a thread renews it however long a step hangs. A write to shared memory never
+blocks, whatever the supervisor does.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from pathlib import Path
 __all__ = ["OUT_OF_MEMORY", "PULSE", "STOP_GRACE_S", "WORKER_ID", "Pulse", "PulseMonitor", "new_worker_id"]
 
 WORKER_ID = "MESHDEFORM_WORKER_ID"
-"""The variable that carries it from the supervisor to the process. No setting: nobody else sets it."""
+"""The environment variable with the worker's id, set by the supervisor only. Not a setting."""
 
 OUT_OF_MEMORY = 75
-"""The exit code of a process whose device ran out of memory: it is started again at once. EX_TEMPFAIL of sysexits.h."""
+"""The exit code of a process whose device ran out of memory; it is restarted at once. EX_TEMPFAIL of sysexits.h."""
 
 STOP_GRACE_S = 30.0
-"""What a worker gets after SIGTERM to finish its step and write a checkpoint."""
+"""Seconds that a worker has after SIGTERM to finish its step and write a checkpoint."""
 
 PULSE = "MESHDEFORM_PULSE"
-"""The variable that carries the descriptor from the supervisor to the process. No setting: nobody else sets it."""
+"""The environment variable with the descriptor of the pulse, set by the supervisor only. Not a setting."""
 
 _STATE = struct.Struct("<QQ")  # beats, and 1 while the worker is busy
 _LONGEST_LOOK_S = 1.0
 
 
 def new_worker_id() -> str:
-    """Return a name that no other process has or will have.
+    """Return a name that is unique among all processes, past and future.
 
-    The host's name is for whoever reads the record. Host and process id would not do: containers may share both.
+    The host's name is for people who read the record. Host and process id are not enough: containers may share both.
     """
     return f"{socket.gethostname()[:200]}:{secrets.token_hex(8)}"
 
 
 class Pulse:
-    """The worker's end. Starts busy: a process that loads has something to do.
+    """The worker's end of the pulse. It starts as busy, because the process is loading.
 
     Parameters
     ----------
     descriptor : int, optional
-        Of the memory; None where nobody looks.
+        Descriptor of the shared memory; None without a supervisor.
     """
 
     def __init__(self, descriptor: int | None = None) -> None:
@@ -56,16 +56,16 @@ class Pulse:
 
     @classmethod
     def of_environment(cls) -> Pulse:
-        """The pulse that this process was given by its supervisor."""
+        """Return the pulse that the supervisor passed to this process."""
         given = os.environ.get(PULSE)
         return cls(int(given) if given else None)
 
     def beat(self) -> None:
-        """Something was done, and there is more to do."""
+        """Signal that something was done and the worker is still busy."""
         self._write(busy=True)
 
     def rest(self) -> None:
-        """There is nothing to do: silence is no sign of anything."""
+        """Signal that the worker is idle, so that silence has no meaning."""
         self._write(busy=False)
 
     def _write(self, *, busy: bool) -> None:
@@ -75,17 +75,17 @@ class Pulse:
 
 
 class PulseMonitor:
-    """The supervisor's end, for one life of the worker process.
+    """The supervisor's end of the pulse, for one worker process.
 
     Parameters
     ----------
     clock : callable
-        Seconds.
+        Returns seconds.
 
     Attributes
     ----------
     descriptor : int
-        For the process, which needs it open under this number, and for `close`.
+        Descriptor of the shared memory, which the worker process must inherit under this number.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -95,8 +95,8 @@ class PulseMonitor:
         self._beats, self._silent_s = 0, 0.0
 
     def silent_s(self) -> float:
-        """Seconds that a busy worker has not moved; 0 for one that rests. Call this often."""
-        # What counts is the time in which we looked. While this process itself was stopped, so was its worker.
+        """Return the seconds since a busy worker last made progress; 0 for an idle one. Must be called often."""
+        # Time in which this process itself was stopped does not count: its worker was probably stopped too.
         now = self._clock()
         passed, self._looked = min(now - self._looked, _LONGEST_LOOK_S), now
         beats, busy = _STATE.unpack(os.pread(self.descriptor, _STATE.size, 0))
@@ -106,11 +106,11 @@ class PulseMonitor:
 
     @property
     def loading(self) -> bool:
-        """Whether the process has not said anything yet."""
+        """Whether the process has not sent any beat yet."""
         return self._beats == 0
 
     def close(self) -> None:
-        """Give the memory back; the process keeps its own hold of it."""
+        """Close the shared memory here; the worker process keeps its own descriptor."""
         os.close(self.descriptor)
 
 

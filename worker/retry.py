@@ -1,4 +1,4 @@
-"""Ask the store or the record again when it does not answer, for as long as that makes sense."""
+"""Retry operations on the store or the record while it does not answer, up to a time limit."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 RETRY_FOR_S = 600.0
-"""How long an outage may last before an attempt leaves its job to another one."""
+"""Maximum seconds of an outage before an attempt leaves its job to another one."""
 
 _FIRST_S, _LONGEST_S = 0.1, 2.0
 
 
 class Retry:
-    """Repeat what failed because something did not answer.
+    """Retries of operations that raise `UnavailableError`.
 
     Parameters
     ----------
     between : callable
-        Called before each new try; raises what ends the tries: the lease is lost, the job is canceled.
+        Called before each retry; raises an exception to end the retries, if the lease is lost or the job is canceled.
     limit_s : float
-        How long one thing is tried.
+        Time limit of one operation in seconds.
     """
 
     def __init__(self, between: Callable[[], None], limit_s: float = RETRY_FOR_S) -> None:
         self._between, self._limit_s = between, limit_s
 
     def until_answered(self, what: str, action: Callable[[], T]) -> T:
-        """Return what `action` returns, once it does.
+        """Call `action` until it does not raise `UnavailableError`, and return its result.
 
         Parameters
         ----------
         what : str
-            The action, for the log.
+            Description of the action for the log.
         action : callable
-            May be repeated.
+            Must be safe to repeat.
 
         Raises
         ------
         UnavailableError
-            The time is over.
+            The time limit is exceeded.
         """
         end, delay = time.monotonic() + self._limit_s, _FIRST_S
         while True:
@@ -56,7 +56,7 @@ class Retry:
             except UnavailableError as error:
                 if time.monotonic() + delay > end:
                     raise
-                _log.warning("%s: %s Trying again.", what, error.detail)
+                _log.warning("%s: %s Retrying.", what, error.detail)
             time.sleep(delay)
             self._between()
             delay = min(2 * delay, _LONGEST_S)

@@ -28,7 +28,7 @@ _TERMINAL = {
 
 @dataclass(frozen=True)
 class JobRunner:
-    """Runs jobs, one at a time; lives as long as its process.
+    """Runs jobs, one at a time, for the lifetime of its process.
 
     Attributes
     ----------
@@ -38,10 +38,10 @@ class JobRunner:
     at: WorkerContext
 
     def run(self, job_id: str) -> None:
-        """Run a job: the most urgent one, of which the message that named `job_id` only says that there is one.
+        """Run the next job, which need not be `job_id`: that is only the job for which the message was sent.
 
-        Nothing is raised for what is wrong with the job: that is recorded. Where the record or the store is away for
-        too long, the job goes back to the queue, or, if not even that can be written, waits for the end of its lease.
+        Errors of the job are recorded and not raised. If the record or the store does not answer for too long, the job
+        returns to the queue, or stays claimed until its lease expires if even that cannot be written.
 
         Raises
         ------
@@ -53,11 +53,11 @@ class JobRunner:
         try:
             job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s)
             if job is None:
-                _log.info("told of job %s, but no job waits (a duplicate message, or somebody else has it)", job_id)
+                _log.info("message for job %s, but no job is queued (a duplicate, or another worker has it)", job_id)
                 return
             with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
                 if job.id != job_id:
-                    _log.info("told of job %s; the most urgent is job %s", job_id, job.id)
+                    _log.info("message for job %s; job %s comes first", job_id, job.id)
                 self._claimed(job)
         finally:
             self.at.pulse.rest()
@@ -67,7 +67,7 @@ class JobRunner:
         failpoint("worker.claimed")
         try:
             ended = self._attempt(job)
-            # The watch has ended: nothing can follow what is written now.
+            # The watch has ended, so that nothing is written after this.
             self._record(job, ended)
         except (StaleAttemptError, NotFoundError):
             _log.warning("job %s: attempt %d has lost its lease and stops", job.id, job.attempt)
@@ -87,7 +87,7 @@ class JobRunner:
         return ended
 
     def _record(self, job: Job, ended: Ended) -> None:
-        """Write how it ended; while the record is away, try again: whoever has taken the job meanwhile is noticed."""
+        """Record how the attempt ended, with retries; the record refuses it if another attempt has the job by then."""
         retry = Retry(self._between, self.at.retry_for_s)
         record, about = self.at.record, f"job {job.id}: its end"
         if ended.outcome is Outcome.OUT_OF_MEMORY:
@@ -108,17 +108,17 @@ class JobRunner:
     def _between(self) -> None:
         self.at.pulse.beat()
         if self.at.stopping():
-            raise UnavailableError("The worker is to end.")
+            raise UnavailableError("The worker is stopping.")
 
     def _leave(self, job: Job) -> None:
         try:
             self.at.record.leases.release(job.id, job.attempt)
         except MeshdeformError as error:
-            _log.warning("job %s: waits for the end of its lease: %s", job.id, error.detail)
+            _log.warning("job %s: stays claimed until its lease expires: %s", job.id, error.detail)
 
 
 def _traced(job: Job) -> AbstractContextManager[None]:
-    """A span in the trace of the request that made the job."""
+    """Open a span in the trace of the request that created the job."""
     attributes: dict[str, str | int | float] = {
         "job.id": job.id,
         "job.kind": job.kind.value,

@@ -1,7 +1,7 @@
-"""Keeps one worker process running, and the queue in step with the record. Never imports torch.
+"""Keep one worker process running, and the queue consistent with the record. Never imports torch.
 
-It stays up when its worker dies of a crash, of the out-of-memory killer or of a signal, and starts it again with
-back-off; it kills one that hangs. It also runs the reconciler, which takes jobs back from workers that are gone.
+The supervisor restarts, with back-off, a worker that died of a crash, the out-of-memory killer or a signal, and kills
+one that hangs. It also runs the reconciler, which takes jobs back from dead workers.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ PROCESS_MODULE = "worker.process"
 _TEND_EVERY_S = 0.25
 _OPEN_EVERY_S = 2.0
 _LOADING_S = 120.0
-"""What a process gets at least to import what it needs, however short the time for a step is."""
+"""Minimum seconds that a process has for its imports, however short the time limit of a step is."""
 _STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 
 
 class Supervisor:
-    """One worker and the reconciler.
+    """The supervisor of one worker process; it also runs the reconciler.
 
     Parameters
     ----------
     settings : Settings
     process_module : str
-        What runs as the worker process; a test may have another one.
+        The module run as the worker process; tests replace it.
     """
 
     def __init__(self, settings: Settings, process_module: str = PROCESS_MODULE) -> None:
@@ -49,12 +49,12 @@ class Supervisor:
         self._killed_at = 0.0
 
     def run(self) -> None:
-        """Tend the worker until SIGINT or SIGTERM, then let it hand its job back and end.
+        """Supervise the worker until SIGINT or SIGTERM, then let it hand its job back and exit.
 
         Raises
         ------
         DependencyError
-            A URL of the settings cannot be used at all. A record that only does not answer is waited for.
+            A URL in the settings is invalid. If the record merely does not answer, wait for it.
         """
         with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox, sign_of_life(self._settings):
             record = self._open_record(inbox)
@@ -72,13 +72,13 @@ class Supervisor:
                     self._kill_if_hung(worker)
                     worker.supervise()
                 worker.stop(STOP_GRACE_S)
-                # It has handed its job back, unless it had to be killed.
+                # The worker has handed its job back, unless it had to be killed.
                 self._give_up_lease(record)
             queue.close()
             record.close()
 
     def _open_record(self, inbox: SignalInbox) -> JobRecord | None:
-        """The record, as soon as it answers: after a power cut its server may be up later than this process."""
+        """Return the record once it answers, as its server may start after this process; None if stopped first."""
         while True:
             try:
                 return JobRecord(self._settings.resolved_database_url)
@@ -88,7 +88,7 @@ class Supervisor:
                 return None
 
     def _start_worker(self) -> Child:
-        # Read by the libraries below torch and numba when they are loaded, so before the process starts.
+        # The libraries used by torch and numba read these variables when they are loaded.
         threads = str(self._settings.threads)
         limits = {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads} if self._settings.threads else {}
         self._worker_id = new_worker_id()
@@ -107,15 +107,15 @@ class Supervisor:
         if self._monitor.loading:
             limit_s = max(limit_s, _LOADING_S)
         if silent_s > limit_s and time.monotonic() > self._killed_at + limit_s:
-            _log.error("the worker process has done nothing for %.0f s: it hangs, and is killed", silent_s)
+            _log.error("the worker process has made no progress for %.0f s and is killed", silent_s)
             self._killed_at = time.monotonic()
             worker.child.kill()
 
     def _give_up_lease(self, record: JobRecord) -> None:
-        """Forget the worker that just ended, so that its job is taken back now, not when its lease is over."""
+        """Remove the worker that just ended, so that its job is taken back before its lease expires."""
         try:
             if record.leases.worker_ended(self._worker_id):
-                _log.warning("the worker process held a job; it is taken back")
+                _log.warning("the worker process held a job, which is taken back")
                 failpoint("supervisor.reclaimed")
         except MeshdeformError as error:
-            _log.warning("the job of the worker process waits for the end of its lease: %s", error)
+            _log.warning("the job of the worker process stays claimed until its lease expires: %s", error)

@@ -1,8 +1,8 @@
-"""Keep the lease, publish progress and hear of a cancel, beside the steps of a job.
+"""Renew the lease, publish progress and detect a cancellation while the steps of a job run.
 
-One thread writes to the record, another one listens on Redis. The loop that runs the steps only leaves its newest
-report here and looks at flags, so it never waits for the record or for Redis; and however long a step takes, the lease
-is renewed in time.
+One thread writes to the record, another one subscribes to Redis. The loop that runs the steps only stores its newest
+report here and reads flags, so that it never waits for the record or Redis, and the lease is renewed in time however
+long a step takes.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ __all__ = ["CancelListener", "JobWatch", "StepTimer"]
 _log = logging.getLogger(__name__)
 
 PUBLISH_EVERY_S = 0.5
-"""Twice as often as promised, so that a slow write does not make a gap of more than a second."""
+"""Half the promised second, so that a slow write does not cause a longer gap."""
 
 _HEARTBEATS_PER_LEASE = 6
 _LONGEST_HEARTBEAT_S = 10.0
-"""However long the lease is: the worker's row, which says that it is alive, is renewed with it."""
+"""Upper limit, however long the lease is: the heartbeat also renews the worker's own row."""
 
-_TOLD_PARTS = 200
-_TOLD_EVERY_S = 5.0
-"""An event for each of so many parts of the way, and one at least so often while there is anything new."""
+_EVENTS_PER_JOB = 200
+_EVENT_EVERY_S = 5.0
+"""Progress events: one for each such fraction of all steps, and one after so many seconds if there is progress."""
 
 
 class CancelListener(Protocol):
-    """Hears that somebody asked for a job to be canceled."""
+    """A subscription to hints that a job may have been canceled."""
 
     def wait(self, timeout_s: float) -> bool:
-        """True when it was asked for; False when `timeout_s` seconds went by. Never raises."""
+        """Return True when a hint arrives; False after `timeout_s` seconds. Never raises."""
 
 
 class StepTimer:
-    """A smoothed duration of a step, for the estimate of what is left: an exponential mean of about twenty steps."""
+    """The smoothed duration of a step, for estimates: an exponential mean over about twenty steps."""
 
     _MEMORY_STEPS = 20
 
@@ -56,11 +56,11 @@ class StepTimer:
         self._mean_s: float | None = None
 
     def start(self) -> None:
-        """The next step begins now; time before it is not a step's."""
+        """Start the next step; the time before it does not count."""
         self._last = self._clock()
 
     def tick(self) -> None:
-        """A step is done."""
+        """Count a finished step."""
         now = self._clock()
         taken, self._last = now - self._last, now
         if self._mean_s is None:
@@ -69,12 +69,12 @@ class StepTimer:
             self._mean_s += (taken - self._mean_s) / self._MEMORY_STEPS
 
     def left_s(self, steps: int) -> float | None:
-        """Seconds that `steps` more steps will take; None before the first."""
+        """Return the estimated seconds of `steps` more steps; None before the first."""
         return None if self._mean_s is None else self._mean_s * steps
 
 
 class JobWatch:
-    """Watches over one attempt, in threads of its own, for the length of a `with` block: one writes, one hears.
+    """The watch over one attempt, for the duration of a `with` block: one thread writes, one waits for a cancellation.
 
     Parameters
     ----------
@@ -85,14 +85,14 @@ class JobWatch:
     listen : callable
         Opens a `CancelListener` for the job.
     lease_s : float
-        Renewed six times as often as it lasts, and every ten seconds at least.
+        Duration of the lease, which is renewed every sixth of it, at least every ten seconds.
 
     Attributes
     ----------
     canceled : bool
-        Somebody asked for the job to be canceled: stop after this step.
+        Whether the job is to be canceled: stop after this step.
     lost : bool
-        Another attempt has the job: stop, and write nothing more.
+        Whether another attempt has the job: stop, and write nothing more.
     """
 
     def __init__(
@@ -109,9 +109,9 @@ class JobWatch:
         self._timer = StepTimer()
         self._latest = self._progress(0, 0, "loading", {})
         self._published: Progress | None = None
-        self._told: Progress | None = None
-        self._told_at = 0.0
-        self._done = threading.Event()
+        self._last_event: Progress | None = None
+        self._last_event_at = 0.0
+        self._done, self._wake = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=carried(self._run), name=f"watch {job.id}", daemon=True)
         self._cancel_listener = threading.Thread(
             target=carried(self._listen_for_cancel), name=f"cancel {job.id}", daemon=True
@@ -128,11 +128,12 @@ class JobWatch:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._done.set()
+        self._wake.set()
         self._thread.join()
-        # The cancel listener ends within half a second. Nothing wakes it, and the end of the job need not wait for it.
+        # The cancel listener ends within half a second by itself; the end of the job need not wait for it.
 
     def phase(self, name: str, *, step: int | None = None, total_steps: int | None = None) -> None:
-        """A phase begins that has no steps of its own."""
+        """Enter a phase that has no steps of its own."""
         at = self._latest
         self._latest = self._progress(
             at.step if step is None else step, at.total_steps if total_steps is None else total_steps, name, at.losses
@@ -140,7 +141,7 @@ class JobWatch:
         self._timer.start()
 
     def step(self, report: StepReport) -> None:
-        """A step is done. Costs microseconds: it is published from the thread."""
+        """Note a finished step. This takes microseconds: the thread publishes it."""
         self._timer.tick()
         self._latest = self._progress(report.step, report.total_steps, self._latest.phase, report.losses)
 
@@ -158,17 +159,21 @@ class JobWatch:
     def _run(self) -> None:
         next_heartbeat = 0.0
         try:
-            while not self._done.is_set() and not self.lost:
+            while True:
+                hinted = self._wake.is_set()
+                self._wake.clear()
+                if self._done.is_set() or self.lost:
+                    break
                 now = time.monotonic()
-                if now >= next_heartbeat:
+                if hinted or now >= next_heartbeat:
                     next_heartbeat = now + self._heartbeat_every_s
                     self._attempt(self._beat)
                 self._attempt(self._publish)
-                self._done.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
+                self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
             self._attempt(self._publish)
         except Exception:
-            # Without its watch the job would go on unheard until its lease is over: better to stop it now.
-            _log.exception("job %s: the watch ended", self._job.id)
+            # Without its watch the job would run on until its lease expires and then lose its work: stop it now.
+            _log.exception("job %s: the watch failed", self._job.id)
             self.lost = True
 
     def _listen_for_cancel(self) -> None:
@@ -176,12 +181,14 @@ class JobWatch:
             with self._listen() as listener:
                 while not (self._done.is_set() or self.lost or self.canceled):
                     if listener.wait(PUBLISH_EVERY_S):
-                        self.canceled = True
+                        # Only the record is believed: ask it now, and again only after a moment.
+                        self._wake.set()
+                        self._done.wait(PUBLISH_EVERY_S)
         except Exception:
-            _log.exception("job %s: a cancel will be noticed by the next heartbeat only", self._job.id)
+            _log.exception("job %s: a cancellation will only be noticed at the next heartbeat", self._job.id)
 
     def _attempt(self, write: Callable[[], None]) -> None:
-        """Write to the record; while it does not answer, go on: the lease outlives a short outage."""
+        """Write to the record; if it does not answer, continue, because the lease outlasts a short outage."""
         if self.lost:
             return
         try:
@@ -199,18 +206,18 @@ class JobWatch:
     def _publish(self) -> None:
         latest = self._latest
         if latest is not self._published:
-            tell = self._worth_telling(latest)
-            self._leases.save_progress(self._job.id, self._job.attempt, latest, tell=tell)
+            as_event = self._deserves_event(latest)
+            self._leases.save_progress(self._job.id, self._job.attempt, latest, as_event=as_event)
             self._published = latest
-            if tell:
-                self._told, self._told_at = latest, time.monotonic()
+            if as_event:
+                self._last_event, self._last_event_at = latest, time.monotonic()
 
-    def _worth_telling(self, progress: Progress) -> bool:
-        """Return whether it should become an event; a job of many hours must not leave a hundred thousand of them."""
-        told = self._told
+    def _deserves_event(self, progress: Progress) -> bool:
+        """Return whether to write an event; a job of many hours must not create a hundred thousand of them."""
+        last = self._last_event
         return (
-            told is None
-            or progress.phase != told.phase
-            or (progress.step - told.step) * _TOLD_PARTS >= progress.total_steps
-            or time.monotonic() - self._told_at >= _TOLD_EVERY_S
+            last is None
+            or progress.phase != last.phase
+            or (progress.step - last.step) * _EVENTS_PER_JOB >= progress.total_steps
+            or time.monotonic() - self._last_event_at >= _EVENT_EVERY_S
         )

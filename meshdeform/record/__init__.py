@@ -1,1 +1,1 @@
-"""Jobs: what they are, the record that knows them, the queue that tells workers, the reconciler that mends both."""
+"""The record of jobs in SQL, the queue that notifies workers, and the reconciler that keeps the two consistent."""

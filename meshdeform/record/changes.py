@@ -1,4 +1,4 @@
-"""A change to jobs, with all that belongs to it in one transaction: events, messages to webhooks, outbox, counters."""
+"""Change jobs together with their events, webhook messages, outbox rows and counters, in one transaction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Row = sa.Row[Any]
 
 
 class Change:
-    """One transaction that changes jobs; made by `changing`."""
+    """A transaction that changes jobs, created by `changing`."""
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
         self.connection, self.counters = connection, Counters(database, connection)
@@ -35,7 +35,7 @@ class Change:
         happened: EventType | Callable[[Row], EventType] | None = None,
         data: Callable[[Row], dict[str, Any]] | dict[str, Any] | None = None,
     ) -> list[Row]:
-        """Change the jobs that a condition names.
+        """Change the jobs that satisfy a condition, and write an event for each.
 
         Parameters
         ----------
@@ -43,13 +43,14 @@ class Change:
         values : dict
             New values of columns.
         happened : EventType or callable, optional
-            The event of each of them, or what tells it from the changed row.
+            The event of each job, or a function that returns it for the changed row. Default: no event.
         data : dict or callable, optional
-            The event's data, or what makes it from the changed row.
+            The event's data, or a function that returns it for the changed row.
 
         Returns
         -------
-        list of rows, as they are now
+        list of rows
+            The changed rows.
         """
         change = sa.update(jobs).where(where).values(version=jobs.c.version + 1, **values)
         if happened is not None:
@@ -58,11 +59,11 @@ class Change:
         if happened is not None:
             for place, row in enumerate(changed):
                 kind = happened if isinstance(happened, EventType) else happened(row)
-                changed[place] = self.tell(row, kind, data(row) if callable(data) else data)
+                changed[place] = self.write_event(row, kind, data(row) if callable(data) else data)
         return changed
 
-    def tell(self, row: Row, happened: EventType, data: dict[str, Any] | None = None) -> Row:
-        """Write the event whose number the row carries, and all that follows from it; return the row as it is then."""
+    def write_event(self, row: Row, happened: EventType, data: dict[str, Any] | None = None) -> Row:
+        """Write the event with the number in `row.event_seq` and its consequences; return the row afterwards."""
         values = {
             "job_id": row.id,
             "seq": row.event_seq,
@@ -96,7 +97,7 @@ class Change:
         return row
 
     def _discard_lost_attempts(self, row: Row) -> None:
-        """Give up the objects of earlier attempts, but not of those with a checkpoint that the record points at."""
+        """Discard the objects of earlier attempts, except attempts with a recorded checkpoint."""
         kept = sa.select(checkpoints.c.attempt).where(checkpoints.c.job_id == row.id).distinct()
         lost = set(range(1, row.attempt)) - set(self.connection.scalars(kept))
         if lost:
@@ -106,7 +107,7 @@ class Change:
 
 @contextmanager
 def changing(database: Database) -> Iterator[Change]:
-    """Open a transaction that changes jobs; what it counted is written at its end."""
+    """Open a transaction that changes jobs, and write its counters at its end."""
     with database.write() as connection:
         change = Change(database, connection)
         yield change
@@ -119,7 +120,7 @@ def hold(connection: sa.Connection, job_id: str, attempt: int) -> None:
     Raises
     ------
     StaleAttemptError
-        The attempt does not have the job any more.
+        The attempt no longer has the job.
     """
     held = sa.select(jobs.c.id).where(rows.fenced(job_id, attempt)).with_for_update()
     if connection.execute(held).first() is None:
@@ -127,24 +128,24 @@ def hold(connection: sa.Connection, job_id: str, attempt: int) -> None:
 
 
 def stale(connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
-    """Return the error that says why a write of this attempt was refused.
+    """Return the error that explains why a write of this attempt was refused.
 
     Raises
     ------
     NotFoundError
-        The job is gone.
+        The job was deleted.
     """
     now = find_job(connection, job_id)
     return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
 
 
 def find_job(connection: sa.Connection, job_id: str, owner: str | None = None) -> Job:
-    """Return a job; with an owner, only if it is theirs.
+    """Return a job; with an owner, only a job of that owner.
 
     Raises
     ------
     NotFoundError
-        There is none. Whether somebody else has one of this id is not told.
+        There is no such job. The error is the same if another owner has it.
     """
     query = sa.select(jobs).where(jobs.c.id == job_id)
     if owner is not None:

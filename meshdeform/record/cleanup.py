@@ -1,4 +1,4 @@
-"""Remove what nobody can reach any more: objects of deleted jobs, files without a job, uploads over their time."""
+"""Remove unreachable data: objects of deleted jobs, files without a job, expired uploads."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["remove_job", "remove_unreachable", "remove_upload"]
 
 
 def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
-    """Bring the store in line with the record. Safe to interrupt, to repeat, and to run twice at once.
+    """Remove from the store what the record no longer refers to. Safe to interrupt, repeat, and run concurrently.
 
     Raises
     ------
     UnavailableError
-        The record or the store does not answer; what is left to do stays on the record.
+        The record or the store does not answer; the remaining work stays recorded.
     """
     for prefix in record.upkeep.discarded_prefixes():
         _remove_prefix(record, store, prefix)
@@ -31,7 +31,7 @@ def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
 
 
 def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterable[str]) -> None:
-    """Remove what a deleted job leaves, and nothing else: how long that takes depends on no other job.
+    """Remove the objects of one deleted job, and nothing else, so that the duration depends on no other job.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterab
     store : ObjectStore
     job_id : str
     files : iterable of str
-        What it used, as `JobRecord.delete` says; those that others use stay.
+        Keys of the files that it used, as returned by `JobRecord.delete`; files in use elsewhere stay.
 
     Raises
     ------
     UnavailableError
-        As of `remove_unreachable`, which finishes it.
+        The record or the store does not answer; `remove_unreachable` does the rest.
     """
     _remove_prefix(record, store, f"jobs/{job_id}/")
     for key in files:
@@ -52,7 +52,7 @@ def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterab
 
 
 def remove_upload(store: ObjectStore, upload_id: str) -> None:
-    """Remove what has come of an upload; the file that it became is another thing."""
+    """Remove the received bytes of an upload; the file stored from a complete upload is not affected."""
     if store.appends:
         store.discard_append(upload_id)
     store.delete_prefix(f"uploads/{upload_id}/")

@@ -1,4 +1,4 @@
-"""Numbers for the metrics: sums that outlive processes, histograms among them, and how many jobs there are now."""
+"""Numbers for the metrics: counters and histograms that outlive processes, and the current number of jobs."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ BUCKETS_S: dict[str, tuple[float, ...]] = {
     "queue_wait_seconds": (0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 900.0, 3600.0),
     "step_seconds": (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0),
 }
-"""Upper bounds of the histograms, in seconds; what is above the last one counts as `inf`."""
+"""Upper bounds of the histograms in seconds; larger values count as `inf`."""
 
 
 class Counters:
-    """What one transaction adds; written at its end, in one order, so that two transactions never wait in a circle."""
+    """The increments of one transaction, written at its end in a fixed order, so that transactions cannot deadlock."""
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
         self._database, self._connection = database, connection
@@ -35,14 +35,14 @@ class Counters:
         self._sums[name, label] += value  # type: ignore[assignment]
 
     def observe(self, name: str, seconds: float) -> None:
-        """Add a value to a histogram of `BUCKETS_S`. Clocks that were set back give no negative durations."""
+        """Add a value to a histogram of `BUCKETS_S`. Negative durations, from clocks set back, count as 0."""
         seconds = max(0.0, seconds)
         bucket = next((f"{bound:g}" for bound in BUCKETS_S[name] if seconds <= bound), "inf")
         self.add(f"{name}_bucket", bucket)
         self.add(f"{name}_sum", value=seconds)
 
     def write(self) -> None:
-        """Add everything."""
+        """Write all increments."""
         for (name, label), value in sorted(self._sums.items()):
             insert = self._database.upsert(tallies).values(name=name, label=label, value=value)
             more = {"value": tallies.c.value + insert.excluded.value}
@@ -50,23 +50,23 @@ class Counters:
 
 
 def read_counters(database: Database) -> dict[tuple[str, str], float]:
-    """Return every sum by name and label."""
+    """Return every counter by name and label."""
     with database.read() as connection:
         return {(row.name, row.label): row.value for row in connection.execute(sa.select(tallies))}
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """A look at the record.
+    """Current numbers of the record.
 
     Attributes
     ----------
     jobs : dict of JobState to int
-        Jobs in each state.
+        Number of jobs in each state.
     oldest_queued_s : float
-        Seconds since the creation of the queued job that was created first; 0 where none is queued.
+        Age of the oldest queued job in seconds; 0 if none is queued.
     pending_deliveries : int
-        Messages to webhooks that are not delivered yet.
+        Number of webhook messages not delivered yet.
     """
 
     jobs: dict[JobState, int]
@@ -75,7 +75,7 @@ class Statistics:
 
 
 def statistics(database: Database) -> Statistics:
-    """Look once; every query is answered from an index."""
+    """Return the current numbers; every query uses an index."""
     by_state = sa.select(jobs.c.state, sa.func.count()).group_by(jobs.c.state)
     # Ids sort by time.
     oldest = sa.select(jobs.c.created_at).where(jobs.c.state == JobState.QUEUED).order_by(jobs.c.id).limit(1)

@@ -1,13 +1,15 @@
-"""The database under the record: SQLite on one machine, PostgreSQL for several, one code path above."""
+"""The record's database: SQLite on one machine, PostgreSQL for several, with the same code for both."""
 
 from __future__ import annotations
 
 import logging
+import os
 import sqlite3
 import ssl
+import stat
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -19,17 +21,20 @@ from sqlalchemy import event
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import HEAD, UtcDateTime
 
-__all__ = ["Database", "make_engine"]
+__all__ = ["RECORD_FILE", "Database", "make_engine"]
 
 _log = logging.getLogger(__name__)
+RECORD_FILE = "meshdeform.sqlite"
+"""The name of the record in a data folder, where nothing else is kept for others."""
+
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
 _IDLE_IN_TRANSACTION_S = 10.0
-_MIGRATION_LOCK = 0x6D657368  # any number that no other program takes
+_MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _READ_ONLY = "meshdeform_read_only"
 _AWAY = frozenset({"08", "40", "53", "57", "58"})
-"""PostgreSQL's classes of errors that pass: connection, rollback (a deadlock), resources, operator, system."""
+"""PostgreSQL's classes of temporary errors: connection, rollback (deadlock), resources, operator, system."""
 
 
 class Database:
@@ -38,18 +43,20 @@ class Database:
     Parameters
     ----------
     url : str
-        An SQLAlchemy URL. `postgresql://` and `postgres://` mean the driver pg8000; `?sslmode=` is understood.
+        An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
 
     Raises
     ------
     UnavailableError
-        It does not answer, or a newer Meshdeform made it.
+        The database does not answer, or was created by a newer Meshdeform.
     """
 
     def __init__(self, url: str) -> None:
         self._engine = make_engine(url)
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
+            if self.is_sqlite:
+                _make_private(Path(self._engine.url.database or ""))
             self._migrate()
         except BaseException:
             self.close()
@@ -61,10 +68,10 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
-        """For queries. On SQLite they see one state; on PostgreSQL each sees what is committed when it begins."""
+        """Open a connection for queries. On SQLite they see one snapshot; on PostgreSQL each has its own."""
         options: dict[str, Any] = {_READ_ONLY: True}
         if not self.is_sqlite:
-            # A transaction at PostgreSQL's own level would show no more, and cost two more trips to the server.
+            # A transaction at PostgreSQL's default level would see the same, and cost two more round trips.
             options["isolation_level"] = "AUTOCOMMIT"
         with _answers(), self._engine.connect() as connection:
             connection = connection.execution_options(**options)
@@ -73,23 +80,31 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[sa.Connection]:
-        """One transaction; on SQLite the only one that writes, from its first statement on."""
+        """Open a transaction; on SQLite it holds the write lock from its first statement on."""
         with _answers(), self._engine.begin() as connection:
             yield connection
 
     def now(self, later_s: float = 0.0) -> Any:
-        """The instant that it is, or one so many seconds later, by the clock that all processes share.
+        """Return the current time, or a time so many seconds later, by the clock that all processes share.
 
-        With PostgreSQL that is the server's clock: hosts whose clocks differ still agree on whether a lease is over. It
-        stands still within a statement: a clock that moves on could be compared with no index.
+        With PostgreSQL this is the server's clock, so that hosts with different clocks agree on whether a lease has
+        expired. It is constant within a statement; otherwise comparisons could not use an index.
         """
         if self.is_sqlite:
             return datetime.now(UTC) + timedelta(seconds=later_s)
         clock = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
         return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
 
+    def clock(self) -> datetime:
+        """Return the current time by the clock of `now`, as a value."""
+        if self.is_sqlite:
+            return datetime.now(UTC)
+        with self.read() as connection:
+            instant: datetime = connection.execute(sa.select(self.now())).scalar_one()
+        return instant
+
     def upsert(self, table: sa.Table) -> Any:
-        """`INSERT ... ON CONFLICT`, which both databases spell alike and SQLAlchemy keeps apart."""
+        """Return an `INSERT` that supports `ON CONFLICT`: SQLAlchemy has one for each database."""
         if self.is_sqlite:
             from sqlalchemy.dialects import sqlite
 
@@ -100,7 +115,7 @@ class Database:
 
     def _migrate(self) -> None:
         with self.write() as connection:
-            # The lock ends with the transaction, and so do half-made tables: DDL is transactional in both.
+            # The lock ends with the transaction. DDL is transactional in both databases.
             if not self.is_sqlite:
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
             if _version(connection) != HEAD:
@@ -108,7 +123,7 @@ class Database:
 
 
 def make_engine(url: str) -> sa.Engine:
-    """The engine of a record: its driver, time limits and TLS. Connects to nothing and migrates nothing.
+    """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
     Parameters
     ----------
@@ -118,7 +133,7 @@ def make_engine(url: str) -> sa.Engine:
     Raises
     ------
     DependencyError
-        It is no database's URL, one in memory, or its driver is not installed.
+        The URL is invalid, names a database in memory, or its driver is not installed.
     """
     try:
         parsed = sa.make_url(url)
@@ -153,8 +168,8 @@ def make_engine(url: str) -> sa.Engine:
 
 
 def _prepare_postgresql(engine: sa.Engine, connection: Any) -> None:
-    # A process that is stopped, or whose host is cut off, in the middle of a transaction holds locks that the recovery
-    # of its job would wait for: the server ends such a session, whose transactions never pause by themselves.
+    # A process that is stopped or cut off within a transaction holds locks needed for the recovery of its job. The
+    # server ends such sessions; our transactions never pause by themselves.
     with getattr(engine.dialect, "network", nullcontext)():
         cursor = connection.cursor()
         cursor.execute(f"SET idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'")
@@ -163,7 +178,7 @@ def _prepare_postgresql(engine: sa.Engine, connection: Any) -> None:
 
 
 def _ssl_context(mode: str) -> ssl.SSLContext | None:
-    """What libpq's `sslmode` means to a driver that takes a context."""
+    """Return the TLS context equivalent to libpq's `sslmode`; None for no TLS."""
     if mode in ("disable", "allow", "prefer"):
         return None
     context = ssl.create_default_context()
@@ -179,15 +194,34 @@ def _sqlite_engine(url: sa.URL) -> sa.Engine:
         raise DependencyError(
             "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
         )
-    Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+    Path(url.database).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S, "check_same_thread": False})
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)
     return engine
 
 
+def _make_private(path: Path) -> None:
+    """Create the file of a record for its user only, and restrict an existing one: it has prompts, secrets and keys."""
+    try:
+        # Never open an existing one: closing it would release the locks that SQLite holds on it in this process.
+        with suppress(FileExistsError):
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+        for file in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
+            if file.exists() and file.stat().st_mode & 0o077:
+                file.chmod(0o600)
+        folder = path.parent.stat()
+        # Only a folder of its own: the record may also be in a home folder, or in one that others need.
+        if path.name == RECORD_FILE and folder.st_mode & 0o077 and not folder.st_mode & stat.S_ISVTX:
+            path.parent.chmod(0o700)
+    except PermissionError as error:
+        _log.warning("other users of this machine may be able to read the record: %s", error)
+    except OSError as error:
+        raise UnavailableError(f"The record cannot be opened: {error.strerror}.") from error
+
+
 def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
-    # sqlite3's own idea of when a transaction begins is too late for a lock: `_begin_sqlite` says it.
+    # sqlite3 begins transactions too late to take the write lock at once; `_begin_sqlite` begins them.
     connection.isolation_level = None
     deadline = time.monotonic() + _BUSY_TIMEOUT_S
     while True:
@@ -195,7 +229,7 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
             connection.execute("PRAGMA journal_mode=WAL")
             break
         except sqlite3.OperationalError:
-            # The change to WAL, once in a file's life, does not wait for other connections by itself.
+            # The change to WAL, made once per file, does not wait for other connections by itself.
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.01)
@@ -204,14 +238,14 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
 
 
 def _begin_sqlite(connection: sa.Connection) -> None:
-    # A transaction that reads first and writes later could find itself out of date: take the write lock at once.
+    # Take the write lock at once: a transaction that reads first could not write if another one wrote in between.
     reads = connection.get_execution_options().get(_READ_ONLY, False)
     connection.exec_driver_sql("BEGIN" if reads else "BEGIN IMMEDIATE")
 
 
 @contextmanager
 def _answers() -> Iterator[None]:
-    """Say in one way that the database is away, whichever way the driver says it."""
+    """Raise `UnavailableError` for all errors of drivers that mean that the database is temporarily unavailable."""
     away = (sqlalchemy.exc.OperationalError, sqlalchemy.exc.InterfaceError, sqlalchemy.exc.TimeoutError)
     try:
         yield
@@ -221,12 +255,12 @@ def _answers() -> Iterator[None]:
     except sqlalchemy.exc.DBAPIError as error:
         if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise
-        _log.warning("the record cannot do it now: %s", error)
-        raise UnavailableError("The record cannot do it now.") from error
+        _log.warning("the record is temporarily unavailable: %s", error)
+        raise UnavailableError("The record is temporarily unavailable.") from error
 
 
 def _sql_state(error: sqlalchemy.exc.DBAPIError) -> str:
-    """PostgreSQL's code of an error; empty where there is none."""
+    """Return PostgreSQL's code of an error; empty if it has none."""
     said = error.orig.args[0] if error.orig is not None and error.orig.args else None
     return str(said.get("C", "")) if isinstance(said, dict) else ""
 
@@ -239,7 +273,7 @@ def _version(connection: sa.Connection) -> str | None:
 
 
 def _upgrade(connection: sa.Connection) -> None:
-    # Alembic only where there is something to do: a start that finds the schema in place does not load it.
+    # Import Alembic only if there is something to do, to save time and memory.
     import alembic.command
     import alembic.config
     import alembic.util
@@ -250,5 +284,5 @@ def _upgrade(connection: sa.Connection) -> None:
         alembic.command.upgrade(config, "head")
     except alembic.util.CommandError as error:
         raise UnavailableError(
-            "The record was made by a newer Meshdeform.", advice="Install that version or a newer one."
+            "The record was created by a newer Meshdeform.", advice="Install that version or a newer one."
         ) from error

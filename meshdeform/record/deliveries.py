@@ -1,6 +1,6 @@
-"""Messages to webhooks, `record.deliveries`: written with their events, taken by a sender, and what came of them.
+"""Messages to webhooks, `record.deliveries`: written with their events, taken by a sender, with their outcomes.
 
-A message is written in the transaction of the event that it tells of: none is lost, none is invented.
+A message is written in the transaction of its event, so that none is lost and none is sent without an event.
 
 Source: the Standard Webhooks specification 1.0.0 (https://www.standardwebhooks.com), "Deliverability and reliability".
 """
@@ -27,10 +27,10 @@ __all__ = ["RETRY_AFTER_S", "Deliveries", "DueDelivery", "payload_of", "write_de
 _TYPES = frozenset(event.value for event in WebhookEvent)
 
 RETRY_AFTER_S = (5.0, 300.0, 1800.0, 7200.0, 18_000.0, 36_000.0, 50_400.0, 72_000.0, 86_400.0)
-"""Seconds from each attempt that failed to the next one: ten attempts in a little more than three days."""
+"""Seconds from each failed attempt to the next one: ten attempts in a little more than three days."""
 
 _TAKEN_S = 120.0
-"""How long a delivery belongs to who took it: longer than any attempt. After that it is sent again."""
+"""Seconds that a delivery is reserved for its taker, longer than any attempt; after that it is sent again."""
 _JITTER = 0.1
 _KEPT_S = 30 * 86_400.0
 _BATCH = 500
@@ -38,7 +38,7 @@ _BATCH = 500
 
 @dataclass(frozen=True)
 class DueDelivery:
-    """A delivery that its taker alone may send now.
+    """A delivery reserved for its taker.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class DueDelivery:
     url : str
     payload : dict
     secrets : tuple of str
-        What to sign with: the secret, and while it is being changed the one before.
+        Secrets to sign with: the current one, and the previous one for a day after a change.
     attempts : int
-        How many there were.
+        Number of earlier attempts.
     """
 
     id: str
@@ -63,7 +63,7 @@ class DueDelivery:
 
 
 def payload_of(job: Job, event: Event) -> dict[str, Any]:
-    """Return the message about an event, by the Standard Webhooks specification: `type`, `timestamp`, `data`."""
+    """Return the message of an event as the Standard Webhooks specification defines it: `type`, `timestamp`, `data`."""
     return {
         "type": f"job.{event.type}",
         "timestamp": event.at.isoformat().replace("+00:00", "Z"),
@@ -72,13 +72,13 @@ def payload_of(job: Job, event: Event) -> dict[str, Any]:
 
 
 def write_deliveries(connection: sa.Connection, database: Database, job: Job, event: Event) -> None:
-    """Write a message for every webhook of the job's owner that wants to hear of the event."""
+    """Write a message for every webhook of the job's owner that subscribes to the event."""
     if f"job.{event.type}" not in _TYPES:
         return
     listening = sa.select(webhooks.c.id, webhooks.c.events).where(
         webhooks.c.owner_id == job.owner_id, webhooks.c.disabled_at.is_(None)
     )
-    # Held: one that is deleted at the same time is either gone by now or waits until the message is written.
+    # Lock the webhooks: a concurrent deletion has either happened or waits until the message is written.
     listening = listening.order_by(webhooks.c.id).with_for_update(read=True, key_share=True)
     for webhook in connection.execute(listening).all():
         if webhook.events and f"job.{event.type}" not in webhook.events:
@@ -99,27 +99,27 @@ def write_deliveries(connection: sa.Connection, database: Database, job: Job, ev
 
 
 class Deliveries:
-    """Any number of senders may work at once: each takes what no other one has."""
+    """The deliveries of all webhooks. Any number of senders may work at once, each on its own deliveries."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def due(self, limit: int, *, without: Collection[str] = (), each: int = 4) -> list[DueDelivery]:
-        """Take deliveries that are due, oldest first.
+        """Take due deliveries, oldest first.
 
         Parameters
         ----------
         limit : int
-            At most so many.
+            Maximum number.
         without : collection of str
-            Webhooks to pass over.
+            Webhooks to skip.
         each : int
-            At most so many for one webhook: one that answers slowly must not hold up the others.
+            Maximum number for one webhook, so that a slow one does not block the others.
         """
         now = self._database.now()
         is_due = sa.and_(deliveries.c.state == "pending", deliveries.c.next_at <= now)
         with self._database.read() as connection:
-            # Almost always there is nothing, and then nobody need wait for a write lock.
+            # Usually nothing is due, and no write lock is needed.
             if connection.execute(sa.select(deliveries.c.id).where(is_due).limit(1)).first() is None:
                 return []
         enabled = sa.select(webhooks.c.id).where(webhooks.c.disabled_at.is_(None))
@@ -127,8 +127,8 @@ class Deliveries:
         wanted = sa.and_(is_due, deliveries.c.webhook_id.in_(enabled), deliveries.c.webhook_id.not_in(sorted(without)))
         placed = sa.select(deliveries.c.id, place.label("place")).where(wanted).subquery()
         chosen = sa.select(placed.c.id).where(placed.c.place <= each)
-        # Two that choose the same rows: the second one passes over those that the first one has locked, and those
-        # that it has already taken are not due any more.
+        # Of two senders that choose the same rows, the second one skips those locked by the first one; those already
+        # taken are no longer due.
         free = sa.select(deliveries.c.id).where(deliveries.c.id.in_(chosen), is_due).order_by(deliveries.c.next_at)
         free_now = free.limit(limit).with_for_update(skip_locked=True).cte("free_now")
         take = sa.update(deliveries).where(deliveries.c.id.in_(sa.select(free_now.c.id)), is_due)
@@ -142,12 +142,12 @@ class Deliveries:
         return [_due(row, targets[row.webhook_id]) for row in taken if row.webhook_id in targets]
 
     def give_back(self, taken: DueDelivery) -> None:
-        """Let somebody else send it: this one did not get to it."""
+        """Make a delivery due again that was taken but not sent."""
         with self._database.write() as connection:
             connection.execute(sa.update(deliveries).where(_still(taken)).values(next_at=self._database.now()))
 
     def succeeded(self, taken: DueDelivery, *, at: datetime, status: int, seconds: float) -> None:
-        """Write down that the message has arrived. Who was too late, or whose webhook is gone, writes nothing."""
+        """Record a success. Nothing is written if another sender has taken the message or the webhook was deleted."""
         with self._database.write() as connection:
             if self._close(connection, taken, "delivered", None):
                 self._log(connection, taken, at, status, None, seconds)
@@ -163,18 +163,18 @@ class Deliveries:
         seconds: float,
         retry_after_s: float = 0.0,
     ) -> None:
-        """Write down that the message has not arrived, and when to try again, if at all.
+        """Record a failure and the time of the next attempt, if any.
 
         Parameters
         ----------
         taken : DueDelivery
         at : datetime
         status : int, optional
-            Of the answer, if there was one. `410 Gone` disables the webhook.
+            Status of the response, if any. `410 Gone` disables the webhook.
         error : str
         seconds : float
         retry_after_s : float
-            What the receiver asked for; the schedule never waits less, and never longer than its longest wait.
+            Seconds requested by the receiver: they prolong the scheduled wait, up to the longest wait of the schedule.
         """
         again = status != 410 and taken.attempts < len(RETRY_AFTER_S)
         next_at = None
@@ -183,7 +183,7 @@ class Deliveries:
             next_at = self._database.now(delay * (1.0 + random.uniform(0.0, _JITTER)))  # noqa: S311 - no secret
         with self._database.write() as connection:
             if status == 410:
-                # The webhook first: two whose deliveries both meet it would wait for each other's.
+                # Lock the webhook first: two senders that both receive 410 would otherwise deadlock.
                 held = sa.select(webhooks.c.id).where(webhooks.c.id == taken.webhook_id)
                 connection.execute(held.with_for_update(key_share=True))
             if not self._close(connection, taken, "pending" if again else "failed", next_at):
@@ -194,7 +194,7 @@ class Deliveries:
             self._count(connection, "retried" if again else "failed")
 
     def delete_old_deliveries(self) -> int:
-        """Forget deliveries that are 30 days old, some at a time; return how many there were."""
+        """Delete a batch of deliveries older than 30 days; return their number."""
         old = sa.and_(deliveries.c.created_at < self._database.now(-_KEPT_S), deliveries.c.state != "pending")
         with self._database.read() as connection:
             found = list(connection.scalars(sa.select(deliveries.c.id).where(old).limit(_BATCH)))
@@ -229,14 +229,14 @@ class Deliveries:
         connection.execute(sa.insert(delivery_attempts).values(values))
 
     def disable(self, connection: sa.Connection, webhook_id: str, reason: str) -> None:
-        """Tell a webhook of nothing more, within a transaction: its pending deliveries fail."""
+        """Disable a webhook within a transaction; its pending deliveries fail."""
         enabled = sa.and_(webhooks.c.id == webhook_id, webhooks.c.disabled_at.is_(None))
         values = {"disabled_at": self._database.now(), "disabled_reason": reason}
         connection.execute(sa.update(webhooks).where(enabled).values(values))
         self._drop(connection, sa.and_(deliveries.c.webhook_id == webhook_id, deliveries.c.state == "pending"))
 
     def _drop(self, connection: sa.Connection, which: sa.ColumnElement[bool]) -> None:
-        # In one order, so that two that drop the same ones never wait in a circle.
+        # Lock in a fixed order, so that two transactions that drop the same deliveries cannot deadlock.
         held = sa.select(deliveries.c.id).where(which).order_by(deliveries.c.id).with_for_update().cte("held")
         change = sa.update(deliveries).where(deliveries.c.id.in_(sa.select(held.c.id)), deliveries.c.state == "pending")
         change = change.values(state="failed", next_at=None)
@@ -250,7 +250,7 @@ class Deliveries:
 
 
 def _still(taken: DueDelivery) -> sa.ColumnElement[bool]:
-    """Whether nobody else has tried it since it was taken."""
+    """Return the condition that no other sender has tried the delivery since it was taken."""
     return sa.and_(
         deliveries.c.id == taken.id, deliveries.c.state == "pending", deliveries.c.attempts == taken.attempts
     )

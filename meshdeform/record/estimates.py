@@ -1,4 +1,4 @@
-"""How long a job will wait and run, by what the record knows of others; also what that goes by."""
+"""Estimate how long a job will wait and run, from the other jobs in the record."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ __all__ = ["Estimate", "estimate"]
 
 _SAMPLES = 50
 _COUNTED = 200
-"""Jobs ahead that are looked at one by one; of more, the mean of these is taken."""
+"""Maximum number of jobs ahead that are read one by one; for the rest, the mean of these is used."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What to expect.
+    """The expected duration of a job.
 
     Attributes
     ----------
     queue_s : float or None
-        Seconds until a worker takes it; None where that cannot be told.
+        Seconds until a worker takes the job; None if unknown.
     run_s : float or None
-        Seconds from then to its end; None where no job like it has been seen.
+        Seconds from then to its end; None if no similar job has succeeded.
     basis : str
-        What it is told from.
+        The data that the estimate uses.
     """
 
     queue_s: float | None
@@ -44,17 +44,17 @@ class Estimate:
 
 
 def estimate(database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str) -> Estimate:
-    """Look at the newest jobs that succeeded, at those ahead, and at the workers that are alive.
+    """Estimate a job from the newest successful jobs, the jobs ahead, and the number of live workers.
 
     Parameters
     ----------
     database : Database
     leases : Leases
-        Knows the workers.
+        Counts the workers.
     request : JobRequest
-        The job in question.
+        The job to estimate.
     default_model : str
-        The model where a request names none.
+        The model used if a request names none.
     queue : str
         The deployment's queue.
     """
@@ -81,7 +81,7 @@ def _jobs(count: int) -> str:
 
 
 def _step_seconds(connection: sa.Connection, which: sa.ColumnElement[bool]) -> tuple[float | None, int]:
-    """The median of the newest jobs that succeeded, and of how many."""
+    """Return the median seconds per step of the newest successful jobs, and their number."""
     query = (
         sa.select(jobs.c.step_s)
         .where(which, jobs.c.state == JobState.SUCCEEDED, jobs.c.step_s.is_not(None))
@@ -94,7 +94,7 @@ def _step_seconds(connection: sa.Connection, which: sa.ColumnElement[bool]) -> t
 
 @dataclass(frozen=True)
 class _Ahead:
-    """What workers do before they come to a new job: steps left of each running one, and of each that is before it."""
+    """The work before a new job: the steps left of each running job and of each queued job ahead of it."""
 
     running: list[int]
     queued: list[int]
@@ -114,8 +114,8 @@ class _Ahead:
         return cls(left(jobs.c.state.in_(OWNED)), queued, count - len(queued))
 
     def steps_until_free(self, workers: int) -> float:
-        """Each worker takes the next job when it is free: steps until one of them is free for the new job."""
-        # More jobs than workers run where a worker was counted as silent: the longest are those that count.
+        """Return the steps until a worker is free for the new job, if each free worker takes the next job."""
+        # There are more running jobs than workers if a worker counts as silent; use the longest jobs.
         free_at = sorted(self.running, reverse=True)[:workers]
         free_at += [0] * (workers - len(free_at))
         heapq.heapify(free_at)

@@ -1,4 +1,4 @@
-"""What happened to jobs, in order and without a gap: the source of every stream of events."""
+"""Read the events of jobs, in order and without gaps: the source of every event stream."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BATCH = 500
 
 @dataclass(frozen=True)
 class Head:
-    """Where a job stands, in a word: the number of its newest event and its state."""
+    """The current position of a job: the number of its newest event, its version and its state."""
 
     seq: int
     version: int
@@ -28,13 +28,13 @@ class Head:
 
 
 class EventLog:
-    """Reads events. They are written with the changes that they tell of (`changes.py`)."""
+    """The events of all jobs, for reading; they are written with the changes that cause them (`changes.py`)."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def after(self, job_id: str, seq: int = 0, limit: int = 1000, owner: str | None = None) -> list[Event]:
-        """Return the events of a job that follow `seq`, oldest first, at most `limit`.
+        """Return at most `limit` events of a job after number `seq`, oldest first.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class EventLog:
         return found
 
     def heads(self, job_ids: Collection[str]) -> dict[str, Head]:
-        """Return where jobs stand; deleted ones are missing. One look for everybody who waits."""
+        """Return the current positions of jobs, without deleted ones, in one query per 500 jobs."""
         found: dict[str, Head] = {}
         ids = sorted(job_ids)
         for start in range(0, len(ids), _BATCH):

@@ -1,14 +1,16 @@
-"""Which uploaded files are in use: the same bytes are stored once, and removed with the last job that needs them.
+"""Track which stored files are in use: equal bytes are stored once, and removed with the last job that needs them.
 
-A request pins its file before it stores it, and the job's row, when it commits, takes the pin's place. So between a
-look and a removal no request can slip in that counts on the bytes being there.
+A request pins its file before storing it, and the committed row of its job replaces the pin, so that a file cannot be
+removed while a request relies on it.
 """
 
 from __future__ import annotations
 
+import secrets
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -19,15 +21,17 @@ from meshdeform.record.schema import files, jobs, uploads
 __all__ = ["FileLeases", "FileLedger"]
 
 _PIN_LASTS_S = 3600.0
-"""A pin that is older belongs to a request whose process died."""
+"""Older pins belong to requests whose process died."""
 _REMOVAL_LASTS_S = 900.0
-"""Longer than any removal takes. One that is older belongs to a process that died."""
+"""Longer than any removal takes; older ones belong to a process that died."""
 _BEING_REMOVED = -1
-_WAIT_S, _LOOK_EVERY_S = 30.0, 0.05
+_WAIT_S, _POLL_EVERY_S = 30.0, 0.05
+_EXAMINED = 300
+"""Number of files that one search for unused ones examines; their number must not slow it down."""
 
 
 class FileLeases:
-    """Pins of one request, given back where it ends without a job; made by `FileLedger.leases`."""
+    """The pins of one request, released if it ends without a job; created by `FileLedger.leases`."""
 
     def __init__(self, files: FileLedger) -> None:
         self._files = files
@@ -40,11 +44,11 @@ class FileLeases:
             self._keys.append(key)
 
     def passed_on(self, keys: Collection[str]) -> None:
-        """Let go of files that a recorded job keeps now."""
+        """Forget the pins of files that a recorded job now refers to."""
         self._keys = [key for key in self._keys if key not in keys]
 
     def give_back(self) -> None:
-        """Give back what nobody took over."""
+        """Release the remaining pins."""
         if self._keys:
             self._files.unpin(self._keys)
 
@@ -54,10 +58,11 @@ class FileLedger:
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self._position = f"assets/{secrets.token_hex(4)}"
 
     @contextmanager
     def leases(self) -> Iterator[FileLeases]:
-        """Pin files while a request makes a job of them."""
+        """Pin files while a request creates a job from them."""
         leases = FileLeases(self)
         try:
             yield leases
@@ -65,18 +70,18 @@ class FileLedger:
             leases.give_back()
 
     def pin(self, key: str) -> None:
-        """Keep the file: a job that needs it is about to be made. Waits while it is just being removed.
+        """Keep a file for a job that is about to be created. Waits while the file is being removed.
 
         Raises
         ------
         UnavailableError
-            The removal takes too long: the object store is slow, or away.
+            The removal takes too long: the object store is slow or does not answer.
         """
         end = time.monotonic() + _WAIT_S
         while not self._pinned(key):
             if time.monotonic() > end:
-                raise UnavailableError("The file is just being removed, and the object store does not answer.")
-            time.sleep(_LOOK_EVERY_S)
+                raise UnavailableError("The file is being removed, and the object store does not answer.")
+            time.sleep(_POLL_EVERY_S)
 
     def _pinned(self, key: str) -> bool:
         now = self._database.now()
@@ -90,7 +95,7 @@ class FileLedger:
             return connection.execute(insert.returning(files.c.key)).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
-        """Give the pins back, within a transaction if there is one. A file that nobody pinned is entered."""
+        """Release pins, within a transaction if given. Files without an entry get one."""
         if connection is None:
             with self._database.write() as own:
                 return self.unpin(keys, own)
@@ -104,22 +109,36 @@ class FileLedger:
         return None
 
     def unused(self) -> list[str]:
-        """Return the files that no job and no request needs."""
+        """Return the unused files among the next few hundred; repeated calls go through all files in turn.
+
+        This finds files left behind by dead processes and by expired jobs and uploads. The first position is random, so
+        that several processes examine different files.
+        """
         with self._database.read() as connection:
-            return list(connection.execute(sa.select(files.c.key).where(self._is_unused())).scalars())
+            some: list[str] = list(connection.scalars(self._after(self._position, _EXAMINED)))
+            if len(some) < _EXAMINED:
+                some += connection.scalars(self._after("", _EXAMINED - len(some)))
+            if not some:
+                return []
+            self._position = some[-1]
+            found = sa.select(files.c.key).where(files.c.key.in_(some), self._is_unused())
+            return sorted(connection.scalars(found))
+
+    def _after(self, key: str, limit: int) -> sa.Select[Any]:
+        return sa.select(files.c.key).where(files.c.key > key).order_by(files.c.key).limit(limit)
 
     def remove_unused(self, key: str, remove: Callable[[str], None]) -> bool:
-        """Call `remove` if nobody needs the file, while nobody can begin to.
+        """Call `remove` if the file is unused, and prevent new pins meanwhile.
 
-        No transaction waits for the store: where there is one writer at a time, all would wait with it.
+        No transaction is open during the removal: on SQLite it would block all writers.
 
         Returns
         -------
         bool
-            Whether it was removed.
+            Whether the file was removed.
         """
         with self._database.write() as connection:
-            # First the lock on the row, then the look: another transaction may just have committed.
+            # Lock the row before the test: another transaction may just have committed.
             held = sa.select(files.c.key).where(files.c.key == key).with_for_update()
             if connection.execute(held).first() is None:
                 return False
@@ -139,15 +158,12 @@ class FileLedger:
         return True
 
     def _is_unused(self) -> sa.ColumnElement[bool]:
-        needed = sa.or_(
-            sa.exists().where(jobs.c.asset_key == files.c.key),
-            sa.exists().where(jobs.c.target_key == files.c.key),
-            sa.exists().where(jobs.c.origin_key == files.c.key),
-            sa.exists().where(uploads.c.key == files.c.key),
-        )
+        # One condition for each: PostgreSQL looks those up in an index, and reads whole tables for one of them all.
+        references = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key, uploads.c.key)
+        unneeded = sa.and_(*(~sa.exists().where(column == files.c.key) for column in references))
         unpinned = sa.or_(
             files.c.pins == 0,
             sa.and_(files.c.pins > 0, files.c.touched_at < self._database.now(-_PIN_LASTS_S)),
             sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
-        return sa.and_(unpinned, sa.not_(needed))
+        return sa.and_(unpinned, unneeded)

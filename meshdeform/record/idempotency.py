@@ -1,4 +1,4 @@
-"""Requests that may come twice: a key, the hash of its request, and the answer, written with the job itself.
+"""Idempotency keys of requests, with the hash of the request and the answer, which is written with the job.
 
 Source: the IETF draft "The Idempotency-Key HTTP Header Field", with its three refusals.
 """
@@ -18,11 +18,11 @@ from meshdeform.record.schema import idempotency
 __all__ = ["IdempotencyLedger"]
 
 _HELD_S = 120.0
-"""Longer than any request takes. A request whose process died gives its key free after that."""
+"""Longer than any request takes; after that, the key of a request whose process died is free again."""
 
 
 class IdempotencyLedger:
-    """Who holds which key, and what was answered."""
+    """The idempotency keys of all owners and their answers."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -33,14 +33,14 @@ class IdempotencyLedger:
         Returns
         -------
         Claim or dict
-            The claim, to be completed or abandoned; or the answer that the same request got before.
+            The claim, to be completed or abandoned; or the answer to an earlier identical request.
 
         Raises
         ------
         IdempotencyMismatchError
-            The key belongs to another request.
+            The key was used for a different request.
         IdempotencyBusyError
-            The same request is under way.
+            An identical request is in progress.
         """
         token = secrets.token_hex(16)
         now, until = self._database.now(), self._database.now(_HELD_S)
@@ -51,32 +51,32 @@ class IdempotencyLedger:
                 return Claim(owner_id, key, token)
             row = connection.execute(sa.select(idempotency).where(_is(owner_id, key)).with_for_update()).one_or_none()
             if row is None:
-                raise IdempotencyBusyError("The key was given free this moment.")
+                raise IdempotencyBusyError("The key was just released.")
             if row.request_hash != request_hash:
-                raise IdempotencyMismatchError("This Idempotency-Key was used for another request.")
+                raise IdempotencyMismatchError("This Idempotency-Key was used for a different request.")
             if row.response is not None:
                 return dict(row.response)
             abandoned = sa.and_(_is(owner_id, key), idempotency.c.locked_until < now)
             take = sa.update(idempotency).where(abandoned).values(values).returning(idempotency.c.key)
             if connection.execute(take).first() is None:
-                raise IdempotencyBusyError("The first request with this Idempotency-Key is still under way.")
+                raise IdempotencyBusyError("The first request with this Idempotency-Key is still in progress.")
         return Claim(owner_id, key, token)
 
     def complete(self, claim: Claim, response: dict[str, Any], connection: sa.Connection) -> None:
-        """Write the answer, within the transaction that does what the request asks for.
+        """Write the answer within the transaction of the request.
 
         Raises
         ------
         IdempotencyBusyError
-            Another request has taken the key over meanwhile: nothing may be done twice, so undo everything.
+            Another request has taken over the key; roll the transaction back, so that nothing is done twice.
         """
         mine = sa.and_(_is(claim.owner_id, claim.key), idempotency.c.token == claim.token)
         done = sa.update(idempotency).where(mine).values(response=response).returning(idempotency.c.key)
         if connection.execute(done).first() is None:
-            raise IdempotencyBusyError("Another request has taken this Idempotency-Key over.")
+            raise IdempotencyBusyError("Another request has taken over this Idempotency-Key.")
 
     def abandon(self, claim: Claim) -> None:
-        """Give the key free: the request was refused, and may come again."""
+        """Release the key of a refused request, so that it may be repeated."""
         mine = sa.and_(
             _is(claim.owner_id, claim.key), idempotency.c.token == claim.token, idempotency.c.response.is_(None)
         )

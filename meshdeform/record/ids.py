@@ -1,4 +1,4 @@
-"""Ids that sort by the time they were made, and cursors, which say after which id the next page of a list begins."""
+"""Ids that sort by creation time, and cursors, which contain the last id of a page of a list."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from meshdeform.errors import ParameterError
 
 __all__ = ["JOB_ID_PATTERN", "decode_cursor", "encode_cursor", "id_pattern", "new_id", "new_job_id"]
 
-# Crockford's alphabet: sorts as the number does, and has no letters that look like digits.
+# Crockford's alphabet preserves the order of numbers and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 
 
 def id_pattern(prefix: str) -> str:
-    """Return the regular expression of the ids with a prefix."""
+    """Return the regular expression of ids with a prefix."""
     return rf"^{prefix}_[0-7][0-9a-hjkmnp-tv-z]{{25}}$"
 
 
@@ -28,22 +28,20 @@ _last = 0
 
 
 def new_job_id() -> str:
-    """Return the id of a new job."""
+    """Return an id for a new job."""
     return new_id("job")
 
 
 def new_id(prefix: str) -> str:
-    """Return the prefix, `_` and 26 characters: the 128 bits of a UUIDv7.
+    """Return the prefix, `_` and 26 characters: the 128 bits of a UUIDv7 (milliseconds, counter, random bits).
 
-    Milliseconds come first, then a counter, then random bits.
+    Ids of one process increase strictly, even within a millisecond or when the clock is set back.
 
-    Ids of one process rise strictly, also within a millisecond and when the clock is set back.
-
-    Source: RFC 9562, section 5.7, with method 1 of section 6.2 (a counter of fixed length that begins at random).
+    Source: RFC 9562, section 5.7, with method 1 of section 6.2 (a counter of fixed length with a random start).
     """
     global _last
     with _lock:
-        # 48 bits of milliseconds with 12 below them that count up; where they run over, the millisecond moves on.
+        # 48 bits of milliseconds above a counter of 12 bits; on overflow, the counter increments the milliseconds.
         _last = max(_last + 1, (time.time_ns() // 1_000_000) << 12 | secrets.randbits(11))
         moment = _last
     number = moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62)
@@ -51,17 +49,17 @@ def new_id(prefix: str) -> str:
 
 
 def encode_cursor(last_id: str) -> str:
-    """Return what names the place behind a thing in its list."""
+    """Return the cursor of the page that follows an id."""
     return base64.urlsafe_b64encode(last_id.encode()).decode().rstrip("=")
 
 
 def decode_cursor(cursor: str, prefix: str = "job") -> str:
-    """Return the id that a cursor names, of the kind that is listed.
+    """Return the id in a cursor of a list of ids with a prefix.
 
     Raises
     ------
     ParameterError
-        It is not one of ours.
+        The cursor was not made by `encode_cursor`.
     """
     try:
         last_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")
@@ -69,7 +67,7 @@ def decode_cursor(cursor: str, prefix: str = "job") -> str:
         last_id = ""
     if re.fullmatch(id_pattern(prefix), last_id) is None:
         raise ParameterError(
-            "The cursor is not one that this service gave.",
+            "The cursor does not come from this service.",
             errors=[{"loc": ["query", "cursor"], "msg": "not a cursor of this service", "type": "cursor"}],
         )
     return last_id

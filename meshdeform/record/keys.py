@@ -1,4 +1,4 @@
-"""API keys: who may ask, and how much. A key is shown once, when it is made; the record keeps a hash of its secret."""
+"""API keys and their limits. A key is shown once, when it is created; the record keeps a hash of its secret."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TEXT = re.compile(rf"({id_pattern(_PREFIX)[1:-1]})\.([A-Za-z0-9_-]{{43}})")
 _OWNER = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 _MAX_NAME = 100
 _MAX_LIMIT = 1_000_000
-_USE_TOLD_EVERY = timedelta(minutes=1)
+_USE_RECORDED_EVERY = timedelta(minutes=1)
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,15 @@ class ApiKey:
     Attributes
     ----------
     id : str
-        The part of its text before the dot; no secret.
+        The part of its text before the dot; not secret.
     owner_id : str
-        Whose jobs, uploads and webhooks it sees and makes. Several keys may belong to one owner.
+        The owner whose jobs, uploads and webhooks it gives access to. An owner may have several keys.
     name : str
-        For people.
+        A label for people.
     created_at, last_used_at, revoked_at : datetime
-        `last_used_at` is true to the minute. None: not yet.
+        `last_used_at` is accurate to a minute. None: not yet.
     requests_per_minute, max_active_jobs : int or None
-        0: any number. None: as the deployment's settings say.
+        0: no limit. None: the deployment's setting.
     """
 
     id: str
@@ -66,7 +66,7 @@ class KeyRing:
     Raises
     ------
     UnavailableError
-        From every method: the database does not answer.
+        In every method: the database does not answer.
     """
 
     def __init__(self, database: Database) -> None:
@@ -79,26 +79,26 @@ class KeyRing:
         requests_per_minute: int | None = None,
         max_active_jobs: int | None = None,
     ) -> tuple[ApiKey, str]:
-        """Make a key.
+        """Create a key.
 
         Parameters
         ----------
         owner_id : str
-            Lower-case letters, digits, `-` and `_`; at most 63, and the first one a letter or a digit.
+            Lower-case letters, digits, `-` and `_`; at most 63, the first one a letter or a digit.
         name : str
             At most 100 characters.
         requests_per_minute, max_active_jobs : int, optional
-            Limits of its own; 0: none.
+            Limits of this key; 0: no limit. Default: the deployment's settings.
 
         Returns
         -------
         tuple of ApiKey and str
-            The key, and the text that requests send. The text cannot be had again.
+            The key, and the text that requests send. The text cannot be retrieved again.
 
         Raises
         ------
         ParameterError
-            A value is not one of those.
+            A value is invalid.
         """
         if not _OWNER.fullmatch(owner_id):
             raise ParameterError(
@@ -127,7 +127,7 @@ class KeyRing:
         return _key(row), f"{key_id}.{secret}"
 
     def list(self, owner: str | None = None) -> list[ApiKey]:
-        """Return all keys, or one owner's, oldest first; the revoked ones too."""
+        """Return all keys or those of one owner, including revoked ones, oldest first."""
         query = sa.select(api_keys).order_by(api_keys.c.id)
         if owner is not None:
             query = query.where(api_keys.c.owner_id == owner)
@@ -135,7 +135,7 @@ class KeyRing:
             return [_key(row) for row in connection.execute(query)]
 
     def revoke(self, key_id: str) -> ApiKey:
-        """End a key for good. Revoking it twice is no error; the first time counts.
+        """Revoke a key permanently. Revoking it again is not an error and changes nothing.
 
         Raises
         ------
@@ -151,45 +151,45 @@ class KeyRing:
         return _key(row)
 
     def verify(self, text: str) -> ApiKey:
-        """Return the key of a text that a request sent.
+        """Return the key of a text sent by a request.
 
         Raises
         ------
         UnauthorizedError
-            It is no key of ours. Which part of it is wrong, and whether it was revoked, is not told.
+            The key is not valid. The error does not say which part is wrong or whether the key was revoked.
         """
         match = _TEXT.fullmatch(text)
         key_id, secret = match.groups() if match else ("", "")
         with self._database.read() as connection:
             row = connection.execute(sa.select(api_keys).where(api_keys.c.id == key_id)).one_or_none()
-        # The same work whether there is such a key or not: the time to answer must reveal as little as its words.
+        # Do the same work whether or not the key exists, so that the response time does not reveal it.
         same = hmac.compare_digest(_digest(secret), row.secret_hash if row is not None else _NO_DIGEST)
         if row is None or not same or row.revoked_at is not None:
             raise UnauthorizedError("The API key is not valid.")
         key = _key(row)
-        self._tell_use(key)
+        self._record_use(key)
         return key
 
     def any_active(self) -> bool:
-        """Whether there is a key that has not been revoked."""
+        """Return whether there is a key that has not been revoked."""
         query = sa.select(api_keys.c.id).where(api_keys.c.revoked_at.is_(None)).limit(1)
         with self._database.read() as connection:
             return connection.execute(query).first() is not None
 
-    def _tell_use(self, key: ApiKey) -> None:
-        if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < _USE_TOLD_EVERY:
+    def _record_use(self, key: ApiKey) -> None:
+        if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < _USE_RECORDED_EVERY:
             return
         used = sa.update(api_keys).where(api_keys.c.id == key.id).values(last_used_at=self._database.now())
         try:
             with self._database.write() as connection:
                 connection.execute(used)
         except UnavailableError:
-            # It could be read a moment ago: that nobody can write now is no reason to refuse the request.
+            # The key was read a moment ago: a failed write is no reason to refuse the request.
             return
 
 
 def _digest(secret: str) -> str:
-    # A fast hash is right here: the secret has 256 random bits, and nobody tries them all.
+    # A fast hash suffices, because the secret has 256 random bits.
     return hashlib.sha256(secret.encode()).hexdigest()
 
 

@@ -1,7 +1,7 @@
-"""What workers write: `record.leases`.
+"""The writes of workers: `record.leases`.
 
-A worker has one row that it renews for as long as it lives, and with it the lease of the job that it runs. It owns that
-job by the lease and by an attempt number that every write of its own carries.
+A worker renews its own row while it runs, and with it the lease of its job. It owns that job by the lease and by the
+attempt number, which every write names.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing, hold, stale
 from meshdeform.record.database import Database
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
-from meshdeform.record.schema import artifacts, checkpoints, jobs, workers
+from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
 
 __all__ = ["RELEASED", "Leases", "WorkerIdentity"]
 
 RELEASED: dict[str, Any] = {"worker_id": None, "lease_expires_at": None, "eta_s": None}
 
 _ALIVE_S = 30.0
-"""A worker that has not renewed its row for so long counts as silent: thrice the time between two renewals."""
+"""Seconds without a renewal after which a worker counts as silent: three times the renewal interval."""
 _KEPT_S = 86_400.0
 
 
 @dataclass(frozen=True)
 class WorkerIdentity:
-    """Who a worker process is.
+    """The identity of a worker process.
 
     Attributes
     ----------
     id : str
-        No other process, ever, has the same.
+        Unique among all processes, past and future.
     queue : str
-        Where it hears of jobs.
+        The queue from which it receives messages.
     device : str
-        What it computes on.
+        The device on which it computes.
     """
 
     id: str
@@ -48,27 +48,27 @@ class WorkerIdentity:
 
 
 class Leases:
-    """Claims, and writes that are refused once the attempt is not the job's any more.
+    """Claims, and writes that are refused once the attempt no longer has the job.
 
-    Every method that takes an attempt raises `StaleAttemptError` when another attempt has the job or it is over, and
-    `NotFoundError` when it is gone.
+    Every method with an attempt raises `StaleAttemptError` if another attempt has the job or the job is over, and
+    `NotFoundError` if it was deleted.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
-        """Take a job that is queued, as a new attempt.
+        """Claim a queued job as a new attempt.
 
         Returns
         -------
         Job or None
-            None where there is nothing to take: a duplicate delivery, a canceled or deleted job.
+            None if the job is not queued, is over, or was deleted.
         """
         return self._claim(jobs.c.id == job_id, worker_id, lease_s)
 
     def claim_next(self, worker_id: str, lease_s: float) -> Job | None:
-        """Take the queued job of the greatest priority, of equal ones the oldest; None where none is queued."""
+        """Claim the queued job with the highest priority, among equals the oldest; return None if none is queued."""
         next_id = (
             sa.select(jobs.c.id)
             .where(jobs.c.state == JobState.QUEUED)
@@ -99,7 +99,7 @@ class Leases:
         return rows.job(row)
 
     def heartbeat(self, job_id: str, attempt: int, lease_s: float, *, worker: WorkerIdentity | None = None) -> JobState:
-        """Renew the lease of a job and the row of its worker; the state that comes back says whether to stop."""
+        """Renew the lease of a job and the row of its worker; return the job's state, which may be `canceling`."""
         renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
         renew = renew.values(lease_expires_at=self._database.now(lease_s))
         with self._database.write() as connection:
@@ -111,7 +111,7 @@ class Leases:
         return JobState(state)
 
     def idle(self, worker: WorkerIdentity) -> None:
-        """Renew the row of a worker that has no job."""
+        """Renew the row of a worker without a job."""
         with self._database.write() as connection:
             self._renew(connection, worker)
 
@@ -125,14 +125,14 @@ class Leases:
         )
 
     def alive(self, queue: str) -> int:
-        """Return how many workers of a queue have renewed their rows lately."""
+        """Return the number of workers of a queue that have renewed their rows recently."""
         seen = sa.and_(workers.c.queue == queue, workers.c.seen_at > self._database.now(-_ALIVE_S))
         with self._database.read() as connection:
             return connection.execute(sa.select(sa.func.count()).select_from(workers).where(seen)).scalar_one()
 
-    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, tell: bool = True) -> None:
-        """Publish progress, as an event too if `tell`. The fraction never goes back, also not across attempts."""
-        # Neither database has a name for it that the other knows: max() here, greatest() there.
+    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, as_event: bool = True) -> None:
+        """Store progress, and write an event if `as_event`. The fraction never decreases, even across attempts."""
+        # The databases have no common function: SQLite has max(), PostgreSQL greatest().
         furthest = sa.case((jobs.c.fraction > progress.fraction, jobs.c.fraction), else_=progress.fraction)
         values = {
             "step": progress.step,
@@ -142,7 +142,7 @@ class Leases:
             "losses": progress.losses,
             "eta_s": progress.eta_s,
         }
-        self._write(job_id, attempt, values, EventType.PROGRESS if tell else None, _progress_of)
+        self._write(job_id, attempt, values, EventType.PROGRESS if as_event else None, _progress_of)
 
     def set_checkpoint(
         self,
@@ -155,7 +155,7 @@ class Leases:
         size: int = 0,
         mesh: Artifact | None = None,
     ) -> None:
-        """Point at a checkpoint that is stored by now, and at the mesh of that step."""
+        """Record a stored checkpoint and the mesh of that step. If it is new progress, forget lost attempts."""
         values = {
             "job_id": job_id,
             "attempt": attempt,
@@ -172,12 +172,21 @@ class Leases:
         insert = insert.on_conflict_do_update(index_elements=["job_id", "attempt", "step"], set_=values)
         with changing(self._database) as change:
             where = rows.fenced(job_id, attempt)
-            if not change.update(where, {}, EventType.CHECKPOINT, {"step": step}):
+            changed = change.update(where, {}, EventType.CHECKPOINT, {"step": step})
+            if not changed:
                 raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
+            if changed[0].lost_attempts and not self._reached_before(change.connection, job_id, attempt, step):
+                change.connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0))
+
+    def _reached_before(self, connection: sa.Connection, job_id: str, attempt: int, step: int) -> bool:
+        """Return whether an earlier attempt stored a checkpoint of this step or a later one, deleted or not."""
+        earlier = sa.and_(events.c.job_id == job_id, events.c.attempt < attempt, events.c.type == EventType.CHECKPOINT)
+        reached = sa.select(sa.func.max(events.c.data["step"].as_integer())).where(earlier)
+        return (connection.execute(reached).scalar() or 0) >= step
 
     def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
-        """Point no more at a checkpoint, so that its objects can be deleted."""
+        """Remove a checkpoint from the record, so that its objects can be deleted."""
         with self._database.write() as connection:
             hold(connection, job_id, attempt)
             connection.execute(sa.delete(checkpoints).where(checkpoints.c.job_id == job_id, checkpoints.c.key == key))
@@ -202,24 +211,24 @@ class Leases:
         results: Sequence[Artifact] = (),
         step_s: float | None = None,
     ) -> JobState:
-        """End the job: `succeeded`, `failed`, `canceled` or `expired`, for good.
+        """End the job permanently: `succeeded`, `failed`, `canceled` or `expired`.
 
-        A cancel that came before the end was written wins over success: the user was told that the job stops.
+        A cancellation recorded before wins over success, because it has already been confirmed to the user.
 
         Parameters
         ----------
         job_id, attempt, state
         error : JobError, optional
-            Why it failed.
+            Why the job failed.
         results : sequence of Artifact
-            Stored by now; they are published in the same transaction, and only if the job succeeds.
+            The stored results, published in the same transaction and only if the job succeeds.
         step_s : float, optional
-            Mean seconds of a step.
+            Mean seconds per step.
 
         Returns
         -------
         JobState
-            How it ended.
+            The final state.
         """
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")
@@ -256,11 +265,11 @@ class Leases:
             change.connection.execute(sa.insert(artifacts).values(values))
 
     def release(self, job_id: str, attempt: int) -> None:
-        """Hand a job back in order, with its checkpoints: to the queue, or to its end where a cancel waits."""
+        """Hand a job back to the queue, with its checkpoints; cancel it if a cancellation was requested."""
         self._write(job_id, attempt, self._back({}), _queued_or_canceled, _why("handed_back"))
 
     def out_of_memory(self, job_id: str, attempt: int, max_attempts: int) -> JobState:
-        """Hand a job back that the device had no memory for; after so many times it fails (`gpu_oom`)."""
+        """Hand back a job that ran out of device memory; after `max_attempts` such attempts it fails (`gpu_oom`)."""
         error = DeviceMemoryError(f"The device ran out of memory in {max_attempts} attempts.")
         with changing(self._database) as change:
             where = rows.fenced(job_id, attempt)
@@ -282,18 +291,18 @@ class Leases:
         return JobState(changed[0].state)
 
     def worker_ended(self, worker_id: str) -> bool:
-        """Forget a worker that is known to be gone, and end the lease that it holds; return whether it held one.
+        """Remove a dead worker and end the lease that it holds; return whether it held one.
 
-        The job is then taken back like that of any silent worker (`Upkeep.reclaim_expired`), only without the wait.
-        Rows of workers that fell silent a day ago are removed too.
+        The job is then taken back like that of any silent worker (`Upkeep.reclaim_expired`), but without the wait.
+        Rows of workers that have been silent for a day are removed too.
         """
         held = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state.in_(rows.OWNED))
-        # Without its worker the attempt is nobody's: a heartbeat that the dead had under way cannot renew the lease any
-        # more. A second ago: over by any clock's resolution.
+        # Without `worker_id` a heartbeat still in flight cannot renew the lease. One second in the past is expired at
+        # any clock's resolution.
         change = sa.update(jobs).where(held).values(worker_id=None, lease_expires_at=self._database.now(-1.0))
         gone = sa.or_(workers.c.id == worker_id, workers.c.seen_at < self._database.now(-_KEPT_S))
         with self._database.write() as connection:
-            # The job first, as in `heartbeat`: two transactions that take both rows never wait in a circle.
+            # Lock the job first, as `heartbeat` does, so that the two cannot deadlock.
             held_one = connection.execute(change.returning(jobs.c.id)).first() is not None
             connection.execute(sa.delete(workers).where(gone))
         return held_one

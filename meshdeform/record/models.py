@@ -1,4 +1,4 @@
-"""A job and what belongs to it, as frozen values. Needs nothing but pydantic: the client shares it."""
+"""Jobs and their parts as frozen values. Imports only pydantic, because the client uses this module too."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = [
 
 
 class JobState(StrEnum):
-    """Where a job stands. The last four are terminal: such a job never changes again."""
+    """The state of a job. The last four are terminal: such a job never changes again."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -53,7 +53,7 @@ TERMINAL_STATES = frozenset({JobState.SUCCEEDED, JobState.FAILED, JobState.CANCE
 
 
 class EventType(StrEnum):
-    """What can happen to a job. The last four end it; a job has exactly one of them."""
+    """The type of an event. The last four end the job; a finished job has exactly one of them."""
 
     QUEUED = "queued"
     STARTED = "started"
@@ -73,7 +73,7 @@ class EventType(StrEnum):
 
 
 class WebhookEvent(StrEnum):
-    """What a webhook can be told of: everything but progress and checkpoints, which are many."""
+    """The events that can be sent to webhooks: all except progress and checkpoints, which are frequent."""
 
     QUEUED = "job.queued"
     STARTED = "job.started"
@@ -86,7 +86,7 @@ class WebhookEvent(StrEnum):
 
 
 class OriginMode(StrEnum):
-    """How a job continues another one."""
+    """The way in which a job continues another one."""
 
     RETRY = "retry"
     BRANCH = "branch"
@@ -97,7 +97,7 @@ class _Frozen(BaseModel):
 
 
 class Progress(_Frozen):
-    """How far a job is."""
+    """The progress of a job."""
 
     step: int = Field(0, ge=0, description="Optimiser steps done.", examples=[120])
     total_steps: int = Field(0, ge=0, description="Optimiser steps in all; 0 until known.", examples=[300])
@@ -115,7 +115,7 @@ class Progress(_Frozen):
 
 
 class JobError(_Frozen):
-    """Why a job failed."""
+    """The error of a failed job."""
 
     code: str = Field(description="Stable: programs compare it.", examples=["worker_lost"])
     title: str = Field(
@@ -154,18 +154,18 @@ class Artifact(_Frozen):
 
 
 class Origin(_Frozen):
-    """What a job begins from that continues another one.
+    """The job that another job continues.
 
     Attributes
     ----------
     job_id : str
-        The other job. It may be deleted since.
+        The continued job, which may have been deleted since.
     step : int
-        Steps that it had done.
+        The step of its checkpoint.
     mode : OriginMode
-        `retry`: the same request goes on, as if never interrupted. `branch`: another request begins with that shape.
+        `retry`: the same request resumes as if never interrupted. `branch`: a different request starts with that shape.
     key, sha256 : str
-        The object with the copy of its checkpoint; empty where there was none and the retry begins at the start.
+        The object with the copy of its checkpoint; empty for a retry that starts from the beginning.
     """
 
     job_id: str
@@ -176,7 +176,7 @@ class Origin(_Frozen):
 
 
 class Event(_Frozen):
-    """Something that happened to a job."""
+    """An event of a job."""
 
     job_id: str
     seq: int
@@ -188,7 +188,7 @@ class Event(_Frozen):
 
 @dataclass(frozen=True)
 class CheckpointRef:
-    """Where a checkpoint lies, and the mesh of that step where it was stored."""
+    """A stored checkpoint, and the mesh of that step if it was stored."""
 
     key: str
     step: int
@@ -202,13 +202,13 @@ class CheckpointRef:
 
 
 class Job(_Frozen):
-    """One request to deform one asset, as the record knows it."""
+    """One request to deform one asset, as recorded."""
 
     id: str
     state: JobState
     request: JobRequest
     resolved: dict[str, Any] | None = None
-    """The parameters that run, every one with its value; None for jobs of older versions."""
+    """The values of all parameters; None for jobs of older versions."""
     asset: StoredFile
     target: StoredFile | None = None
     error: JobError | None = None
@@ -229,17 +229,17 @@ class Job(_Frozen):
 
     @property
     def kind(self) -> JobKind:
-        """What the job does."""
+        """The kind of the job."""
         return self.request.kind
 
     @property
     def prompt(self) -> str:
-        """What the asset should become."""
+        """The text that describes the result."""
         return self.request.prompt
 
     @property
     def params(self) -> DeformParams:
-        """The parameters as they were written."""
+        """The parameters as written in the request."""
         return self.request.params
 
     @property
@@ -250,7 +250,7 @@ class Job(_Frozen):
 
 @dataclass(frozen=True)
 class Claim:
-    """An idempotency key that a request holds."""
+    """An idempotency key held by a request."""
 
     owner_id: str
     key: str
@@ -259,25 +259,25 @@ class Claim:
 
 @dataclass(frozen=True)
 class NewJob:
-    """What a new job is made of.
+    """The content of a new job.
 
     Attributes
     ----------
     request : JobRequest
     asset, target : StoredFile
-        Stored by now.
+        Already stored.
     owner_id : str
-        Whose it is; empty where keys are off.
+        The owner; empty if keys are off.
     origin : Origin, optional
-        What it begins from.
+        The job that it continues.
     retention_s : float, optional
-        What holds where the request says nothing.
+        The retention if the request has none.
     max_active : int
-        Unfinished jobs that the owner may have with this one; 0: any number.
+        Maximum number of unfinished jobs of the owner, including this one; 0: no limit.
     request_id, traceparent : str, optional
-        The HTTP request that made it, for logs and traces.
+        The HTTP request that created it, for logs and traces.
     resolved : BaseModel, optional
-        What the request's parameters came to when they were checked.
+        The values of all parameters, as the check of the request returned them.
     claim : Claim, optional
         The idempotency key of the HTTP request; its answer is written with the job.
     """
@@ -297,7 +297,7 @@ class NewJob:
 
 @dataclass(frozen=True)
 class Page:
-    """Some jobs, newest first, and where the next page begins; None at the end."""
+    """A page of jobs, newest first, and the cursor of the next page; None at the end."""
 
     jobs: list[Job]
     next_cursor: str | None

@@ -1,7 +1,7 @@
-"""PostgreSQL's driver pg8000, with the one thing that it leaves to its callers: errors of the socket.
+"""SQLAlchemy's dialect for PostgreSQL's driver pg8000, extended to handle errors of the socket.
 
-A server that resets the connection, in the middle of an answer or while it is connected to, is a `ConnectionResetError`
-for callers of pg8000. SQLAlchemy takes that for a mistake of ours: it neither drops the connection nor asks again.
+If the server resets the connection, pg8000 raises `ConnectionResetError`. SQLAlchemy does not recognise that as a lost
+connection: it neither drops the connection nor retries.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 __all__ = ["DRIVER", "Pg8000Dialect"]
 
 DRIVER = "postgresql+meshdeform"
-"""The driver's name in a URL, for SQLAlchemy."""
+"""The driver's name in SQLAlchemy's URLs."""
 
 
 class Pg8000Dialect(PGDialect_pg8000):
-    """Errors of the socket are `InterfaceError` with the words by which the dialect knows a lost connection."""
+    """A dialect that turns errors of the socket into `InterfaceError`s that it recognises as a disconnect."""
 
     supports_statement_cache = True
 
     @contextmanager
     def network(self) -> Iterator[None]:
-        """Say in the driver's words that the network broke."""
+        """Convert errors of the socket to the driver's `InterfaceError`."""
         try:
             yield
         except (OSError, struct.error) as error:
@@ -39,7 +39,7 @@ class Pg8000Dialect(PGDialect_pg8000):
             return super().connect(*arguments, **options)
 
     def set_isolation_level(self, dbapi_connection: Any, level: Any) -> None:
-        """Turn autocommit on or off, which costs no trip to the server; every other level but the default does."""
+        """Set the isolation level. Autocommit and the default level need no round trip to the server."""
         if level in ("AUTOCOMMIT", getattr(self, "default_isolation_level", None)):
             dbapi_connection.autocommit = level == "AUTOCOMMIT"
             return
@@ -47,7 +47,7 @@ class Pg8000Dialect(PGDialect_pg8000):
             super().set_isolation_level(dbapi_connection, level)  # type: ignore[no-untyped-call]
 
     def do_ping(self, dbapi_connection: Any) -> bool:
-        """Ask for a sign of life, in one trip to the server: outside of a transaction."""
+        """Ping the server in one round trip, outside a transaction."""
         before, dbapi_connection.autocommit = dbapi_connection.autocommit, True
         try:
             with self.network():
@@ -61,7 +61,7 @@ class Pg8000Dialect(PGDialect_pg8000):
             super().do_begin(dbapi_connection)  # type: ignore[no-untyped-call]
 
     def do_commit(self, dbapi_connection: Any) -> None:
-        """Commit, where there is a transaction."""
+        """Commit, unless in autocommit mode."""
         if dbapi_connection.autocommit:
             return
         with self.network():
@@ -73,12 +73,12 @@ class Pg8000Dialect(PGDialect_pg8000):
             super().do_rollback(dbapi_connection)  # type: ignore[no-untyped-call]
 
     def do_execute(self, cursor: Any, statement: Any, parameters: Any, context: Any = None) -> None:
-        """Execute a statement; pg8000 reads its whole answer here."""
+        """Execute a statement and read its whole result."""
         with self.network():
             super().do_execute(cursor, statement, parameters, context)  # type: ignore[no-untyped-call]
 
     def do_executemany(self, cursor: Any, statement: Any, parameters: Any, context: Any = None) -> None:
-        """Execute a statement for many parameters."""
+        """Execute a statement with several sets of parameters."""
         with self.network():
             super().do_executemany(cursor, statement, parameters, context)  # type: ignore[no-untyped-call]
 
@@ -88,7 +88,7 @@ class Pg8000Dialect(PGDialect_pg8000):
             super().do_execute_no_params(cursor, statement, context)  # type: ignore[no-untyped-call]
 
     def do_close(self, dbapi_connection: Any) -> None:
-        """Close, also where the other end is gone and hears no goodbye: the pool would log that as an error."""
+        """Close the connection; ignore errors if the server is gone, which the pool would log."""
         with suppress(self.loaded_dbapi.InterfaceError, OSError):
             super().do_close(dbapi_connection)  # type: ignore[no-untyped-call]
 

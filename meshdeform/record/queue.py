@@ -1,7 +1,7 @@
-"""How workers are told: a message on an RQ queue that a job waits, and a cancel over Redis' publish and subscribe.
+"""Notify workers through Redis: of queued jobs by messages on an RQ queue, of cancellations by publish and subscribe.
 
-Redis is not the record. What it loses, the reconciler tells it again; what it delivers twice, `Leases.claim_next` gives
-to one worker only.
+Redis is not the record. The reconciler repeats lost messages, and `Leases.claim_next` gives each job to one worker,
+however often it is announced.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 
-__all__ = ["CancelSubscription", "JobQueue", "job_of"]
+__all__ = ["MESSAGE", "CancelSubscription", "JobQueue", "job_of"]
 
-_MESSAGE = "a job waits"
-"""What RQ calls the function of a message. Nobody calls it: whoever reads a message takes the most urgent job."""
+MESSAGE = "a job waits"
+"""The function name that RQ stores in a message. It is never called: the reader of a message claims the next job."""
 _log = logging.getLogger(__name__)
 
 
@@ -40,13 +40,12 @@ class JobQueue:
     Raises
     ------
     DependencyError
-        The URL is not one of a Redis.
+        The URL is not a Redis URL.
     """
 
     def __init__(self, redis_url: str, name: str) -> None:
         try:
-            # One more try at once, for a connection that Redis closed meanwhile; whoever waits longer than that is the
-            # reconciler.
+            # Retry once at once, in case Redis closed the connection; the reconciler handles longer outages.
             self._redis = Redis.from_url(
                 redis_url, socket_connect_timeout=2, socket_timeout=5, retry=Retry(NoBackoff(), 1)
             )
@@ -57,51 +56,51 @@ class JobQueue:
         self._queue = Queue(name, connection=self._redis, serializer=JSONSerializer)
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._redis.close()
 
     def ping(self) -> None:
-        """Ask Redis for a sign of life.
+        """Ping Redis.
 
         Raises
         ------
         UnavailableError
-            There is none.
+            Redis does not answer.
         """
         with _redis_errors():
             self._redis.ping()
 
     def enqueue(self, job_id: str) -> None:
-        """Tell the workers that a job waits. The message holds nothing but its name: the job's id and a number.
+        """Announce a queued job to the workers. The message has only a name: the job's id and a number.
 
         Raises
         ------
         UnavailableError
-            Redis does not answer. The reconciler will tell later.
+            Redis does not answer; the reconciler will announce the job later.
         """
         with _redis_errors():
             self._queue.enqueue(
-                _MESSAGE, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
+                MESSAGE, job_id=f"{job_id}-{time.time_ns()}", job_timeout=-1, result_ttl=0, failure_ttl=60
             )
 
-    def told(self) -> set[str]:
-        """The ids of the jobs that wait in Redis."""
+    def announced(self) -> set[str]:
+        """Return the ids of the jobs with a message in Redis."""
         with _redis_errors():
             return {job_of(entry) for entry in self._queue.get_job_ids()}
 
     def length(self) -> int:
-        """How many messages wait in Redis."""
+        """Return the number of messages in Redis."""
         with _redis_errors():
             return int(self._queue.count)
 
     def publish_cancel(self, job_id: str) -> None:
-        """Tell whoever runs the job to stop; the record says so too, so losing this only costs time."""
+        """Notify the worker that runs the job of its cancellation; if the message is lost, the record still says so."""
         with _redis_errors():
             self._redis.publish(_channel(job_id), "cancel")
 
     @contextmanager
     def listen_for_cancel(self, job_id: str) -> Iterator[CancelSubscription]:
-        """Hear `publish_cancel` for one job, for the length of a `with` block."""
+        """Subscribe to `publish_cancel` for one job, for the duration of a `with` block."""
         subscription = CancelSubscription(self._redis, _channel(job_id))
         try:
             yield subscription
@@ -110,14 +109,17 @@ class JobQueue:
 
 
 class CancelSubscription:
-    """A subscription that survives a Redis that goes away and comes back."""
+    """A subscription that survives an outage of Redis."""
 
     def __init__(self, redis: Redis, channel: str) -> None:
         self._redis, self._channel = redis, channel
         self._pubsub: PubSub | None = None
 
     def wait(self, timeout_s: float) -> bool:
-        """True when a cancel was heard; False when `timeout_s` seconds went by. Never raises."""
+        """Return True when a message arrives; False after `timeout_s` seconds. Never raises.
+
+        Anybody with access to Redis can send one, so it is only a hint to ask the record.
+        """
         end = time.monotonic() + timeout_s
         try:
             if self._pubsub is None:
@@ -129,7 +131,7 @@ class CancelSubscription:
                 if message is not None and message["type"] == "message":
                     return True
         except RedisError as error:
-            _log.warning("the cancel channel does not answer (%s); the record will tell", type(error).__name__)
+            _log.warning("no cancel channel (%s); the next heartbeat will ask the record", type(error).__name__)
             self.close()
             time.sleep(max(0.0, end - time.monotonic()))
         return False
@@ -145,7 +147,7 @@ class CancelSubscription:
 
 
 def job_of(message: str) -> str:
-    """Return the id of the job that a message, by its name, was sent for."""
+    """Return the job id contained in the name of a message."""
     return message.rpartition("-")[0]
 
 

@@ -1,9 +1,11 @@
-"""What keeps the promise that no accepted job is lost: the record is compared with the leases and with Redis."""
+"""Compare the record with leases and Redis, and repair differences, so that no accepted job is lost."""
 
 from __future__ import annotations
 
 import logging
+import random
 import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -11,6 +13,7 @@ from meshdeform.errors import MeshdeformError
 from meshdeform.record.cleanup import remove_unreachable
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
 
@@ -18,25 +21,28 @@ __all__ = ["RECONCILE_EVERY_S", "Reconciler"]
 
 _log = logging.getLogger(__name__)
 RECONCILE_EVERY_S = 5.0
+_RECHECK_S = (0.1, 0.5)
+"""Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 
 
 class Reconciler:
-    """Takes back jobs whose worker is silent, tells Redis again about those that it lost, and removes what is over.
+    """A periodic task that takes back jobs of silent workers, repeats lost messages, and removes expired data.
 
-    Any number may run at once: every change is one that `JobRecord` guards, and what is told twice is claimed once.
+    Any number may run at once: every change is guarded by the state that it starts from, and a job announced twice is
+    claimed once.
 
     Parameters
     ----------
     record : JobRecord
     queue : JobQueue
     max_attempts : int
-        Workers that a job may lose before it fails.
+        Number of lost workers after which a job fails.
     lease_s : float
-        What a lease lasts; one that ends much later than that from now was given by a clock that has been set back.
+        Duration of a lease. A lease that ends much later was given before the clock was set back, and is shortened.
     store : ObjectStore, optional
-        With it, objects that nobody can reach any more are removed.
+        If given, expired jobs and requests are deleted, and unreachable objects are removed from it.
     every_s : float
-        Seconds between two looks, when it runs as a context manager. Default: 5, or a sixth of a shorter lease.
+        Seconds between two runs as a context manager. Default: 5, or a sixth of a shorter lease.
     """
 
     def __init__(
@@ -52,59 +58,86 @@ class Reconciler:
         self._record, self._queue, self._max_attempts, self._lease_s = record, queue, max_attempts, lease_s
         self._store = store
         self._every_s = min(RECONCILE_EVERY_S, lease_s / 6) if every_s is None else every_s
-        self._told: list[str] = []
+        self._watch = Watch(lease_s, self._every_s)
+        self._announced: list[str] = []
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="reconciler", daemon=True)
+        self._threads = [threading.Thread(target=self._run, args=(self._repair,), name="reconciler", daemon=True)]
+        if store is not None:
+            # On its own, so that a slow store does not delay the recovery of jobs.
+            self._threads.append(threading.Thread(target=self._run, args=(self._clean,), name="cleanup", daemon=True))
 
     def run_once(self) -> list[str]:
-        """Look once. A duty that fails does not keep the others from being done; the next look does what is left.
+        """Run all tasks once. If one fails, the others still run, and the next run does the rest.
 
         Returns
         -------
         list of str
-            The jobs that Redis was told about.
+            The jobs announced to Redis.
         """
-        self._told = []
-        for duty in (self._take_back, self._expire, self._tell, self._delete, self._remove):
+        self._repair()
+        if self._store is not None:
+            self._clean()
+        return self._announced
+
+    def _repair(self) -> None:
+        self._announced = []
+        self._each(self._take_back, self._expire, self._announce)
+
+    def _clean(self) -> None:
+        self._each(self._delete, self._remove)
+
+    def _each(self, *duties: Callable[[], None]) -> None:
+        for duty in duties:
             try:
                 duty()
             except MeshdeformError as error:
-                _log.warning("the reconciler waits: %s", error)
+                _log.warning("the reconciler will retry: %s", error)
             except Exception:
-                # Without this thread nobody takes back what a dead worker held: it must outlive any mistake.
-                _log.exception("the reconciler met an error that it does not know")
-        return self._told
+                # Without this thread no jobs are taken back from dead workers: it must survive any error.
+                _log.exception("unexpected error in the reconciler")
 
     def _take_back(self) -> None:
         if cut := self._record.upkeep.shorten_leases(self._lease_s):
-            _log.warning("%d leases were given by a clock that is ahead; they are cut", cut)
-        for job_id in self._record.upkeep.reclaim_expired(self._max_attempts):
+            _log.warning("%d leases were given before the clock was set back; they are shortened", cut)
+        self._watch.look(self._record.upkeep.clock())
+        for job_id in self._record.upkeep.reclaim_expired(self._max_attempts, self._watch):
             _log.warning("job %s: its worker is silent; it is queued again", job_id)
             failpoint("reconciler.reclaimed")
 
     def _expire(self) -> None:
         for job_id in self._record.upkeep.expire_deadlines():
-            _log.info("job %s: its deadline is over", job_id)
-            # Its worker is refused with its next write; told now, it stops at once.
+            _log.info("job %s: its deadline has passed", job_id)
+            # The worker's next write is refused; with this message it stops at once.
             self._queue.publish_cancel(job_id)
 
-    def _tell(self) -> None:
-        """See that Redis holds a message for every queued job.
+    def _announce(self) -> None:
+        """Ensure that Redis has a message for every queued job.
 
-        Workers take the most urgent job, whichever they are told of: so as long as there are as many messages as queued
-        jobs, none is forgotten, and nothing needs to be compared one by one.
+        Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
+        jobs, none is forgotten, and they need not be compared one by one.
         """
-        # Before the rest: what comes after this look is left to the next one.
-        untold = self._record.upkeep.untold()
-        if self._queue.length() < self._record.upkeep.queued_count():
-            told = self._queue.told()
-            for job_id in self._record.upkeep.queued_ids():
-                if job_id not in told:
-                    self._queue.enqueue(job_id)
-                    self._told.append(job_id)
-                    failpoint("reconciler.told")
-        if untold:
-            self._record.upkeep.told(untold)
+        # Read first: jobs queued after this are left to the next run.
+        unannounced = self._record.upkeep.unannounced()
+        if self._missing() > 0:
+            # A worker between reading its message and its claim looks the same, as does a job whose request is just
+            # announcing it. Other reconcilers see it too: at different moments, so that one of them announces the jobs.
+            self._done.wait(random.uniform(*_RECHECK_S))  # noqa: S311 - no secret
+            self._announce_missing(self._missing())
+        if unannounced:
+            self._record.upkeep.mark_announced(unannounced)
+
+    def _missing(self) -> int:
+        """Return how many messages there are too few."""
+        return self._record.upkeep.queued_count() - self._queue.length()
+
+    def _announce_missing(self, count: int) -> None:
+        if count <= 0:
+            return
+        announced = self._queue.announced()
+        for job_id in [each for each in self._record.upkeep.queued_ids() if each not in announced][:count]:
+            self._queue.enqueue(job_id)
+            self._announced.append(job_id)
+            failpoint("reconciler.told")
 
     def _delete(self) -> None:
         if deleted := self._record.upkeep.delete_retained():
@@ -116,16 +149,18 @@ class Reconciler:
             remove_unreachable(self._record, self._store)
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._done.set()
-        self._thread.join()
+        for thread in self._threads:
+            thread.join()
 
-    def _run(self) -> None:
+    def _run(self, duties: Callable[[], None]) -> None:
         while not self._done.is_set():
-            self.run_once()
+            duties()
             self._done.wait(self._every_s)

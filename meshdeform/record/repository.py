@@ -1,7 +1,7 @@
-"""The record of all jobs, in SQL: what it says is true, whatever Redis, a worker or the API believes.
+"""The record of all jobs in SQL, the only source of truth: Redis, workers and the API only cache or announce.
 
-`JobRecord` is what users do with jobs. What workers and the reconciler do is in its parts `leases` and `upkeep`; others
-(`files`, `events`, `idempotency`, `webhooks` and so on) hold what is not about one job.
+`JobRecord` has the users' operations on jobs. Those of workers and the reconciler are in its attributes `leases` and
+`upkeep`; others (`files`, `events`, `idempotency`, `webhooks` and so on) hold the rest.
 """
 
 from __future__ import annotations
@@ -40,35 +40,34 @@ class JobRecord:
     Parameters
     ----------
     url : str
-        The database; its tables are made and migrated here.
+        The database; its tables are created and migrated here.
 
     Attributes
     ----------
     database : Database
-        For the parts of the record that live beside it (`keys.py`, `uploads.py`, `webhooks.py`).
     leases : Leases
-        What workers write, and which of them are alive.
+        The writes of workers, and the number of live workers.
     upkeep : Upkeep
-        What the reconciler does.
+        The tasks of the reconciler.
     files : FileLedger
-        Which stored files are in use.
+        The stored files in use.
     events : EventLog
-        What happened to jobs.
+        The events of jobs.
     uploads : UploadLedger
-        Files that are sent by themselves.
+        Files uploaded before their jobs.
     idempotency : IdempotencyLedger
-        Requests that may come twice.
+        Idempotency keys and their answers.
     webhooks : WebhookBook
-        Who wants to be told of events, and what was sent to them.
+        Webhooks and the log of their messages.
     deliveries : Deliveries
-        Messages that are due to webhooks.
+        Messages due to webhooks.
     keys : KeyRing
         The API keys.
 
     Raises
     ------
     UnavailableError
-        From here and from every method: the database does not answer.
+        Here and in every method: the database does not answer.
     """
 
     def __init__(self, url: str) -> None:
@@ -88,19 +87,19 @@ class JobRecord:
         self._database.close()
 
     def ping(self) -> None:
-        """Return when the database answers."""
+        """Query the database once and return."""
         with self._database.read() as connection:
             connection.execute(sa.select(jobs.c.id).limit(1))
 
     def create(self, new: NewJob) -> Job:
-        """Record a new job, queued. Its files must be stored by now; their pins, if any, become references.
+        """Record a new queued job. Its files must already be stored; their pins, if any, become references.
 
         Raises
         ------
         IdempotencyBusyError
-            Another request has taken over the key that `new.claim` holds.
+            Another request has taken over the key of `new.claim`.
         TooManyJobsError
-            The owner has as many unfinished jobs as it may.
+            The owner has the maximum number of unfinished jobs.
         """
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
@@ -112,19 +111,19 @@ class JobRecord:
             row = connection.execute(sa.insert(jobs).values(values).returning(jobs)).one()
             for name, value in new.request.metadata.items():
                 connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
-            change.tell(row, EventType.QUEUED, _beginning(new))
+            change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
                 self.idempotency.complete(new.claim, accepted(job), connection)
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:
-        """Return a job; with an owner, only if it is theirs.
+        """Return a job; with an owner, only a job of that owner.
 
         Raises
         ------
         NotFoundError
-            There is none of this id.
+            There is no such job.
         """
         with self._database.read() as connection:
             return find_job(connection, job_id, owner)
@@ -145,18 +144,18 @@ class JobRecord:
         state : JobState, optional
             Only jobs in this state.
         cursor : str, optional
-            `next_cursor` of the page before.
+            `next_cursor` of the previous page.
         limit : int
             Length of the page.
         owner : str, optional
-            Only theirs.
+            Only jobs of this owner.
         metadata : mapping, optional
             Only jobs with all of these labels.
 
         Raises
         ------
         ParameterError
-            The cursor is not one of ours.
+            The cursor is not valid.
         """
         query = sa.select(jobs).order_by(jobs.c.id.desc()).limit(limit + 1)
         if owner is not None:
@@ -174,7 +173,7 @@ class JobRecord:
         return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
-        """Cancel a queued job at once; ask the worker of a running one to stop. Asking twice is no error.
+        """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.
 
         Raises
         ------
@@ -193,16 +192,16 @@ class JobRecord:
                 return rows.job(changed[0])
             job = find_job(change.connection, job_id, owner)
         if job.state.terminal:
-            raise ConflictError(f"The job is {job.state} and cannot be canceled any more.", state=job.state.value)
+            raise ConflictError(f"The job is {job.state} and can no longer be canceled.", state=job.state.value)
         return job
 
     def delete(self, job_id: str, owner: str | None = None) -> list[str]:
-        """Forget a job that is over. Its objects are due for removal from now on (`cleanup.py`).
+        """Delete a finished job. Its objects are due for removal from then on (`cleanup.py`).
 
         Returns
         -------
         list of str
-            The files that it used, by key: asset, target, and the checkpoint that it began from. Others may use them.
+            Keys of the files that it used: asset, target, and the checkpoint of its origin. Other jobs may use them.
 
         Raises
         ------
@@ -215,7 +214,7 @@ class JobRecord:
             if row is None:
                 job = find_job(connection, job_id, owner)
                 raise ConflictError(
-                    f"The job is {job.state}; only a job that is over can be deleted.",
+                    f"The job is {job.state}; only a finished job can be deleted.",
                     advice="Cancel it first, and delete it once it is canceled.",
                     state=job.state.value,
                 )
@@ -223,7 +222,7 @@ class JobRecord:
         return [key for key in row if key is not None]
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
-        """Return the results of a job, by name; none before it has succeeded.
+        """Return the results of a job, sorted by name; none before it has succeeded.
 
         Raises
         ------
@@ -236,11 +235,11 @@ class JobRecord:
             return [rows.artifact(row) for row in connection.execute(query)]
 
     def counters(self) -> dict[tuple[str, str], float]:
-        """Return the sums for the metrics, by name and label (`counters.py`)."""
+        """Return the counters for the metrics by name and label (`counters.py`)."""
         return read_counters(self._database)
 
     def secret(self, name: str) -> bytes:
-        """Return 32 random bytes that all processes of the deployment share, made when they are first asked for."""
+        """Return 32 random bytes shared by all processes of the deployment, created on first use."""
         made = base64.b64encode(random.token_bytes(32)).decode()
         insert = self._database.upsert(secrets).values(name=name, value=made).on_conflict_do_nothing()
         query = sa.select(secrets.c.value).where(secrets.c.name == name)
@@ -256,13 +255,13 @@ class JobRecord:
         if not new.max_active:
             return
         if not self._database.is_sqlite:
-            # One after the other: two that count at the same time would both find room for one more.
+            # Serialise the count: two concurrent requests would both find room for one more job.
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(new.owner_id))))
         active = sa.and_(jobs.c.owner_id == new.owner_id, jobs.c.state.in_(_ACTIVE))
         count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(active)).scalar_one()
         if count >= new.max_active:
             raise TooManyJobsError(
-                f"{count} jobs of this key are not over; it may have {new.max_active}.", limit=new.max_active
+                f"This key has {count} unfinished jobs; its limit is {new.max_active}.", limit=new.max_active
             )
 
 

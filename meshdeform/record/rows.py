@@ -1,4 +1,4 @@
-"""Rows of the record as values, and back."""
+"""Convert rows of the record to values and back."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job
 
 Row = sa.Row[Any]
 
-# A document may say more, such as where its files come from.
+# Documents may have further members, such as the sources of their files.
 _REQUEST = set(JobRequest.model_fields)
 OWNED = (JobState.RUNNING, JobState.CANCELING)
 """The states in which a worker has the job."""
 
 
 def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
-    """Whether a row is this job, in the hands of this attempt's worker: the guard of every write of a worker."""
+    """Return the condition that this attempt's worker has the job, which guards every write of a worker."""
     return sa.and_(
         jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
     )
 
 
 def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
-    """Return the row of a job that nobody has touched. The instants may be expressions of the database."""
+    """Return the row of a new job. The times may be SQL expressions."""
     request, target, origin = new.request, new.target, new.origin
     return {
         "id": job_id,
@@ -48,7 +48,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "kind": request.kind.value,
         "workload": request.workload,
         "state": JobState.QUEUED,
-        # As it was written: what the user left out may get another default in a later version.
+        # Only what the user wrote: later versions may have other defaults.
         "request": request.model_dump(mode="json", exclude_unset=True, include=_REQUEST),
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
         "asset_key": new.asset.key,

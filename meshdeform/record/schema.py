@@ -1,4 +1,4 @@
-"""The record's tables. `migrations/` makes them; a test compares the two."""
+"""The record's tables. `migrations/` creates them; a test compares the two."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ __all__ = [
 ]
 
 HEAD = "0003"
-"""The newest migration: a record that says so needs no look at the scripts (and no Alembic in memory)."""
+"""The newest migration. A record at this version is opened without Alembic."""
 
 
 class UtcDateTime(sa.TypeDecorator[datetime]):
-    """An instant, in UTC; SQLite would forget the zone."""
+    """A time in UTC; SQLite does not store the zone."""
 
     impl = sa.DateTime(timezone=True)
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: sa.Dialect) -> datetime | None:  # noqa: ARG002
-        """Store instants only."""
+        """Convert a time to UTC for storage."""
         if value is None:
             return None
         if value.tzinfo is None:
-            raise ValueError("A datetime without a zone is no instant.")
+            raise ValueError("A datetime needs a time zone to be stored.")
         return value.astimezone(UTC)
 
     def process_result_value(self, value: Any, dialect: sa.Dialect) -> datetime | None:  # noqa: ARG002
-        """Read what was stored as UTC."""
+        """Return a stored time in UTC."""
         if value is None:
             return None
         instant: datetime = value if value.tzinfo else value.replace(tzinfo=UTC)
@@ -71,24 +71,24 @@ jobs = sa.Table(
     "jobs",
     metadata,
     sa.Column("id", _ID, primary_key=True),
-    # Whose it is: every look-up of a user names it. Empty where keys are off.
+    # The owner, named by every look-up of a user. Empty if keys are off.
     sa.Column("owner_id", sa.String(64), nullable=False),
     sa.Column("kind", sa.String(32), nullable=False),
-    # Jobs that take about as long a step: the basis of estimates.
+    # Jobs with the same workload take about the same time per step: the basis of estimates.
     sa.Column("workload", sa.String(600), nullable=False),
     sa.Column("state", sa.String(16), nullable=False),
-    # As it was written; what runs is `resolved`, which jobs of before 0003 lack.
+    # As written by the user; the values that run are in `resolved`, which jobs from before 0003 lack.
     sa.Column("request", sa.JSON, nullable=False),
     sa.Column("resolved", sa.JSON(none_as_null=True)),
     sa.Column("asset_key", sa.String(255), nullable=False),
     sa.Column("asset", sa.JSON, nullable=False),
     sa.Column("target_key", sa.String(255)),
     sa.Column("target", sa.JSON(none_as_null=True)),
-    # What a job begins from that continues another one: a copy of that one's checkpoint, and where it came from.
+    # For a job that continues another one: a copy of that job's checkpoint, and its source.
     sa.Column("origin_key", sa.String(255)),
     sa.Column("origin", sa.JSON(none_as_null=True)),
     sa.Column("error", sa.JSON(none_as_null=True)),
-    # The greater, the sooner.
+    # Higher values run first.
     sa.Column("priority", sa.Integer, nullable=False),
     sa.Column("deadline_at", UtcDateTime),
     sa.Column("retention_s", sa.Double),
@@ -100,9 +100,9 @@ jobs = sa.Table(
     sa.Column("finished_at", UtcDateTime),
     sa.Column("version", sa.Integer, nullable=False),
     sa.Column("attempt", sa.Integer, nullable=False),
-    # Attempts whose worker fell silent. One that was handed back in order does not count.
+    # Attempts whose worker fell silent. Attempts that were handed back do not count.
     sa.Column("lost_attempts", sa.Integer, nullable=False),
-    # Attempts that ran out of the device's memory.
+    # Attempts that ran out of device memory.
     sa.Column("oom_attempts", sa.Integer, nullable=False),
     sa.Column("worker_id", sa.String(255)),
     sa.Column("lease_expires_at", UtcDateTime),
@@ -114,7 +114,7 @@ jobs = sa.Table(
     sa.Column("phase", sa.String(64), nullable=False),
     sa.Column("losses", sa.JSON, nullable=False),
     sa.Column("eta_s", sa.Double),
-    # Mean seconds of a step of the attempt that ended the job.
+    # Mean seconds per step of the attempt that ended the job.
     sa.Column("step_s", sa.Double),
     sa.Index(None, "state", "id"),
     sa.Index(None, "owner_id", "id"),
@@ -127,10 +127,10 @@ jobs = sa.Table(
     sa.Index(None, "retain_until"),
     sa.Index(None, "worker_id"),
 )
-# What workers take next.
+# The order in which workers claim jobs.
 sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
 
-# A job's metadata, to be found by: SQL knows no common way to index JSON.
+# A job's metadata, for searches: the databases have no common way to index JSON.
 labels = sa.Table(
     "labels",
     metadata,
@@ -144,7 +144,7 @@ events = sa.Table(
     "events",
     metadata,
     sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
-    # 1, 2, 3 ... without a gap: given out under the lock on the job's row.
+    # 1, 2, 3 ... without a gap: assigned under the lock on the job's row.
     sa.Column("seq", sa.Integer, primary_key=True),
     sa.Column("type", sa.String(32), nullable=False),
     sa.Column("at", UtcDateTime, nullable=False),
@@ -152,7 +152,7 @@ events = sa.Table(
     sa.Column("data", sa.JSON, nullable=False),
 )
 
-# Jobs whose workers are still to be told; written with the job, taken off once Redis has heard.
+# Queued jobs not yet announced to workers; written with the job, removed once Redis has a message.
 outbox = sa.Table(
     "outbox",
     metadata,
@@ -166,10 +166,10 @@ idempotency = sa.Table(
     sa.Column("owner_id", sa.String(64), primary_key=True),
     sa.Column("key", sa.String(255), primary_key=True),
     sa.Column("request_hash", sa.String(64), nullable=False),
-    # Of the request that holds the key: only it may write the answer.
+    # Token of the request that holds the key: only that request may write the answer.
     sa.Column("token", sa.String(32), nullable=False),
     sa.Column("locked_until", UtcDateTime, nullable=False),
-    # The answer as it was given; null while the request is under way.
+    # The answer; null while the request is in progress.
     sa.Column("response", sa.JSON(none_as_null=True)),
     sa.Column("created_at", UtcDateTime, nullable=False),
     sa.Index(None, "created_at"),
@@ -197,7 +197,7 @@ checkpoints = sa.Table(
     sa.Column("sha256", sa.String(64), nullable=False),
     sa.Column("size", sa.BigInteger, nullable=False),
     sa.Column("key", sa.String(255), nullable=False),
-    # The asset as it stood at that step, for people; null where it was not stored.
+    # The mesh at that step, for people; null if it was not stored.
     sa.Column("mesh_key", sa.String(255)),
     sa.Column("mesh_sha256", sa.String(64)),
     sa.Column("mesh_size", sa.BigInteger),
@@ -208,7 +208,7 @@ files = sa.Table(
     "files",
     metadata,
     sa.Column("key", sa.String(255), primary_key=True),
-    # Requests that are about to make a job of this file: it must not be removed under them. -1 while it is removed.
+    # Number of requests that are about to create a job from this file; it must not be removed. -1 during its removal.
     sa.Column("pins", sa.Integer, nullable=False),
     sa.Column("touched_at", UtcDateTime, nullable=False),
 )
@@ -220,7 +220,7 @@ uploads = sa.Table(
     sa.Column("owner_id", sa.String(64), nullable=False),
     sa.Column("filename", sa.String(200), nullable=False),
     sa.Column("size", sa.BigInteger, nullable=False),
-    # As announced, if it was, until it is complete.
+    # As announced, if at all, until the upload is complete.
     sa.Column("sha256", sa.String(64)),
     # The stored file; null until it is complete.
     sa.Column("key", sa.String(255)),
@@ -236,7 +236,7 @@ api_keys = sa.Table(
     sa.Column("id", _ID, primary_key=True),
     sa.Column("owner_id", sa.String(64), nullable=False),
     sa.Column("name", sa.String(100), nullable=False),
-    # SHA-256 of the secret, which itself is shown once and kept nowhere.
+    # SHA-256 of the secret; the secret itself is shown once and not stored.
     sa.Column("secret_hash", sa.String(64), nullable=False),
     sa.Column("created_at", UtcDateTime, nullable=False),
     sa.Column("last_used_at", UtcDateTime),
@@ -252,10 +252,10 @@ webhooks = sa.Table(
     sa.Column("id", _ID, primary_key=True),
     sa.Column("owner_id", sa.String(64), nullable=False),
     sa.Column("url", sa.String(2000), nullable=False),
-    # Types of events to send; an empty list means every one.
+    # Types of events to send; an empty list means all.
     sa.Column("events", sa.JSON, nullable=False),
     sa.Column("secret", sa.String(128), nullable=False),
-    # Signs beside the new one until `previous_until`.
+    # Signs in addition to the new one until `previous_until`.
     sa.Column("previous_secret", sa.String(128)),
     sa.Column("previous_until", UtcDateTime),
     sa.Column("disabled_at", UtcDateTime),
@@ -264,21 +264,21 @@ webhooks = sa.Table(
     sa.Index(None, "owner_id", "id"),
 )
 
-# One message to one webhook, written with the event that it tells of.
+# One message to one webhook, written with its event.
 deliveries = sa.Table(
     "deliveries",
     metadata,
     sa.Column("id", _ID, primary_key=True),
     sa.Column("webhook_id", _ID, sa.ForeignKey("webhooks.id", ondelete="CASCADE"), nullable=False),
-    # Empty where the message tells of no job.
+    # Empty if the message is not about a job.
     sa.Column("job_id", _ID, nullable=False),
-    # The first delivery of this message, whose id receivers know the message by; null for that one itself.
+    # The first delivery of this message, whose id is the message's id; null for the first delivery itself.
     sa.Column("replay_of", _ID),
     sa.Column("type", sa.String(64), nullable=False),
     sa.Column("payload", sa.JSON, nullable=False),
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("attempts", sa.Integer, nullable=False),
-    # When to try (again); whoever takes it moves this on first, so nobody else sends it meanwhile.
+    # Time of the next attempt; a sender postpones it before sending, so that no other sender takes the delivery.
     sa.Column("next_at", UtcDateTime),
     sa.Column("created_at", UtcDateTime, nullable=False),
     sa.Index(None, "state", "next_at"),
@@ -297,7 +297,7 @@ delivery_attempts = sa.Table(
     sa.Column("seconds", sa.Double, nullable=False),
 )
 
-# Worker processes that are alive, as their supervisors say.
+# Live worker processes.
 workers = sa.Table(
     "workers",
     metadata,
@@ -308,7 +308,7 @@ workers = sa.Table(
     sa.Column("seen_at", UtcDateTime, nullable=False),
 )
 
-# Sums over all processes and restarts, for the metrics.
+# Counters over all processes and restarts, for the metrics.
 tallies = sa.Table(
     "tallies",
     metadata,
@@ -317,7 +317,7 @@ tallies = sa.Table(
     sa.Column("value", sa.Double, nullable=False),
 )
 
-# Keys that every API process must share: those of signed URLs.
+# Keys shared by all API processes, such as the one for signed URLs.
 secrets = sa.Table(
     "secrets",
     metadata,
@@ -325,5 +325,5 @@ secrets = sa.Table(
     sa.Column("value", sa.String(128), nullable=False),
 )
 
-# Prefixes of objects whose job is deleted, until the store has forgotten them too.
+# Prefixes of objects of deleted jobs, until they are removed from the store.
 discarded = sa.Table("discarded", metadata, sa.Column("prefix", sa.String(255), primary_key=True))

@@ -1,8 +1,10 @@
-"""What the reconciler does, `record.upkeep`: silent workers, deadlines, retention, and who is still to be told."""
+"""The reconciler's tasks, `record.upkeep`: silent workers, deadlines, retention, and jobs not yet announced."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import Any
 
 import sqlalchemy as sa
@@ -13,34 +15,102 @@ from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import RELEASED
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
-from meshdeform.record.schema import discarded, idempotency, jobs, outbox, uploads
+from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads
 
-__all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep"]
+__all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep", "Watch"]
 
 _BATCH = 100
+_UNBLAMED_FACTOR = 10
+"""A job fails after so many times `max_attempts` losses without a checkpoint, even if none was blamed on it: it may be
+the one that brings its machine down."""
 IDEMPOTENCY_KEPT_S = 86_400.0
 
 
+@dataclass
+class Watch:
+    """The period during which a reclaimer has watched the leases without a gap, by the record's clock.
+
+    A gap means that the reclaimer was paused (a suspended machine, SIGSTOP), that the clock was set, or that the record
+    did not answer; it has just started if there is no earlier look. The workers may have been paused as well, so that
+    expired leases prove nothing until one lease has passed, in which every live worker renews its own.
+
+    Attributes
+    ----------
+    lease_s : float
+        Duration of a lease.
+    every_s : float
+        Seconds between two looks.
+    now, since : datetime, optional
+        The last look, and the first one after the last gap; None before the first look.
+    """
+
+    lease_s: float
+    every_s: float
+    now: datetime | None = None
+    since: datetime | None = None
+
+    def look(self, now: datetime) -> None:
+        """Note a look at the leases."""
+        # A worker renews its lease six times as often as it expires, so that a gap of half a lease harms nobody.
+        longest = timedelta(seconds=self.every_s + self.lease_s / 2)
+        if self.now is None or not timedelta(0) <= now - self.now <= longest:
+            self.since = now
+        self.now = now
+
+    @property
+    def patient(self) -> bool:
+        """Whether one lease has passed since the last gap."""
+        if self.now is None or self.since is None:
+            return False
+        return self.now - self.since >= timedelta(seconds=self.lease_s)
+
+    @property
+    def renewed_since(self) -> datetime | None:
+        """The expiry of a lease renewed at the last gap. Workers with later leases were alive after the gap."""
+        return None if self.since is None else self.since + timedelta(seconds=self.lease_s)
+
+
 class Upkeep:
-    """Any number of reconcilers may do this at once: what one has changed, another does not find any more."""
+    """Tasks that any number of reconcilers may run at once: each change ends the condition that leads to it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def reclaim_expired(self, max_attempts: int) -> list[str]:
-        """Take back every job whose lease is over; return the ids that are queued again.
+    def clock(self) -> datetime:
+        """Return the current time by the record's clock."""
+        return self._database.clock()
 
-        A job that was to be canceled is canceled. One that has now lost `max_attempts` workers fails (`worker_lost`).
+    def reclaim_expired(self, max_attempts: int, watch: Watch | None = None) -> list[str]:
+        """Take back every job whose lease has expired; return the ids of those queued again.
+
+        A job in state `canceling` is canceled. A job that has lost `max_attempts` workers fails (`worker_lost`).
+
+        Parameters
+        ----------
+        max_attempts : int
+        watch : Watch, optional
+            How long the caller has watched the leases. Default: forever.
         """
-        expired = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at < self._database.now())
-        return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts))
+        silent: sa.ColumnElement[bool] = jobs.c.lease_expires_at < self._database.now()
+        blamed: sa.ColumnElement[bool] = sa.true()
+        if watch is not None:
+            # Never later than the caller's last look: it may be paused between that look and this statement.
+            patient = sa.true() if watch.patient else sa.false()
+            silent = sa.and_(jobs.c.lease_expires_at < watch.now, sa.or_(_ended(), patient))
+            blamed = sa.or_(_ended(), jobs.c.lease_expires_at >= watch.renewed_since)
+        expired = sa.and_(jobs.c.state.in_(rows.OWNED), silent)
+        return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts, blamed))
 
-    def _take_back(self, change: Change, held: sa.ColumnElement[bool], max_attempts: int) -> list[str]:
+    def _take_back(
+        self, change: Change, held: sa.ColumnElement[bool], max_attempts: int, blamed: sa.ColumnElement[bool]
+    ) -> list[str]:
         lost = WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off.")
         over = {"finished_at": self._database.now(), "phase": "done"}
-        more = {"lost_attempts": jobs.c.lost_attempts + 1}
+        count = jobs.c.lost_attempts + sa.case((blamed, 1), else_=0)
+        more = {"lost_attempts": count}
         running = sa.and_(held, jobs.c.state == JobState.RUNNING)
-        exhausted = sa.and_(running, jobs.c.lost_attempts + 1 >= max_attempts)
+        too_often = _losses_in_a_row() + 1 >= _UNBLAMED_FACTOR * max_attempts
+        exhausted = sa.and_(running, sa.or_(count >= max_attempts, too_often))
         failed = {**RELEASED, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
         canceled = {**RELEASED, **over, "state": JobState.CANCELED}
         again = {**RELEASED, **more, "state": JobState.QUEUED, "phase": "queued"}
@@ -52,14 +122,8 @@ class Upkeep:
         return [row.id for row in queued]
 
     def shorten_leases(self, lease_s: float) -> int:
-        """Cut leases that end later than one given now could: the clock was set back after they were given.
-
-        Returns
-        -------
-        int
-            How many there were.
-        """
-        # Twice as long, so that hosts may differ a little in their settings and their clocks.
+        """Shorten leases that end too late because the clock was set back since; return their number."""
+        # Twice as long, so that hosts may differ slightly in their settings and clocks.
         ahead = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at > self._database.now(2 * lease_s))
 
         def cut(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
@@ -69,9 +133,9 @@ class Upkeep:
         return len(self._each(ahead, cut))
 
     def expire_deadlines(self) -> list[str]:
-        """End every job whose deadline is over; return the ids of those that a worker had.
+        """End every job whose deadline has passed; return the ids of those that a worker had.
 
-        One that was to be canceled is canceled: its user was told so.
+        A job in state `canceling` is canceled, as was confirmed to its user.
         """
         late = sa.and_(jobs.c.state.in_([JobState.QUEUED, *rows.OWNED]), jobs.c.deadline_at < self._database.now())
         asked = jobs.c.state == JobState.CANCELING
@@ -84,14 +148,16 @@ class Upkeep:
 
         def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
             ended = change.update(held, values, lambda row: EventType(row.state))
-            # The lease stays in the row for whoever reads it; nothing can be written with it any more.
+            # The lease stays in the row for information; the state prevents further writes of the worker.
             return [row.id for row in ended if row.lease_expires_at]
 
         return self._each(late, end)
 
     def delete_retained(self) -> list[str]:
-        """Delete every job whose time is over; return their ids. Their objects are due for removal now."""
-        over = sa.and_(jobs.c.state.in_(TERMINAL_STATES), jobs.c.retain_until < self._database.now())
+        """Delete every job whose retention has ended; return their ids. Their objects are due for removal."""
+        # An expression, so that SQLite does not choose an index on the state, which finds every finished job.
+        finished = (jobs.c.state + "").in_(TERMINAL_STATES)
+        over = sa.and_(finished, jobs.c.retain_until < self._database.now())
 
         def forget(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
             ids = list(change.connection.scalars(sa.delete(jobs).where(held).returning(jobs.c.id)))
@@ -101,7 +167,7 @@ class Upkeep:
         return self._each(over, forget)
 
     def delete_stale_requests(self) -> None:
-        """Forget idempotency keys that are a day old."""
+        """Delete idempotency keys older than a day."""
         old = idempotency.c.created_at < self._database.now(-IDEMPOTENCY_KEPT_S)
         with self._database.read() as connection:
             if connection.execute(sa.select(idempotency.c.key).where(old).limit(1)).first() is None:
@@ -110,45 +176,45 @@ class Upkeep:
             connection.execute(sa.delete(idempotency).where(old))
 
     def expired_uploads(self) -> list[str]:
-        """Return the ids of uploads whose time is over, some at a time."""
+        """Return the ids of a batch of expired uploads."""
         over = uploads.c.expires_at < self._database.now()
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(uploads.c.id).where(over).limit(_BATCH)))
 
-    def untold(self) -> list[str]:
-        """Return the jobs whose workers are still to be told, oldest first."""
+    def unannounced(self) -> list[str]:
+        """Return the jobs not yet announced to workers, oldest first."""
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(outbox.c.job_id).order_by(outbox.c.job_id)))
 
-    def told(self, job_ids: Collection[str]) -> None:
-        """Their workers are told: take them off the outbox."""
+    def mark_announced(self, job_ids: Collection[str]) -> None:
+        """Remove announced jobs from the outbox."""
         ids = sorted(job_ids)
         with self._database.write() as connection:
             for start in range(0, len(ids), _BATCH):
                 some = outbox.c.job_id.in_(ids[start : start + _BATCH])
-                # One that somebody holds stays for the next look: its job ends this moment, or it is told by another.
+                # Locked rows stay for the next run: their jobs are just ending, or another process announces them.
                 free = sa.select(outbox.c.job_id).where(some).with_for_update(skip_locked=True).cte("free")
                 connection.execute(sa.delete(outbox).where(outbox.c.job_id.in_(sa.select(free.c.job_id))))
 
     def queued_count(self) -> int:
-        """Return how many jobs are queued."""
+        """Return the number of queued jobs."""
         count = sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == JobState.QUEUED)
         with self._database.read() as connection:
             return connection.execute(count).scalar_one()
 
     def queued_ids(self) -> list[str]:
-        """Return the queued jobs, the most urgent first."""
+        """Return the ids of the queued jobs, highest priority first."""
         queued = sa.select(jobs.c.id).where(jobs.c.state == JobState.QUEUED)
         with self._database.read() as connection:
             return list(connection.scalars(queued.order_by(jobs.c.priority.desc(), jobs.c.id)))
 
     def discarded_prefixes(self) -> list[str]:
-        """Return the prefixes of objects that belonged to deleted jobs."""
+        """Return the prefixes of objects of deleted jobs."""
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(discarded.c.prefix)))
 
     def forget_discarded(self, prefix: str) -> None:
-        """The store holds nothing under the prefix any more."""
+        """Remove a prefix whose objects have been removed from the store."""
         with self._database.write() as connection:
             connection.execute(sa.delete(discarded).where(discarded.c.prefix == prefix))
 
@@ -157,16 +223,16 @@ class Upkeep:
         condition: sa.ColumnElement[bool],
         change_them: Callable[[Change, sa.ColumnElement[bool]], list[str]],
     ) -> list[str]:
-        """Change the jobs of a condition, some in each transaction, which holds their rows; return the ids it gives.
+        """Change the jobs that satisfy a condition in batches, one transaction each; return the ids from `change_them`.
 
-        The change must end the condition. Rows that somebody else holds are left for the next look: so those who change
-        many never wait for each other, least of all in a circle.
+        The change must end the condition. Rows locked by others are left for the next run, so that reconcilers never
+        wait for each other and cannot deadlock.
         """
         some = sa.select(jobs.c.id).where(condition).limit(_BATCH)
         ids: list[str] = []
         while True:
             with self._database.read() as connection:
-                # Almost always there is none, and then nobody need wait for a write lock.
+                # Usually there is none, and no write lock is needed.
                 if connection.execute(some.limit(1)).first() is None:
                     return sorted(ids)
             with changing(self._database) as change:
@@ -175,6 +241,21 @@ class Upkeep:
                     ids += change_them(change, jobs.c.id.in_(held))
             if not held:
                 return sorted(ids)
+
+
+def _ended() -> sa.ColumnElement[bool]:
+    """Return the condition that the job's supervisor has reported the end of its worker (`Leases.worker_ended`)."""
+    return jobs.c.worker_id.is_(None)
+
+
+def _losses_in_a_row() -> sa.ColumnElement[int]:
+    """Return the number of recoveries of a job since its last checkpoint."""
+    mine = events.c.job_id == jobs.c.id
+    last = events.alias("last")
+    saved = sa.select(sa.func.max(last.c.seq)).where(last.c.job_id == jobs.c.id, last.c.type == EventType.CHECKPOINT)
+    after = events.c.seq > sa.func.coalesce(saved.correlate(jobs).scalar_subquery(), 0)
+    lost = sa.select(sa.func.count()).where(mine, events.c.type == EventType.RECOVERED, after)
+    return lost.correlate(jobs).scalar_subquery()
 
 
 def _lost_attempt(row: Row) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Uploads: files that are sent ahead of the jobs that use them."""
+"""Uploads: files that are sent before the jobs that use them."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ __all__ = ["Upload", "UploadLedger"]
 
 @dataclass(frozen=True)
 class Upload:
-    """A file that is being sent, or that has come.
+    """A file that is being received or has been received.
 
     Attributes
     ----------
     id, owner_id, filename : str
     size : int
-        Bytes that it has once it is complete.
+        Bytes of the complete file.
     sha256 : str or None
-        Of its bytes: as announced while it is open, as verified once it is complete.
+        SHA-256 of its bytes: as announced while it is open, as verified once it is complete.
     key : str or None
         The stored file; None while it is open.
     created_at, expires_at : datetime
@@ -45,14 +45,14 @@ class Upload:
 
     @property
     def complete(self) -> bool:
-        """Whether all bytes have come and are what they should be."""
+        """Whether all bytes have been received and verified."""
         return self.key is not None
 
 
 class UploadLedger:
-    """Every upload, from its announcement to the end of its time.
+    """Every upload, from its announcement to its expiry.
 
-    A complete one holds its file (`files.py`) until then; jobs that use it hold it by themselves.
+    A complete upload keeps its file (`files.py`) until then; jobs that use the file keep it independently.
     """
 
     def __init__(self, database: Database, files: FileLedger) -> None:
@@ -75,13 +75,13 @@ class UploadLedger:
         owner_id : str
         filename : str
         size : int
-            Bytes, as the sender says.
+            Bytes, as announced by the sender.
         ttl_s : float
-            Seconds that it is kept.
+            Seconds until it expires.
         sha256 : str, optional
-            Of its bytes, as the sender says.
+            SHA-256 of its bytes, as announced by the sender.
         also : callable, optional
-            Does more in the same transaction; what it raises undoes the upload.
+            Called in the same transaction, which its exceptions roll back.
         """
         values = {
             "id": new_id("upl"),
@@ -99,12 +99,12 @@ class UploadLedger:
         return made
 
     def get(self, upload_id: str, owner: str | None = None) -> Upload:
-        """Return an upload; with an owner, only if it is theirs.
+        """Return an upload; with an owner, only an upload of that owner.
 
         Raises
         ------
         NotFoundError
-            There is none, or its time is over.
+            There is no such upload, or it has expired.
         """
         with self._database.read() as connection:
             row = connection.execute(sa.select(uploads).where(self._is(upload_id, owner))).one_or_none()
@@ -113,7 +113,7 @@ class UploadLedger:
         return _upload(row)
 
     def complete(self, upload_id: str, sha256: str, key: str, owner: str | None = None) -> Upload:
-        """Point at the file, which is stored and pinned by now; the pin becomes the upload's. Again is no error."""
+        """Record the stored and pinned file; its pin is released. Repeating this is not an error."""
         change = sa.update(uploads).where(self._is(upload_id, owner)).values(sha256=sha256, key=key)
         with self._database.write() as connection:
             row = connection.execute(change.returning(uploads)).one_or_none()
@@ -123,12 +123,12 @@ class UploadLedger:
         return _upload(row)
 
     def delete(self, upload_id: str, owner: str | None = None) -> None:
-        """Forget an upload; its file stays for as long as a job needs it.
+        """Delete an upload; its file stays while a job needs it.
 
         Raises
         ------
         NotFoundError
-            There is none.
+            There is no such upload.
         """
         where = uploads.c.id == upload_id
         if owner is not None:

@@ -1,6 +1,6 @@
-"""Webhooks of owners, and the log of what was sent to them: `record.webhooks`.
+"""Webhooks of owners and the log of their messages: `record.webhooks`.
 
-Messages are written with the events that they tell of, and taken by their senders, in `deliveries.py`.
+`deliveries.py` writes messages with their events and gives them to senders.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 __all__ = ["MAX_WEBHOOKS", "TEST_EVENT", "Delivery", "DeliveryAttempt", "DeliveryPage", "Webhook", "WebhookBook"]
 
 MAX_WEBHOOKS = 20
-"""Webhooks of one owner: each of them costs a row for every event."""
+"""Maximum number of webhooks of one owner, because each costs a row per event."""
 TEST_EVENT = "meshdeform.test"
-"""The type of the message that is sent on request, whatever a webhook listens to."""
+"""The type of test messages, sent on request whatever events a webhook subscribes to."""
 
 _KEEP_S = 86_400.0
 
 
 @dataclass(frozen=True)
 class Webhook:
-    """Where an owner wants to be told of events. The secret is not here: it is shown when it is made, and only then."""
+    """A webhook without its secret, which is shown only when it is created."""
 
     id: str
     owner_id: str
@@ -46,7 +46,7 @@ class Webhook:
 
 @dataclass(frozen=True)
 class DeliveryAttempt:
-    """One try at a delivery: the status of the answer, or why there is none."""
+    """One attempt at a delivery: the status of the response, or why there is none."""
 
     number: int
     at: datetime
@@ -64,11 +64,11 @@ class Delivery:
     state : str
         `pending`, `delivered` or `failed`. The last two never change.
     replay_of : str or None
-        The first delivery of the message, where this one sends it again.
+        The first delivery of the message, if this one repeats it.
     next_at : datetime or None
-        When it is tried, while it is pending.
+        Time of the next attempt while it is pending.
     log : tuple of DeliveryAttempt
-        What was tried, oldest first; empty in a list of deliveries, where `attempts` counts them.
+        The attempts, oldest first; empty in a list of deliveries, where `attempts` counts them.
     """
 
     id: str
@@ -86,37 +86,37 @@ class Delivery:
 
 @dataclass(frozen=True)
 class DeliveryPage:
-    """Some deliveries, newest first, and where the next page begins; None at the end."""
+    """A page of deliveries, newest first, and the cursor of the next page; None at the end."""
 
     deliveries: list[Delivery]
     next_cursor: str | None
 
 
 class WebhookBook:
-    """Every webhook. Each look-up names the owner: somebody else's webhook is not there."""
+    """Every webhook. Each look-up names the owner, so that webhooks of other owners are not found."""
 
     def __init__(self, database: Database, messages: Deliveries) -> None:
         self._database, self._messages = database, messages
 
     def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
-        """Enter a webhook, enabled. The address must be checked by now (`meshdeform.webhooks.addresses`).
+        """Create an enabled webhook. Its address must already be checked (`meshdeform.webhooks.addresses`).
 
         Parameters
         ----------
         owner : str
         url : str
         events : collection of str
-            Types to send; none means every one.
+            Types of events to send; empty for all.
 
         Returns
         -------
         Webhook and str
-            The webhook and its secret, which is not told again.
+            The webhook and its secret, which cannot be retrieved again.
 
         Raises
         ------
         RequestError
-            The owner has as many as it may.
+            The owner has the maximum number of webhooks.
         """
         secret = _new_secret()
         values = {
@@ -129,12 +129,12 @@ class WebhookBook:
         }
         with self._database.write() as connection:
             if not self._database.is_sqlite:
-                # One after the other: two that count at the same time would both find room for one more.
+                # Serialise the count: two concurrent requests would both find room for one more webhook.
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"webhooks {owner}"))))
             own = sa.select(sa.func.count()).select_from(webhooks).where(webhooks.c.owner_id == owner)
             if connection.execute(own).scalar_one() >= MAX_WEBHOOKS:
                 raise RequestError(
-                    f"You have {MAX_WEBHOOKS} webhooks, which is the most.", advice="Delete one that you do not need."
+                    f"You have {MAX_WEBHOOKS} webhooks, the maximum.", advice="Delete one that you do not need."
                 )
             made = connection.execute(sa.insert(webhooks).values(values).returning(webhooks)).one()
         return _webhook(made), secret
@@ -145,7 +145,7 @@ class WebhookBook:
         Raises
         ------
         NotFoundError
-            The owner has none of this id.
+            The owner has no such webhook.
         """
         with self._database.read() as connection:
             return _webhook(_find(connection, webhook_id, owner))
@@ -165,12 +165,12 @@ class WebhookBook:
         events: Collection[str] | None = None,
         enabled: bool | None = None,
     ) -> Webhook:
-        """Change what is given. A webhook that is disabled is told of nothing, and its pending deliveries fail.
+        """Change the given properties. A disabled webhook receives nothing, and its pending deliveries fail.
 
         Raises
         ------
         NotFoundError
-            The owner has none of this id.
+            The owner has no such webhook.
         """
         values: dict[str, Any] = {}
         if url is not None:
@@ -190,12 +190,12 @@ class WebhookBook:
             return _webhook(_find(connection, webhook_id, owner))
 
     def rotate(self, webhook_id: str, owner: str, keep_s: float = _KEEP_S) -> tuple[Webhook, str]:
-        """Make a new secret. The one before signs beside it for `keep_s` seconds; one older than that, no more.
+        """Create a new secret. The previous one also signs for `keep_s` more seconds; older ones no longer do.
 
         Raises
         ------
         NotFoundError
-            The owner has none of this id.
+            The owner has no such webhook.
         """
         secret = _new_secret()
         values = {
@@ -211,12 +211,12 @@ class WebhookBook:
         return _webhook(row), secret
 
     def delete(self, webhook_id: str, owner: str) -> None:
-        """Forget a webhook with its log. A message that is just being sent may still arrive.
+        """Delete a webhook with its log. A message that is being sent may still arrive.
 
         Raises
         ------
         NotFoundError
-            The owner has none of this id.
+            The owner has no such webhook.
         """
         gone = sa.delete(webhooks).where(_is(webhook_id, owner)).returning(webhooks.c.id)
         with self._database.write() as connection:
@@ -226,14 +226,14 @@ class WebhookBook:
     def deliveries(
         self, webhook_id: str, owner: str, *, state: str | None = None, cursor: str | None = None, limit: int = 50
     ) -> DeliveryPage:
-        """Return a page of what was sent or is to be, newest first.
+        """Return a page of sent and pending deliveries, newest first.
 
         Raises
         ------
         NotFoundError
             The owner has no such webhook.
         ParameterError
-            The cursor is not one of ours.
+            The cursor is not valid.
         """
         query = sa.select(deliveries).where(deliveries.c.webhook_id == webhook_id).order_by(deliveries.c.id.desc())
         if state is not None:
@@ -252,7 +252,7 @@ class WebhookBook:
         Raises
         ------
         NotFoundError
-            The owner has no such webhook, or that one no such delivery.
+            The owner has no such webhook, or the webhook no such delivery.
         """
         tried = sa.select(delivery_attempts).where(delivery_attempts.c.delivery_id == delivery_id)
         with self._database.read() as connection:
@@ -264,15 +264,15 @@ class WebhookBook:
         )
 
     def replay(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
-        """Send a message again, by a delivery of its own.
+        """Send a message again as a new delivery.
 
-        By the specification an identifier belongs to the event and stays the same however often it is sent, so the
-        new delivery carries the `webhook-id` of the first one: a receiver that has dealt with it drops it.
+        By the specification the identifier belongs to the event, so that the new delivery has the `webhook-id` of the
+        first one, and a receiver that has processed it ignores the repetition.
 
         Raises
         ------
         NotFoundError
-            The owner has no such webhook, or that one no such delivery.
+            The owner has no such webhook, or the webhook no such delivery.
         ConflictError
             The delivery is still pending, or the webhook is disabled.
         """
@@ -281,12 +281,12 @@ class WebhookBook:
             row = _find_delivery(connection, webhook_id, delivery_id)
             if row.state == "pending":
                 raise ConflictError(
-                    "The delivery is still pending.", advice="Wait: it is tried again by itself.", state=row.state
+                    "The delivery is still pending.", advice="Wait: it is retried automatically.", state=row.state
                 )
             return self._add(connection, webhook, row.type, row.payload, row.job_id, row.replay_of or row.id)
 
     def send_test(self, webhook_id: str, owner: str) -> Delivery:
-        """Send a message of the type `meshdeform.test`, whatever the webhook listens to.
+        """Send a message of the type `meshdeform.test`, whatever events the webhook subscribes to.
 
         Raises
         ------

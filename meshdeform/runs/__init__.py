@@ -1,8 +1,8 @@
-"""The kinds of job, by name. Torch-free: what runs a kind is imported when a worker first needs it.
+"""The kinds of job by name. Torch-free: the code that runs a kind is imported when a worker first needs it.
 
-A new kind is a module like `text_deform_kind.py`, a name in `JobKind`, and a line at the end of this one. The check at
-the door, the parts that a form may have, the worker's start and the lists in the documentation follow from its
-description.
+To add a kind, write a module like `text_deform_kind.py`, add a name to `JobKind`, and register it at the end of this
+module. The check of requests, the parts of a form, the start in the worker and the lists in the documentation follow
+from its description.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def _built_in() -> list[Kind]:
 
 
 def register(kind: Kind) -> None:
-    """Make a kind known, in place of one of the same name."""
-    kinds()  # the built-in ones come first, whoever is registered before anybody asks for them
+    """Register a kind, replacing any of the same name."""
+    kinds()  # register the built-in kinds first
     _registered[kind.name] = kind
     use_params(kind.name, kind.params)
 
 
 def kinds() -> list[Kind]:
-    """Return every kind, in the order in which they were registered."""
+    """Return all kinds in the order of their registration."""
     if not _registered:
         _registered.update({kind.name: kind for kind in _built_in()})
     return list(_registered.values())
@@ -51,36 +51,36 @@ def kind_of(name: JobKind) -> Kind:
     Raises
     ------
     ParameterError
-        None is registered under this name.
+        No kind is registered under this name.
     """
     kinds()
     if name not in _registered:
-        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"There are: {', '.join(_registered)}.")
+        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"Use one of: {', '.join(_registered)}.")
     return _registered[name]
 
 
 def file_parts() -> tuple[str, ...]:
-    """Return the names of the files that any kind reads, each once."""
+    """Return the names of the files read by any kind, without duplicates."""
     return tuple(dict.fromkeys(part.name for kind in kinds() for part in kind.reads))
 
 
 def check_request(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
-    """Refuse a request that no worker of this deployment could run; return what its parameters come to.
+    """Refuse a request that no worker of this deployment could run; return the values of all its parameters.
 
     Parameters
     ----------
     request : JobRequest
     settings : Settings
-        Names the models of this deployment.
+        Lists the models of this deployment.
     files : collection of str
-        The names of the files that come with it, or that it names.
+        The names of the files sent with the request or named by it.
 
     Raises
     ------
     RequestError
-        One of its subclasses says what to change.
+        The request is not valid; a subclass says what to change.
     ModelError
-        The model is not one of this deployment's, or not on this machine.
+        The model is not allowed in this deployment, or not on this machine.
     """
     kind = kind_of(request.kind)
     for part in kind.reads:
@@ -95,12 +95,12 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
 
 
 def start_run(given: RunInput) -> JobRun:
-    """Start the run of a job, of whichever kind it is.
+    """Start the run of a job of any kind.
 
     Raises
     ------
     MeshdeformError
-        What is wrong with the request, its files or this machine.
+        The request, its files or this machine prevent the run.
     """
     return kind_of(given.request.kind).load()(given)
 

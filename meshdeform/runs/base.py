@@ -1,4 +1,4 @@
-"""What a kind of job is: what it reads, how it is asked for, what it writes, and how a worker runs it. Torch-free."""
+"""Describe kinds of job: the files they read, their parameters, their artifacts, and their runs. Torch-free."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class FilePart:
     Attributes
     ----------
     name : str
-        Of the part of a form, and of the member of a document that names a file which the service has.
+        Name of the part of a form, and of the document's member that refers to a stored file.
     summary : str
-        What it is, in one sentence.
+        One sentence about the file.
     required : bool
-        Whether a job cannot be without it. Whether one that is not required fits the request, the kind's check says.
+        Whether every job needs it. If False, the kind's check decides whether it fits the request.
     media_types : tuple of str
     """
 
@@ -58,7 +58,7 @@ class ArtifactKind:
     name : str
     media_type : str
     summary : str
-        What it is, and which option asks for it if one does.
+        One sentence about the result, and the option that requests it, if any.
     """
 
     name: str
@@ -68,14 +68,14 @@ class ArtifactKind:
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file as a run gets it.
+    """An input file of a run.
 
     Attributes
     ----------
     data : bytes
     filename : str
     sha256 : str, optional
-        Of the data, hexadecimal, where it is known.
+        SHA-256 of the data, hexadecimal, if known.
     """
 
     data: bytes
@@ -84,31 +84,31 @@ class InputFile:
 
 
 def _no_prior(model: str) -> Prior:
-    raise RuntimeError(f"no prior is at hand, neither {model} nor another one")
+    raise RuntimeError(f"no function to load the prior {model} was given")
 
 
 @dataclass(frozen=True)
 class RunInput:
-    """What a run begins with.
+    """The input of a run.
 
     Attributes
     ----------
     request : JobRequest
     files : mapping of str to InputFile
-        By the names of the kind's parts.
+        Files by the names of the kind's parts.
     resolved : mapping, optional
-        Every parameter with its value, as the kind's check returned them when the job was accepted, in JSON. Where it
-        is None, the run resolves them.
+        The values of all parameters, as the kind's check returned them when the job was accepted, in JSON. If None,
+        the run resolves them.
     checkpoint : bytes, optional
-        A checkpoint of the same request, from which the run goes on.
+        A checkpoint of the same request, at which the run resumes.
     initial : bytes, optional
-        A checkpoint of any request with the same asset; the run begins with its shape, at step 0.
+        A checkpoint of any request with the same asset; the run starts with its shape at step 0.
     load_prior : callable
         Returns the prior of a model, which is kept between jobs.
     default_model : str
-        The model where the request names none.
+        The model used if the request names none.
     limits : Limits, optional
-        On the files.
+        Limits on the files.
     device : str
     """
 
@@ -125,7 +125,7 @@ class RunInput:
 
 @dataclass(frozen=True)
 class ArtifactData:
-    """A result as bytes with its media type."""
+    """The bytes of a result with their media type."""
 
     data: bytes
     content_type: str
@@ -133,14 +133,14 @@ class ArtifactData:
 
 @dataclass(frozen=True)
 class StepReport:
-    """Where a run stands after a step.
+    """The position of a run after a step.
 
     Attributes
     ----------
     step : int
-        Steps done, from 1.
+        Number of steps done, from 1.
     total_steps : int
-        Steps in all.
+        Total number of steps.
     losses : dict of name to value
     """
 
@@ -150,24 +150,24 @@ class StepReport:
 
 
 class JobRun(Protocol):
-    """A run that a worker drives: it decides when to store, publish and stop."""
+    """A run driven by its caller, which decides when to store, publish and stop."""
 
     @property
     def total_steps(self) -> int:
-        """Steps in all."""
+        """Total number of steps."""
 
     @property
     def step(self) -> int:
-        """Steps done."""
+        """Number of steps done."""
 
     def __iter__(self) -> Iterator[StepReport]:
-        """Run the steps that are left."""
+        """Run the remaining steps."""
 
     def checkpoint(self) -> bytes:
-        """Return everything that the rest of the run depends on; valid between two steps."""
+        """Return the complete state of the run; call only between two steps."""
 
     def snapshot(self) -> ArtifactData:
-        """Return the asset as it stands now; valid between two steps."""
+        """Return the asset with its current shape; call only between two steps."""
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
@@ -184,18 +184,18 @@ class Kind:
     ----------
     name : JobKind
     summary : str
-        What it does, in one sentence.
+        One sentence about the kind.
     reads : tuple of FilePart
     params : type of BaseModel
         The model of `params` in its requests. Workers read `checkpoint_every_steps` from it.
     check : callable
-        Refuses a request that no worker of a deployment could run, and returns every parameter with the value that it
-        would have: gets the request, the settings and the names of the files that come with it. Torch-free.
+        Refuses a request that no worker of a deployment could run, and returns the values of all its parameters.
+        Takes the request, the settings and the names of its files. Torch-free.
     steps : callable
-        Returns how many steps a request takes, for limits and estimates: gets the request, the model where it names
-        none, and what the check returned, in JSON, if that was kept. Torch-free.
+        Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and
+        the stored result of `check` in JSON, if any. Torch-free.
     load : callable
-        Imports what runs it, torch and all, and returns what starts a run.
+        Imports the code that runs the kind, including torch, and returns the function that starts a run.
     artifacts : tuple of ArtifactKind
     """
 

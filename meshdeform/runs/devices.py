@@ -1,4 +1,4 @@
-"""Where to compute: the device by its setting, and the number of threads."""
+"""Choose the device and the number of threads by their settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["resolve_device", "use_threads"]
 
 
 def resolve_device(name: str) -> str:
-    """`auto` is CUDA where there is one, else the CPU; anything else is checked.
+    """Return the device of a setting: `auto` is CUDA if available, otherwise the CPU; other names are checked.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def resolve_device(name: str) -> str:
 
 
 def use_threads(count: int) -> int:
-    """Let torch use `count` CPU threads, 0 for as many as this process has cores; returns how many that is."""
+    """Set torch's number of CPU threads, 0 for one per core of this process, and return the number."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     threads = count or usable or 1
     torch.set_num_threads(threads)

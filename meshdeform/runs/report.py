@@ -1,4 +1,4 @@
-"""`report.json`: what was asked, what ran, what it did to the mesh, and what was skipped and why."""
+"""Collect the contents of `report.json`: hashes, versions, durations of phases, and losses."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _MAX_SAMPLES = 200
 
 
 def sha256_hex(data: bytes) -> str:
-    """SHA-256 of `data`, in hexadecimal."""
+    """Return the SHA-256 of `data` in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that can change a result."""
+    """Return the versions of all packages that can affect a result."""
     found = {"meshdeform": meshdeform.__version__, "python": platform.python_version()}
     for name in _PACKAGES:
         try:
@@ -35,14 +35,14 @@ def versions() -> dict[str, str]:
 
 
 class PhaseClock:
-    """Wall-clock seconds per phase of one attempt."""
+    """The wall-clock seconds per phase of one attempt."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Add the time that the block takes to `name`."""
+        """Add the duration of the `with` block to phase `name`."""
         start = time.perf_counter()
         try:
             yield
@@ -51,7 +51,7 @@ class PhaseClock:
 
 
 class LossHistory:
-    """First, last, and at most 200 evenly thinned samples of the losses."""
+    """The losses of the first and last step and of at most 200 evenly spaced steps."""
 
     def __init__(self) -> None:
         self._samples: list[dict[str, Any]] = []
@@ -59,7 +59,7 @@ class LossHistory:
         self._last: dict[str, Any] | None = None
 
     def add(self, step: int, losses: dict[str, float]) -> None:
-        """Record one step's losses."""
+        """Add the losses of one step."""
         self._last = {"step": step, **losses}
         if (step - 1) % self._stride == 0:
             self._samples.append(self._last)
@@ -68,7 +68,7 @@ class LossHistory:
             self._stride *= 2
 
     def to_list(self) -> list[dict[str, Any]]:
-        """The samples in order, the last step included."""
+        """Return the samples in order, including the last step."""
         if self._last is None or (self._samples and self._samples[-1] is self._last):
             return list(self._samples)
         return [*self._samples, self._last]

@@ -1,4 +1,4 @@
-"""The kind `text_deform`: an asset and a prompt (or a target mesh) in, the same asset with a new shape out."""
+"""Run jobs of kind `text_deform`: deform an asset by a prompt or towards a target mesh."""
 
 from __future__ import annotations
 
@@ -55,36 +55,36 @@ def start(
     asset_sha256: str | None = None,
     resolved: ResolvedParams | None = None,
 ) -> TextDeformRun:
-    """Read the asset and get ready to run.
+    """Read the asset and prepare the run.
 
     Parameters
     ----------
     asset, target : bytes
-        A GLB, OBJ, PLY or STL; `target` is what `params.guidance = target` needs.
+        A GLB, OBJ, PLY or STL; `target` is required by `params.guidance = target`.
     filename, target_filename : str
     request : JobRequest
     prior : Prior, optional
-        What `params.guidance = sds` needs, loaded by the caller so that it can be kept between jobs.
+        Required by `params.guidance = sds`; loaded by the caller so that it can be kept between jobs.
     checkpoint : bytes, optional
-        A checkpoint of the same request to go on from.
+        A checkpoint of the same request at which to resume.
     initial : bytes, optional
-        A checkpoint of any request with the same asset, whose shape the run begins with at step 0.
+        A checkpoint of any request with the same asset, with whose shape the run starts at step 0.
     default_model : str
-        The model where the request names none.
+        The model used if the request names none.
     limits : Limits, optional
     device : str
-        Where views are drawn and the prior runs.
+        The device that renders views and runs the prior.
     asset_sha256 : str, optional
-        SHA-256 of the asset, where it is known.
+        SHA-256 of the asset, if known.
     resolved : ResolvedParams, optional
-        The request's parameters as they were resolved when it was accepted; resolved here unless given.
+        The values of all parameters from when the request was accepted. Default: resolved here.
 
     Raises
     ------
     DependencyError
         The request asks for USDZ, and usd-core is not installed.
     AssetError, RequestError, ModelError, NumericalError, CheckpointError
-        What is wrong and what to do about it.
+        The input cannot be run; the error says what to do.
     """
     if request.output.usd:
         require_usd()
@@ -94,7 +94,7 @@ def start(
     with clock.phase("read"):
         loaded = load_asset(asset, filename, limits)
         if request.output.usd:
-            loaded.scene()  # materials that cannot be read are told now, not after the last step
+            loaded.scene()  # detect unreadable materials now, not after the last step
         surface = loaded.surface
         welded = weld(surface.positions, surface.triangles)
     frame = Frame.around(welded.mesh.verts)
@@ -141,7 +141,7 @@ def _guidance(
 
 
 class TextDeformRun:
-    """A run in progress; made by `start`. Implements `meshdeform.runs.base.JobRun`."""
+    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
 
     def __init__(
         self,
@@ -165,16 +165,16 @@ class TextDeformRun:
 
     @property
     def total_steps(self) -> int:
-        """Steps in all."""
+        """Total number of steps."""
         return self._facts.params.steps
 
     @property
     def step(self) -> int:
-        """Steps done."""
+        """Number of steps done."""
         return self._deformation.step
 
     def __iter__(self) -> Iterator[StepReport]:
-        """Run the steps that are left."""
+        """Run the remaining steps."""
         start = time.perf_counter()
         for step in self._deformation:
             self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
@@ -185,15 +185,15 @@ class TextDeformRun:
             start = time.perf_counter()
 
     def checkpoint(self) -> bytes:
-        """Everything that the rest of the run depends on; valid between two steps."""
+        """Return the complete state of the run; call only between two steps."""
         return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.asset_sha256)
 
     def positions(self) -> NDArray[np.float64]:
-        """Positions (N, 3) float64 of the asset's own vertices as they stand now, in the world."""
+        """Return the current world positions (N, 3), float64, of the asset's own vertices."""
         return self._welded.scatter(self._world_verts(), self._asset.surface.positions)
 
     def snapshot(self) -> ArtifactData:
-        """Write the asset as it stands now, as `result.glb` would be.
+        """Return the asset with its current shape, in the form of `result.glb`.
 
         Raises
         ------
@@ -203,7 +203,7 @@ class TextDeformRun:
         return ArtifactData(self._asset.replace(*self._surface(self._world_verts())), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
-        """Write `result.glb`, `report.json`, `preview.png`; `morph.glb` and `result.usdz` where they were asked for.
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class TextDeformRun:
         with self._clock.phase("write"):
             positions, normals, tangents = self._surface(verts)
             result = self._asset.replace(positions, normals, tangents)
-            # Not the arrays that were just written: the report is to say what a reader of the file finds.
+            # Read the file back, so that the report describes what is in the file.
             written = read_result(result)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph:
@@ -242,7 +242,7 @@ class TextDeformRun:
         return artifacts
 
     def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
-        """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""
+        """Return positions, normals and tangents of the asset's own vertices, the last two if it has them."""
         surface, rest = self._asset.surface, self._welded.mesh
         jacobians = completed_jacobians(rest, verts)
         areas = torch.from_numpy(rest.areas)

@@ -1,4 +1,4 @@
-"""The kind `text_deform`: what it reads and writes, the check at the door, and what starts it. Torch-free."""
+"""Describe the kind `text_deform`: its files, the check of its requests, and its artifacts. Torch-free."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ def check(
     revision: str = "",
     has_target: bool = False,
 ) -> ResolvedParams:
-    """Refuse a request that could not run; return its parameters as they would run.
+    """Refuse a request that could not run; return the values of all its parameters.
 
     Parameters
     ----------
     request : JobRequest
     default_model : str
-        The model where the request names none; always allowed, as `builtin` is.
+        The model used if the request names none; always allowed, like `builtin`.
     allowed_models : sequence of str
-        What else a request may name.
+        Further models that a request may name.
     revision : str
         Revision of the default model.
     has_target : bool
-        Whether the second mesh is there that `target` guidance needs.
+        Whether the second mesh for `target` guidance is present.
 
     Raises
     ------
@@ -59,9 +59,9 @@ def check(
         `target` guidance without a target, a target without `target` guidance, or parameters that contradict the preset
         or each other.
     PromptError, VocabularyError
-        The prompt is empty, or it or the negative prompt says what the builtin prior does not know.
+        The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
     ModelError
-        The model is not allowed, or not there.
+        The model is not allowed, or not on this machine.
     """
     params = request.params
     resolved = resolve(params, default_model=default_model)
@@ -72,8 +72,8 @@ def check(
     if has_target:
         raise _refusal(
             "guidance",
-            "A target was sent, but the guidance is `sds`, which does not look at it.",
-            "Set params.guidance to `target`, or leave the part `target` out.",
+            "A target was sent, but the guidance is `sds`, which does not use it.",
+            "Set params.guidance to `target`, or omit the part `target`.",
         )
     if not request.prompt:
         raise PromptError("The prompt is empty.")
@@ -86,15 +86,15 @@ def check(
             try:
                 parse_negative(params.negative_prompt, request.prompt)
             except (PromptError, VocabularyError) as error:
-                # The same error, that also says which of the two texts it is about.
+                # Add which of the two texts the error is about.
                 error.extra |= _at("negative_prompt", error.detail)
                 raise
         return resolved
     if model != default_model and model not in allowed_models:
         known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
         raise ModelError(
-            f"The model {model!r} is not one that this server runs.",
-            advice=f"Use one of: {', '.join(known)}. Who runs the server can add it to MESHDEFORM_ALLOWED_MODELS.",
+            f"This server does not run the model {model!r}.",
+            advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
             models=known,
         )
     from meshdeform.priors import check_model
@@ -108,7 +108,7 @@ def _refusal(name: str, detail: str, advice: str) -> ParameterError:
 
 
 def _at(name: str, detail: str) -> dict[str, Any]:
-    """The member of a problem document that says which parameter it is about."""
+    """Return the member of a problem document that names the parameter."""
     return {"errors": [{"loc": ["params", name], "msg": detail, "type": "value_error"}]}
 
 
@@ -117,7 +117,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         detail = "The request asks for result.usdz, and this deployment does not write USDZ."
         raise ParameterError(
             detail,
-            advice="Leave output.usd out. Whoever runs the service can install the extra `usd` and set MESHDEFORM_USD.",
+            advice="Omit output.usd. The service's operator can install the extra `usd` and set MESHDEFORM_USD.",
             errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
         )
     return check(
@@ -130,13 +130,13 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
 
 
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
-    """Return the parameters as they were kept when the request was accepted, else resolve them."""
+    """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
         try:
             return ResolvedParams.model_validate(kept)
         except ValidationError as error:
-            # Another version wrote them, which knew other parameters: the request still says what was asked for.
-            _log.info("the resolved parameters cannot be read, and are resolved anew: %s", error)
+            # Another version with other parameters wrote them; the request is still valid.
+            _log.info("the resolved parameters cannot be read and are resolved again: %s", error)
     return resolve(request.params, default_model=default_model)
 
 
@@ -144,7 +144,7 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
     try:
         return _resolved(request, default_model, kept).steps
     except MeshdeformError:
-        # A default that has changed since it was accepted; its worker will say so.
+        # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
 
 
@@ -175,7 +175,7 @@ def _load() -> StartRun:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
-    summary="Deforms an asset until its pictures show what a prompt says, or until it looks like a second mesh.",
+    summary="Deforms an asset until its pictures match a prompt, or until it looks like a second mesh.",
     reads=(
         FilePart("asset", "The file to deform: GLB, OBJ, PLY or STL.", required=True, media_types=_MESHES),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
@@ -196,12 +196,12 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "morph.glb",
             _GLB,
-            "The source with the deformation as a morph target and an animation, where `output.morph` asked for it.",
+            "The source with the deformation as a morph target and an animation, if `output.morph` is set.",
         ),
         ArtifactKind(
             "result.usdz",
             "model/vnd.usdz+zip",
-            "The result as USDZ, where `output.usd` asked for it ([Assets: USDZ](assets.md#usdz)).",
+            "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
         ),
     ),
 )

@@ -1,4 +1,4 @@
-"""Score distillation by the parameters of a job: the one place that hands them to the guidance."""
+"""Create the guidance `sds` from the parameters of a job; the only place that maps one to the other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["score_distillation"]
 
 
 def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> ScoreDistillation:
-    """The guidance `sds` as a job with these parameters runs it.
+    """Return the guidance `sds` of a job with these parameters.
 
     Raises
     ------

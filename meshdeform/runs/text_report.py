@@ -1,4 +1,4 @@
-"""The report of a `text_deform` run; what it says was kept is compared with the written file, read back."""
+"""Build the report of a `text_deform` run; its statements about the result are measured on the file, read back."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _UNBOUNDED = Limits(
     max_json_values=2**40,
     max_primitives=2**40,
 )
-"""For our own output: the input has passed the limits, and the output is a little larger."""
+"""Limits for our own output, which may be slightly larger than an input that passed the real limits."""
 
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What is known of a run before its first step."""
+    """Facts about a run that are known before its first step."""
 
     request: JobRequest
     params: ResolvedParams
@@ -62,7 +62,7 @@ def build_report(
     first_step: int,
     clock: PhaseClock,
 ) -> bytes:
-    """Make `report.json`.
+    """Return `report.json`.
 
     Parameters
     ----------
@@ -71,19 +71,19 @@ def build_report(
         The source.
     welded : WeldedMesh
     verts : (V, 3) float64
-        Deformed welded positions in the world.
+        Deformed welded world positions.
     result : bytes
         `result.glb`.
     written : Asset
-        The same, read back: a mistake of the writer shows only there.
+        `result.glb`, read back, so that errors of the writer show.
     usdz : Usdz, optional
-        `result.usdz`, where it was asked for.
+        `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face.
     first_step : int
-        Steps that an earlier attempt had done.
+        Number of steps done by earlier attempts.
     clock : PhaseClock
     """
     with clock.phase("measure"):
@@ -130,7 +130,7 @@ def build_report(
 
 
 def read_result(result: bytes) -> Asset:
-    """Read our own `result.glb` back, whatever the limits were for its source."""
+    """Read our own `result.glb` back, without the limits for sources."""
     return load_asset(result, "result.glb", _UNBOUNDED)
 
 

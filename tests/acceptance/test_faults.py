@@ -219,7 +219,7 @@ def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) ->
     cluster.start_worker("one")
     cluster.start_worker("two")
     assert cluster.check(job_id, steps=60).attempt == 1
-    until("every message was read", lambda: not cluster.queue.told())
+    until("every message was read", lambda: not cluster.queue.announced())
     assert cluster.job(job_id).attempt == 1
 
 

@@ -38,7 +38,7 @@ def test_a_store_that_is_away_costs_no_attempt(
             job_id = cluster.submit(STEPS)
             cluster.at_step(job_id, 20)
             proxy.refuse()
-            until("a checkpoint is missed", lambda: "no checkpoint of step" in worker.log)
+            until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
             cluster.when(job_id, "the results wait", lambda job: job.progress.phase == "uploading")
             until("an upload failed", lambda: "result.glb: " in worker.log)
             proxy.pass_through()
@@ -69,7 +69,7 @@ def test_a_record_that_is_away_costs_no_attempt(tmp_path: Path, postgres_port: i
             job_id = cluster.submit(STEPS)
             cluster.at_step(job_id, 20)
             proxy.refuse()
-            until("a checkpoint is missed", lambda: "no checkpoint of step" in worker.log)
+            until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
             until("the end cannot be written", lambda: "its end: " in worker.log)
             proxy.pass_through()
             assert cluster.check(job_id, steps=STEPS).attempt == 1

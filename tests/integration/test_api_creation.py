@@ -45,7 +45,7 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
     assert api.store.get(f"assets/{digest}") == sphere
     assert api.http.get(answer.headers["location"]).json() == job
     queue = JobQueue(api.settings.redis_url, api.settings.queue)
-    assert job["id"] in queue.told()
+    assert job["id"] in queue.announced()
     queue.close()
 
 
@@ -224,7 +224,7 @@ def test_without_redis_jobs_are_accepted_and_told_later(
         assert http.get("/healthz").status_code == 200
     queue = JobQueue(redis_url, "back-again")
     assert answer.json()["id"] in Reconciler(record, queue, 3, 60.0).run_once()
-    assert answer.json()["id"] in queue.told()
+    assert answer.json()["id"] in queue.announced()
     queue.close()
     record.close()
 

@@ -24,7 +24,7 @@ from tests.integration.record_calls import LEASE_S, at, posted
 pytestmark = pytest.mark.both_databases
 
 COUNT = 10_000
-LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads")
+LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files")
 _PREFIX = "job_01kg9zqk2xf3v8c5m7n9p"
 MIDDLE = f"{_PREFIX}{COUNT + COUNT // 2}"
 
@@ -151,10 +151,11 @@ QUESTIONS: dict[str, Ask] = {
     "leases ahead": lambda record: record.upkeep.shorten_leases(86_400.0),
     "deadlines": lambda record: record.upkeep.expire_deadlines(),
     "retention": lambda record: record.upkeep.delete_retained(),
+    "files that nobody needs": lambda record: record.files.unused(),
     "old keys": lambda record: record.upkeep.delete_stale_requests(),
     "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
     "uploads over their time": lambda record: record.upkeep.expired_uploads(),
-    "who is to be told": lambda record: record.upkeep.untold(),
+    "who is to be told": lambda record: record.upkeep.unannounced(),
     "how many are queued": lambda record: record.upkeep.queued_count(),
     "who is queued": lambda record: record.upkeep.queued_ids(),
     "a worker that is gone": lambda record: record.leases.worker_ended("worker"),

@@ -25,7 +25,7 @@ Path = Callable[[JobRecord], Job]
 def _succeeds(record: JobRecord) -> Job:
     job = claimed(record, new_job(record))
     record.leases.save_progress(job.id, 1, at(2))
-    record.leases.save_progress(job.id, 1, at(3), tell=False)
+    record.leases.save_progress(job.id, 1, at(3), as_event=False)
     record.leases.set_checkpoint(job.id, 1, key="k", step=3, sha256="s")
     record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact()])
     return job

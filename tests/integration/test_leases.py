@@ -116,6 +116,20 @@ def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRe
     assert failed.finished_at is not None
 
 
+def test_new_progress_forgives_lost_attempts_and_the_same_progress_again_does_not(record: JobRecord) -> None:
+    job = new_job(record)
+    for attempt in range(1, 6):
+        claimed(record, job, OVER)
+        record.leases.set_checkpoint(job.id, attempt, key=f"k{attempt}", step=10 * attempt, sha256="s")
+        assert record.upkeep.reclaim_expired(2) == [job.id]
+    claimed(record, job, OVER)
+    # Its checkpoints were damaged, and it dies where it died before.
+    record.leases.forget_checkpoint(job.id, 6, "k5")
+    record.leases.set_checkpoint(job.id, 6, key="k6", step=50, sha256="s")
+    assert record.upkeep.reclaim_expired(2) == []
+    assert record.get(job.id).state is JobState.FAILED
+
+
 def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_does(record: JobRecord) -> None:
     lost, kept = new_job(record), new_job(record)
     held = record.leases.claim(lost.id, "gone", LEASE_S)

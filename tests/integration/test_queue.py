@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import redis
-from rq import Queue
+from rq import Callback, Queue
 from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.queue import JobQueue, job_of
 from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
+from worker.rq_worker import InProcessWorker
 
 
 @pytest.fixture
@@ -31,6 +35,15 @@ def nowhere() -> Iterator[JobQueue]:
     opened.close()
 
 
+@pytest.fixture
+def signals() -> Iterator[None]:
+    """The handlers of signals as they were before, at the end."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 def test_redis_holds_the_id_and_nothing_else_of_the_job(queue: JobQueue, redis_url: str) -> None:
     queue.enqueue("job_1")
     with redis.Redis.from_url(redis_url) as connection:
@@ -40,11 +53,34 @@ def test_redis_holds_the_id_and_nothing_else_of_the_job(queue: JobQueue, redis_u
         assert told.result_ttl == 0
 
 
+def test_what_others_put_into_redis_is_dropped_and_nothing_of_it_is_imported(
+    queue: JobQueue, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, signals: None
+) -> None:
+    (tmp_path / "planted.py").write_text("raise SystemExit('it was imported')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    ran: list[str] = []
+    with redis.Redis.from_url(redis_url) as connection:
+        foreign = Queue("test", connection=connection, serializer=JSONSerializer)
+        foreign.enqueue("planted.function", job_id="job_1-1", on_failure=Callback("planted.callback"))
+        dead = foreign.create_job("planted.function", on_failure=Callback("planted.callback"), job_id="dead")
+        dead.save()
+        connection.zadd(f"{foreign.started_job_registry.key}", {"dead:1": 1.0})
+        foreign.enqueue("a job waits", job_id="job_2-1")
+        connection.hset("rq:job:job_2-1", "data", b"no JSON")
+        queue.enqueue("job_3")
+        worker = InProcessWorker("test", connection, ran.append, on_idle=lambda: None, on_stop=lambda: None)
+        worker.work(burst=True, logging_level="WARNING")
+        assert foreign.count == 0
+        assert [key for key in connection.keys("rq:job:*") if key != b"rq:job:dead"] == []
+    assert ran == ["job_3"]
+    assert "planted" not in sys.modules
+
+
 def test_telling_twice_is_two_deliveries_of_one_id(queue: JobQueue) -> None:
     queue.enqueue("job_1")
     queue.enqueue("job_1")
     queue.enqueue("job_2")
-    assert queue.told() == {"job_1", "job_2"}
+    assert queue.announced() == {"job_1", "job_2"}
 
 
 def test_a_cancel_is_heard_by_who_listens_for_this_job(queue: JobQueue) -> None:
@@ -68,7 +104,12 @@ def test_a_cancel_is_heard_by_who_listens_for_this_job(queue: JobQueue) -> None:
 
 
 def test_a_redis_that_is_away_is_unavailable(nowhere: JobQueue) -> None:
-    for call in (nowhere.ping, nowhere.told, lambda: nowhere.enqueue("job_1"), lambda: nowhere.publish_cancel("job_1")):
+    for call in (
+        nowhere.ping,
+        nowhere.announced,
+        lambda: nowhere.enqueue("job_1"),
+        lambda: nowhere.publish_cancel("job_1"),
+    ):
         with pytest.raises(UnavailableError, match="Redis"):
             call()
     with nowhere.listen_for_cancel("job_1") as listener:

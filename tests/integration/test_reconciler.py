@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, at, claimed, ids, late, posted, set_to
@@ -33,6 +35,26 @@ def reconciler(record: JobRecord, queue: JobQueue, store: ObjectStore | None = N
     return Reconciler(record, queue, 3, LEASE_S, store=store)
 
 
+def watching(record: JobRecord, queue: JobQueue, store: ObjectStore | None = None) -> Reconciler:
+    """A reconciler that has watched the leases for as long as one lasts."""
+    looks = reconciler(record, queue, store)
+    now = record.upkeep.clock()
+    looks._watch.now, looks._watch.since = now, now - timedelta(seconds=2 * LEASE_S)
+    return looks
+
+
+class Paused:
+    """What is done in the moment in which a reconciler pauses before it counts again."""
+
+    def __init__(self, do: Callable[[], object]) -> None:
+        self._do = do
+
+    def wait(self, seconds: float) -> None:
+        """Do it at once."""
+        assert seconds > 0
+        self._do()
+
+
 def until(true: Callable[[], bool]) -> None:
     deadline = time.monotonic() + DEADLINE_S
     while not true():
@@ -44,9 +66,9 @@ def until(true: Callable[[], bool]) -> None:
 def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
     jobs = [new_job(record) for _ in range(3)]
     queue.enqueue(jobs[1].id)
-    assert record.upkeep.untold() == ids(jobs)
+    assert record.upkeep.unannounced() == ids(jobs)
     assert reconciler(record, queue).run_once() == [jobs[0].id, jobs[2].id]
-    assert record.upkeep.untold() == []
+    assert record.upkeep.unannounced() == []
     assert reconciler(record, queue).run_once() == []
     assert queue.length() == 3
 
@@ -63,7 +85,7 @@ def test_what_redis_forgot_is_told_again_and_only_that(record: JobRecord, queue:
     queue.enqueue(jobs[2].id)
     assert looks.run_once() == [jobs[1].id, jobs[3].id]
     assert looks.run_once() == []
-    assert queue.told() == {job.id for job in jobs[1:]}
+    assert queue.announced() == {job.id for job in jobs[1:]}
     assert queue.length() == 3
 
 
@@ -113,11 +135,11 @@ def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: Jo
         server.kill()
         more = new_job(record)
         assert looks.run_once() == []
-        assert record.upkeep.untold() == [more.id]
+        assert record.upkeep.unannounced() == [more.id]
         server.start()
         assert looks.run_once() == ids([*jobs, more])
         assert looks.run_once() == []
-        assert record.upkeep.untold() == []
+        assert record.upkeep.unannounced() == []
     finally:
         queue.close()
         server.stop()
@@ -136,7 +158,7 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
         thread.join()
     for each in records:
         each.close()
-    assert queue.told() == jobs
+    assert queue.announced() == jobs
     # What was told twice is taken once.
     taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(queue.length())]
     assert {job.id for job in taken if job} == jobs
@@ -145,10 +167,81 @@ def test_reconcilers_that_look_at_once_leave_every_job_told(
 
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
-    record.upkeep.told([job.id])
-    assert reconciler(record, queue).run_once() == [job.id]
+    record.upkeep.mark_announced([job.id])
+    assert watching(record, queue).run_once() == [job.id]
     assert record.get(job.id).state is JobState.QUEUED
-    assert record.upkeep.untold() == []
+    assert record.upkeep.unannounced() == []
+
+
+def test_a_worker_between_its_message_and_its_claim_is_no_lost_message(record: JobRecord, queue: JobQueue) -> None:
+    job, looks = new_job(record), reconciler(record, queue)
+    looks._done = Paused(lambda: claimed(record, job))  # type: ignore[assignment]
+    assert looks.run_once() == []
+    assert queue.length() == 0
+
+
+@pytest.mark.both_databases
+def test_after_a_pause_or_a_jump_of_the_clock_a_worker_renews_its_lease_before_anybody_reclaims(
+    record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = claimed(record, new_job(record))
+    clock, ahead = record.upkeep.clock, timedelta(0)
+    monkeypatch.setattr(record.upkeep, "clock", lambda: clock() + ahead)
+    monkeypatch.setattr(record.upkeep, "shorten_leases", lambda _: 0)  # it goes by the real clock
+    reconcilers = [watching(record, queue) for _ in range(2)]
+    for hour in range(1, 5):
+        ahead = timedelta(hours=hour)
+        for looks in reconcilers:
+            looks.run_once()
+            assert record.get(job.id).state is JobState.RUNNING
+        # The worker renews its lease, by the same clock.
+        set_to(record, job, lease_expires_at=clock() + ahead + timedelta(seconds=LEASE_S))
+    for looks in reconcilers:
+        looks.run_once()
+    assert record.get(job.id).attempt == 1
+
+
+@pytest.mark.both_databases
+def test_who_dies_with_the_whole_machine_is_taken_back_after_one_lease_and_not_blamed(
+    record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = new_job(record)
+    clock, ahead = record.upkeep.clock, timedelta(0)
+    monkeypatch.setattr(record.upkeep, "clock", lambda: clock() + ahead)
+    monkeypatch.setattr(record.upkeep, "shorten_leases", lambda _: 0)  # it goes by the real clock
+    for _ in range(4):
+        claimed(record, job)
+        ahead += timedelta(hours=1)
+        looks = reconciler(record, queue)
+        looks.run_once()
+        assert record.get(job.id).state is JobState.RUNNING
+        for _ in range(3):
+            ahead += timedelta(seconds=LEASE_S / 2)
+            looks.run_once()
+        assert record.get(job.id).state is JobState.QUEUED
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 0}
+    # One whose neighbours live is blamed: its supervisor says so, or it had renewed its lease before their eyes.
+    claimed(record, job)
+    record.leases.worker_ended("worker")
+    looks.run_once()
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 1}
+    set_to(record, claimed(record, job), lease_expires_at=clock() + ahead)
+    ahead += timedelta(seconds=1)
+    looks.run_once()
+    assert record.events.after(job.id)[-1].data == {"lost_attempts": 2}
+
+
+def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobRecord) -> None:
+    job, now = new_job(record), record.upkeep.clock()
+    watch = Watch(LEASE_S, 5.0, now=now, since=now)
+    watch.since = now + timedelta(hours=1)  # nothing is blamed on it
+    watch.now = now + timedelta(hours=2)
+    for _ in range(2 * 10 - 1):
+        claimed(record, job, OVER)
+        assert record.upkeep.reclaim_expired(2, watch) == [job.id]
+    claimed(record, job, OVER)
+    assert record.upkeep.reclaim_expired(2, watch) == []
+    assert record.get(job.id).state is JobState.FAILED
 
 
 @pytest.mark.both_databases
@@ -238,7 +331,7 @@ def test_one_duty_that_fails_does_not_stop_the_others(
     store.put(f"jobs/{over.id}/1/result.glb", b"result")
     nowhere = JobQueue(f"redis://127.0.0.1:{free_port()}/0", "test")
     with caplog.at_level(logging.WARNING):
-        assert reconciler(record, nowhere, store).run_once() == []
+        assert watching(record, nowhere, store).run_once() == []
     nowhere.close()
     assert "Redis" in caplog.text
     assert record.get(lost.id).state is JobState.QUEUED
@@ -274,5 +367,5 @@ def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: st
 
     queue.enqueue = flaky  # type: ignore[method-assign]
     with Reconciler(record, queue, 3, LEASE_S, every_s=0.01):
-        until(lambda: job.id in queue.told())
+        until(lambda: job.id in queue.announced())
     queue.close()

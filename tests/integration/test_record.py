@@ -178,7 +178,7 @@ def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRec
     with pytest.raises(IdempotencyBusyError):
         record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), stored_file(), claim=claim))
     assert record.list_jobs().jobs == []
-    assert record.upkeep.untold() == []
+    assert record.upkeep.unannounced() == []
     assert record.files.unused() == []
 
 

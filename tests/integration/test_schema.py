@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -83,6 +85,36 @@ def test_sqlite_is_durable(tmp_path) -> None:
         }
     assert pragma == {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 30_000}
     database.close()
+
+
+def test_only_its_user_can_read_a_record_on_sqlite(tmp_path: Path) -> None:
+    def modes(folder: Path) -> dict[str, int]:
+        return {path.name: stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.iterdir())}
+
+    private = {
+        "data": 0o700,
+        "meshdeform.sqlite": 0o600,
+        "meshdeform.sqlite-wal": 0o600,
+        "meshdeform.sqlite-shm": 0o600,
+    }
+    folder, before = tmp_path / "data", os.umask(0o022)
+    try:
+        first = Database(f"sqlite:///{folder}/meshdeform.sqlite")
+        with first.read() as connection:
+            connection.execute(sa.text("SELECT * FROM alembic_version"))
+        assert modes(folder) == private
+        for path in (folder, *folder.iterdir()):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        # One that an older version left, also while another process has it open.
+        Database(f"sqlite:///{folder}/meshdeform.sqlite").close()
+        assert modes(folder) == private
+        first.close()
+        # A folder that others may need stays as it is.
+        (tmp_path / "home").mkdir(mode=0o755)
+        Database(f"sqlite:///{tmp_path}/home/record.sqlite").close()
+        assert modes(tmp_path / "home") == {"home": 0o755, "record.sqlite": 0o600}
+    finally:
+        os.umask(before)
 
 
 # -- migrations with data in them
@@ -184,7 +216,7 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         failed = opened.get(_old_id(JobState.FAILED))
         assert failed.error is not None
         assert opened.events.after(failed.id)[-1].data["error"] == failed.error.model_dump()
-        assert opened.upkeep.untold() == [_old_id(JobState.QUEUED)]
+        assert opened.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
         (checkpoint,) = opened.leases.checkpoints(_old_id(JobState.RUNNING))
         assert (checkpoint.step, checkpoint.size, checkpoint.created_at) == (5, 0, _MADE)
@@ -215,7 +247,7 @@ def test_a_record_can_go_back_to_the_first_version_and_come_again(
     assert [tuple(row) for row in states] == [(state.value, 5) for state in JobState]
     migrate(HEAD)
     assert history(record, _old_id(JobState.FAILED)) == _PAST[JobState.FAILED]
-    assert record.upkeep.untold() == [_old_id(JobState.QUEUED)]
+    assert record.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
 
 
 def _columns(connection: sa.Connection) -> dict[str, list[str]]:

@@ -29,26 +29,26 @@ def test_queued_jobs_are_told_the_most_urgent_first(record: JobRecord) -> None:
 
 def test_who_is_to_be_told_is_on_the_record_until_they_are(record: JobRecord) -> None:
     first, second, third = (new_job(record) for _ in range(3))
-    assert record.upkeep.untold() == ids([first, second, third])
-    record.upkeep.told([second.id, "job_nothing"])
-    record.upkeep.told([])
-    assert record.upkeep.untold() == ids([first, third])
+    assert record.upkeep.unannounced() == ids([first, second, third])
+    record.upkeep.mark_announced([second.id, "job_nothing"])
+    record.upkeep.mark_announced([])
+    assert record.upkeep.unannounced() == ids([first, third])
     # Whoever is over needs no worker; whoever comes back to the queue needs one again.
     record.request_cancel(first.id)
-    assert record.upkeep.untold() == [third.id]
+    assert record.upkeep.unannounced() == [third.id]
     claimed(record, second, OVER)
     record.upkeep.reclaim_expired(3)
-    assert record.upkeep.untold() == ids([second, third])
-    record.upkeep.told([second.id, third.id])
+    assert record.upkeep.unannounced() == ids([second, third])
+    record.upkeep.mark_announced([second.id, third.id])
     claimed(record, second)
     record.leases.release(second.id, 2)
     claimed(record, third)
     record.leases.out_of_memory(third.id, 1, 3)
-    assert record.upkeep.untold() == ids([second, third])
+    assert record.upkeep.unannounced() == ids([second, third])
     # Also twice, for a row that is there already.
     claimed(record, second)
     record.leases.release(second.id, 3)
-    assert record.upkeep.untold() == ids([second, third])
+    assert record.upkeep.unannounced() == ids([second, third])
 
 
 def test_many_jobs_are_taken_back_in_one_look(record: JobRecord) -> None:
@@ -90,7 +90,7 @@ def test_a_job_ends_at_its_deadline_wherever_it_is(record: JobRecord) -> None:
     assert record.get(in_time.id).state is JobState.QUEUED
     with pytest.raises(StaleAttemptError):
         record.leases.heartbeat(running.id, 1, LEASE_S)
-    assert record.upkeep.untold() == [in_time.id]
+    assert record.upkeep.unannounced() == [in_time.id]
 
 
 def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
@@ -205,8 +205,8 @@ def test_who_tells_many_does_not_wait_for_a_job_that_ends_this_moment(postgres_u
     with record.database.write() as connection:
         connection.execute(sa.select(outbox.c.job_id).where(outbox.c.job_id == held.id).with_for_update())
         with ThreadPoolExecutor(1) as pool:
-            pool.submit(record.upkeep.told, [held.id, free.id]).result(DEADLINE_S)
-    assert record.upkeep.untold() == [held.id]
-    record.upkeep.told([held.id])
-    assert record.upkeep.untold() == []
+            pool.submit(record.upkeep.mark_announced, [held.id, free.id]).result(DEADLINE_S)
+    assert record.upkeep.unannounced() == [held.id]
+    record.upkeep.mark_announced([held.id])
+    assert record.upkeep.unannounced() == []
     record.close()

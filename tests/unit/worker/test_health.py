@@ -52,7 +52,7 @@ def test_a_folder_that_cannot_be_written_stops_no_supervisor(tmp_path: Path, cap
     (tmp_path / "file").touch()
     with sign_of_life(Settings(data_dir=tmp_path / "file" / "data")):
         pass
-    assert caplog.text.count("health checks will not see this worker") == 1
+    assert caplog.text.count("health checks will not find this worker") == 1
 
 
 def test_it_loads_nothing_heavy() -> None:

@@ -47,10 +47,10 @@ class RecordStub:
         self.beats.append(lease_s)
         return self.state
 
-    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, tell: bool) -> None:
+    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, as_event: bool) -> None:
         self._called(job_id, attempt)
         self.progress.append(progress)
-        if tell:
+        if as_event:
             self.told.append(progress)
 
     def _called(self, job_id: str, attempt: int) -> None:
@@ -143,8 +143,17 @@ def test_the_lease_is_kept_while_a_step_takes_long(record: RecordStub, ear: Ear)
 def test_a_cancel_is_heard(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
         assert not watch.canceled
+        record.state = JobState.CANCELING
         ear.heard.set()
         until(lambda: watch.canceled)
+    assert len(record.beats) == 2
+
+
+def test_a_cancel_that_the_record_does_not_confirm_is_not_believed(record: RecordStub, ear: Ear) -> None:
+    ear.heard.set()
+    with watch_of(record, ear) as watch:
+        until(lambda: len(record.beats) > 3)
+        assert not watch.canceled
 
 
 def test_the_end_does_not_wait_for_the_cancel_listener(record: RecordStub, ear: Ear) -> None:
@@ -213,7 +222,7 @@ def test_few_of_many_steps_become_events(record: RecordStub, ear: Ear) -> None:
 
 
 def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worker.watch._TOLD_EVERY_S", 0.0)
+    monkeypatch.setattr("worker.watch._EVENT_EVERY_S", 0.0)
     with watch_of(record, ear) as watch:
         for n in (1, 2, 3):
             watch.step(step(n, 10_000))
