@@ -262,7 +262,7 @@ class ForbiddenError(MeshdeformError):
 
 
 class NotFoundError(MeshdeformError):
-    """The requested resource does not exist."""
+    """Not found."""
 
     status = 404
     code = "not_found"
@@ -316,7 +316,7 @@ class StaleAttemptError(ConflictError):
 
 
 class LimitError(MeshdeformError):
-    """The API key has made too many requests."""
+    """Rate limit exceeded."""
 
     status = 429
     code = "rate_limited"
@@ -324,7 +324,7 @@ class LimitError(MeshdeformError):
 
 
 class TooManyJobsError(LimitError):
-    """The API key has too many unfinished jobs."""
+    """Too many unfinished jobs for this API key."""
 
     code = "too_many_jobs"
     advice = "Wait until a job has finished, or cancel one."

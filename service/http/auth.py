@@ -1,4 +1,4 @@
-"""Who asks: the owner that a request's API key belongs to, and whether the key may ask now."""
+"""Authenticate requests by API key, and enforce the rate limits of keys."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from service.http.rate import Buckets, Rate, RateLimiter, Verdict
 __all__ = ["Gate", "Principal", "PrincipalDep", "principal"]
 
 _KNOWN_FOR_S = 5.0
-"""So long a revoked key may still be taken for valid."""
+"""How long a revoked key may still be accepted."""
 
 _MOST_KNOWN = 4096
 _FAILURES = Rate(per_minute=20, burst=20)
@@ -32,18 +32,18 @@ _FAILURES = Rate(per_minute=20, burst=20)
 
 @dataclass(frozen=True)
 class Principal:
-    """Who makes a request.
+    """The caller of a request.
 
     Attributes
     ----------
     owner_id : str
-        Whose jobs, uploads and webhooks they see and make. Empty where keys are off.
+        Owner of the jobs, uploads and webhooks that the caller sees and creates. Empty without a key.
     key_id : str or None
-        The API key; None where keys are off.
+        Id of the API key; None without one.
     max_active_jobs : int
-        Unfinished jobs that they may have; 0: any number.
+        Maximum number of unfinished jobs; 0: unlimited.
     requests_per_minute : int
-        Requests that they may make; 0: any number.
+        Maximum number of requests per minute; 0: unlimited.
     """
 
     owner_id: str = ""
@@ -53,7 +53,7 @@ class Principal:
 
 
 class Gate:
-    """Lets requests in, or says why not.
+    """Admit requests, or refuse them with a reason.
 
     Parameters
     ----------
@@ -65,36 +65,37 @@ class Gate:
         self._settings, self._keys = settings, keys
         self._rates = RateLimiter(settings.redis_url, settings.queue)
         self._failures = Buckets()
-        # By the hash of their text: until when a key is known to be valid. Those whose time is over stay for a while.
+        # Verified keys by the hash of their text, each with the time until which it is accepted without another check.
+        # Stale entries are kept for a while; see `_verified`.
         self._known: dict[bytes, tuple[ApiKey, float]] = {}
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._rates.close()
 
     async def admit(self, request: Request) -> Principal:
-        """Return who makes a request, and count it.
+        """Authenticate a request, count it against its key's rate limit, and return its caller.
 
-        A key that is sent counts also where none is needed: its owner's jobs are its owner's everywhere.
+        A key is verified even where none is required, so that its owner sees the same jobs everywhere.
 
         Raises
         ------
         UnauthorizedError
-            There is no valid key where one is needed, or one was sent that is not valid.
+            The key is invalid, or a required key is missing.
         LimitError
-            The key makes too many requests, or its sender sent too many that are not valid.
+            The key exceeds its rate limit, or its address has sent too many invalid keys.
         UnavailableError
-            The record does not answer.
+            The record does not respond.
         """
         scheme, _, text = request.headers.get("authorization", "").partition(" ")
         if scheme.lower() != "bearer":
             server = request.scope.get("server")
             if needs_keys(self._settings.auth, server[0] if server else None):
-                raise UnauthorizedError("This service needs an API key.")
+                raise UnauthorizedError("This server requires an API key.")
             if self._settings.auth == "auto" and is_foreign(request.headers.get("host"), request.headers.get("origin")):
                 raise UnauthorizedError(
-                    "The request comes from a web page of another host.",
-                    advice="Use the service by the name localhost or by its address, or send an API key.",
+                    "The request was sent by a web page from another host.",
+                    advice="Open the service as localhost or by its IP address, or send an API key.",
                 )
             return Principal()
         key = await self._verified(text.strip(), _peer(request))
@@ -112,11 +113,11 @@ class Gate:
         if known is not None and time.monotonic() < known[1]:
             return known[0]
         if known is None:
-            # Counted ahead, so that many at once do not slip through. A key that was valid a moment ago is no guess:
-            # who shares an address with a guesser goes on working.
+            # Counted before the check, so that simultaneous guesses cannot exceed the limit. A recently valid key is no
+            # guess: it keeps working at an address that a guesser uses too.
             verdict = self._failures.take(peer, _FAILURES)
             if verdict.wait_s:
-                raise _limit("Too many API keys from this address were not valid.", verdict)
+                raise _limit("This address has sent too many invalid API keys.", verdict)
         try:
             key = await to_thread.run_sync(self._keys.verify, text)
         except UnauthorizedError:
@@ -140,12 +141,12 @@ class Gate:
         add_header(request.scope, "RateLimit-Policy", f'"minute";q={per_minute};w=60')
         add_header(request.scope, "RateLimit", f'"minute";r={verdict.remaining};t={verdict.reset_s}')
         if verdict.wait_s:
-            raise _limit(f"The key may make {per_minute} requests in a minute.", verdict)
+            raise _limit(f"This API key is limited to {per_minute} requests per minute.", verdict)
 
 
 _BEARER = HTTPBearer(
     scheme_name="apiKey",
-    description="An API key, as `meshdeform keys create` gives it. None is needed where the API listens on loopback.",
+    description="An API key from `meshdeform keys create`. Not required if the API listens only on loopback.",
     auto_error=False,
 )
 
@@ -153,7 +154,7 @@ _BEARER = HTTPBearer(
 async def principal(
     request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)]
 ) -> Principal:
-    """Return who makes the request; see `Gate.admit`."""
+    """Authenticate the request and return its caller; see `Gate.admit`."""
     gate: Gate = request.app.state.gate
     return await gate.admit(request)
 
@@ -170,7 +171,7 @@ def _limit(detail: str, verdict: Verdict) -> LimitError:
 
 
 def _peer(request: Request) -> str:
-    """The address that guesses are counted for; of IPv6 the network, of which one sender has a whole one."""
+    """Return the address to count invalid keys for: with IPv6 the /64 network, since one sender controls all of it."""
     host = request.client.host if request.client else ""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])

@@ -1,6 +1,6 @@
-"""What surrounds every request: its id, the headers of every answer, the largest body, and its line in the log.
+"""Wrap every request: set its id and the response's standard headers, limit its body, and log it.
 
-Plain ASGI, so that streams stay streams. It stands outside of everything else, also of what answers unknown errors.
+Plain ASGI, so that streaming works. It is the outermost middleware, outside the handler of unexpected errors.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ _HEADERS = "meshdeform.headers"
 _DEFAULTS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    # An answer is data: should a browser show it as a page, it loads and runs nothing. Real pages set their own.
+    # Responses are data: a browser that shows one as a page may load and run nothing. Real pages set their own policy.
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
 
 
 def request_id() -> str:
-    """The id of the request that is being answered; empty where there is none."""
+    """Return the id of the current request; empty outside of one."""
     return logs.request_id.get()
 
 
 def add_header(scope: MutableMapping[str, Any], name: str, value: str) -> None:
-    """Let the answer to a request carry a header, whatever makes the answer."""
+    """Add a header to the response of a request, whichever handler creates the response."""
     scope.setdefault(_HEADERS, {})[name] = value
 
 
 class RequestFrame:
-    """The outermost layer.
+    """The outermost middleware.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class RequestFrame:
         status = 500
         sent = Headers(scope=scope).get("x-request-id", "")
         identity = sent if _ID.fullmatch(sent) else new_id("req")
-        # Never reset: the server runs each request in a task of its own, and logs what went wrong after this returned.
+        # Never reset: each request runs in its own task, and the server logs its errors after this method returns.
         logs.request_id.set(identity)
         scope.setdefault("state", {})["request_id"] = identity
         scope[_HEADERS] = {}
@@ -89,9 +89,9 @@ class RequestFrame:
 
 
 def _limited(scope: Scope, receive: Receive) -> Receive:
-    """Hold the bodies to a limit that FastAPI reads. A route without a body parameter reads its own, as it likes.
+    """Limit the bodies that FastAPI reads. A route without a body parameter reads and limits its body itself.
 
-    Nothing is read before the route is known.
+    The limit applies when the body is read, which is after routing.
     """
     received = 0
 
@@ -103,7 +103,7 @@ def _limited(scope: Scope, receive: Receive) -> Receive:
             if received > MAX_DOCUMENT_BYTES and getattr(scope.get("route"), "body_field", None) is not None:
                 raise AssetTooLargeError(
                     f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
-                    advice="Send a smaller document: this route takes no files.",
+                    advice="Send a smaller document; this route does not accept files.",
                     limit=MAX_DOCUMENT_BYTES,
                 )
         return message
@@ -112,8 +112,7 @@ def _limited(scope: Scope, receive: Receive) -> Receive:
 
 
 def _log_request(scope: Scope, status: int, duration_ms: float) -> None:
-    # The route's template, not the path: lines of one route are alike, and no query string comes along, which may
-    # hold a signature.
+    # Log the route's template, not the path, so that lines can be grouped. The query may contain a signature.
     route = getattr(scope.get("route"), "path", "-")
     fields = {"method": scope["method"], "route": route, "status": status, "duration_ms": round(duration_ms, 1)}
     _access.info("%s %s %d %.1f ms", *fields.values(), extra=fields)
