@@ -100,6 +100,7 @@ def api(
     require("fastapi", "service")
     import uvicorn
 
+    from meshdeform.serving.connections import LimitedProtocol, raise_open_files
     from meshdeform.serving.stack import listen
     from meshdeform.support.logs import ACCESS_LOG, configure_logging
 
@@ -118,9 +119,12 @@ def api(
         emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
     if not (settings.log_format == "json" if access_log is None else access_log):
         logging.getLogger(ACCESS_LOG).setLevel(logging.WARNING)
+    raise_open_files()
     config = uvicorn.Config(
         "service.app:create_app",
         factory=True,
+        http=LimitedProtocol,
+        ws="none",
         log_config=None,
         # uvicorn's own has query strings in it, which may hold signatures.
         access_log=False,

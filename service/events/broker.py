@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import resource
 import signal
 import threading
 from collections import Counter
@@ -24,6 +23,7 @@ from anyio import CancelScope, CapacityLimiter, to_thread
 
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.events import Head
+from meshdeform.serving.connections import connection_limit
 
 __all__ = ["MOST_HELD_OF_ONE", "JobWaiters", "most_held", "on_termination"]
 
@@ -41,9 +41,8 @@ _Arguments = TypeVarTuple("_Arguments")
 
 
 def most_held() -> int:
-    """Return how many requests may wait in this process: at most half as many as it may have open files."""
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _MOST_HELD if soft == resource.RLIM_INFINITY else min(_MOST_HELD, soft // 2)
+    """Return how many requests may wait in this process: at most half as many as it may have connections."""
+    return min(_MOST_HELD, connection_limit() // 2)
 
 
 @dataclass(eq=False)

@@ -11,10 +11,11 @@ import time
 from collections.abc import MutableMapping
 from typing import TYPE_CHECKING, Any
 
+import anyio
 from starlette.datastructures import Headers, MutableHeaders
 
-from meshdeform.api.limits import MAX_DOCUMENT_BYTES
-from meshdeform.errors import AssetTooLargeError
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
+from meshdeform.errors import AssetTooLargeError, RequestTimeoutError
 from meshdeform.record.ids import new_id
 from meshdeform.support import logs
 
@@ -89,23 +90,31 @@ class RequestFrame:
 
 
 def _limited(scope: Scope, receive: Receive) -> Receive:
-    """Limit the bodies that FastAPI reads. A route without a body parameter reads and limits its body itself.
+    """Limit the size of bodies that FastAPI reads, and the time for them.
 
-    The limit applies when the body is read, which is after routing.
+    A route without a body parameter reads and limits its body itself. FastAPI reads a body before it authenticates the
+    request.
     """
-    received = 0
+    received, complete = 0, False
+    deadline = anyio.current_time() + IDLE_S
 
     async def limited() -> Message:
-        nonlocal received
-        message = await receive()
-        if message["type"] == "http.request":
-            received += len(message.get("body", b""))
-            if received > MAX_DOCUMENT_BYTES and getattr(scope.get("route"), "body_field", None) is not None:
-                raise AssetTooLargeError(
-                    f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
-                    advice="Send a smaller document; this route does not accept files.",
-                    limit=MAX_DOCUMENT_BYTES,
-                )
+        nonlocal received, complete
+        if complete or getattr(scope.get("route"), "body_field", None) is None:
+            return await receive()
+        try:
+            with anyio.fail_after(deadline - anyio.current_time()):
+                message = await receive()
+        except TimeoutError as error:
+            raise RequestTimeoutError(f"The body did not arrive within {IDLE_S:g} s.") from error
+        received += len(message.get("body", b""))
+        complete = not message.get("more_body", False)
+        if received > MAX_DOCUMENT_BYTES:
+            raise AssetTooLargeError(
+                f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
+                advice="Send a smaller document; this route does not accept files.",
+                limit=MAX_DOCUMENT_BYTES,
+            )
         return message
 
     return limited
