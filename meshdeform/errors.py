@@ -227,8 +227,8 @@ class WebhookAddressError(RequestError):
 
     code = "webhook_address"
     advice = (
-        "Use an https URL whose host has only public addresses; "
-        "the server's operator can allow others in MESHDEFORM_WEBHOOK_NETWORKS."
+        "Use an https URL whose host has only public addresses. The server's operator can allow other networks, "
+        "for example MESHDEFORM_WEBHOOK_NETWORKS=10.1.0.0/16,fd00::/8."
     )
 
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["api", "serve", "worker"]
 
 _API_GRACE_S = 10
-_KEEP_ALIVE_S = 75
 
 _HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
 _PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
@@ -100,7 +99,7 @@ def api(
     require("fastapi", "service")
     import uvicorn
 
-    from meshdeform.serving.connections import LimitedProtocol, raise_open_files
+    from meshdeform.serving.connections import http_options, raise_open_files
     from meshdeform.serving.stack import listen
     from meshdeform.support.logs import ACCESS_LOG, configure_logging
 
@@ -123,15 +122,9 @@ def api(
     config = uvicorn.Config(
         "service.app:create_app",
         factory=True,
-        http=LimitedProtocol,
-        ws="none",
         log_config=None,
-        # uvicorn's own has query strings in it, which may hold signatures.
-        access_log=False,
-        server_header=False,
-        # Longer than clients and proxies keep idle connections: they close them, and no request meets a closed one.
-        timeout_keep_alive=_KEEP_ALIVE_S,
         timeout_graceful_shutdown=_API_GRACE_S,
+        **http_options(settings),
     )
     # uvicorn raises the signal that stopped it once more when it is done; a clean stop must be exit code 0.
     for number in (signal.SIGINT, signal.SIGTERM):

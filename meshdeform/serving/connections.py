@@ -10,12 +10,16 @@ import asyncio
 import json
 import resource
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from meshdeform.errors import UnavailableError
 
-__all__ = ["LimitedProtocol", "connection_limit", "raise_open_files"]
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["LimitedProtocol", "connection_limit", "http_options", "raise_open_files"]
 
 HEADER_S = 15.0
 """Maximum time from the start of a connection, or from the first byte of another request, to the end of its header."""
@@ -23,6 +27,8 @@ HEADER_S = 15.0
 DRAIN_S = 60.0
 """Maximum time to receive the rest of a body that was not read, and to send the rest of a response."""
 
+# Longer than clients and proxies keep idle connections, so that they close them and never meet a closed one.
+_KEEP_ALIVE_S = 75
 _MOST_OPEN_FILES = 16_384
 _UNLIMITED = 8192
 
@@ -48,6 +54,20 @@ def connection_limit() -> int:
     """Return the maximum number of connections: half of the files that this process may open."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return _UNLIMITED if soft == resource.RLIM_INFINITY else max(1, soft // 2)
+
+
+def http_options(settings: Settings) -> dict[str, Any]:
+    """Return the options of uvicorn's configuration that concern HTTP."""
+    return {
+        "http": LimitedProtocol,
+        "ws": "none",
+        "proxy_headers": bool(settings.trusted_proxies),
+        "forwarded_allow_ips": settings.trusted_proxies,
+        # uvicorn's access log contains query strings, which may hold signatures.
+        "access_log": False,
+        "server_header": False,
+        "timeout_keep_alive": _KEEP_ALIVE_S,
+    }
 
 
 class LimitedProtocol(HttpToolsProtocol):

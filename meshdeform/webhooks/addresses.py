@@ -88,7 +88,7 @@ def parse_networks(blocks: Sequence[str]) -> Networks:
     except ValueError as error:
         raise DependencyError(
             f"MESHDEFORM_WEBHOOK_NETWORKS is not a list of networks: {error}.",
-            advice='Write CIDR blocks as a JSON list, for example ["10.1.0.0/16", "fd00::/8"].',
+            advice="Write CIDR blocks separated by commas, for example 10.1.0.0/16,fd00::/8.",
         ) from error
 
 

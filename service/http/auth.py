@@ -9,14 +9,14 @@ import time
 from dataclasses import dataclass
 from typing import Annotated
 
-from anyio import to_thread
+from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
 from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
 
-from meshdeform.errors import LimitError, UnauthorizedError
+from meshdeform.errors import LimitError, UnauthorizedError, UnavailableError
 from meshdeform.record.keys import ApiKey, KeyRing
-from meshdeform.serving.access import is_foreign, needs_keys
+from meshdeform.serving.access import is_foreign, is_forwarded, is_loopback, needs_keys
 from meshdeform.settings import Settings
 from service.http.middleware import add_header
 from service.http.rate import Buckets, Rate, RateLimiter, Verdict
@@ -28,6 +28,7 @@ _KNOWN_FOR_S = 5.0
 
 _MOST_KNOWN = 4096
 _FAILURES = Rate(per_minute=20, burst=20)
+_SUSPECTS_AT_ONCE = 2
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class Gate:
         self._settings, self._keys = settings, keys
         self._rates = RateLimiter(settings.redis_url, settings.queue)
         self._failures = Buckets()
+        self._suspects = CapacityLimiter(_SUSPECTS_AT_ONCE)
         # Verified keys by the hash of their text, each with the time until which it is accepted without another check.
         # Stale entries are kept for a while; see `_verified`.
         self._known: dict[bytes, tuple[ApiKey, float]] = {}
@@ -87,18 +89,11 @@ class Gate:
         UnavailableError
             The record does not respond.
         """
-        scheme, _, text = request.headers.get("authorization", "").partition(" ")
-        if scheme.lower() != "bearer":
-            server = request.scope.get("server")
-            if needs_keys(self._settings.auth, server[0] if server else None):
-                raise UnauthorizedError("This server requires an API key.")
-            if self._settings.auth == "auto" and is_foreign(request.headers.get("host"), request.headers.get("origin")):
-                raise UnauthorizedError(
-                    "The request was sent by a web page from another host.",
-                    advice="Open the service as localhost or by its IP address, or send an API key.",
-                )
+        text = _sent_key(request)
+        if text is None:
+            self._check_without_key(request)
             return Principal()
-        key = await self._verified(text.strip(), _peer(request))
+        key = await self._verified(text, _peer(request))
         await self._count(request, key)
         return Principal(
             owner_id=key.owner_id,
@@ -107,26 +102,63 @@ class Gate:
             requests_per_minute=_first(key.requests_per_minute, self._settings.requests_per_minute),
         )
 
+    async def is_still_valid(self, request: Request) -> bool:
+        """Return whether the key of an admitted request is still valid, for requests that last. Counts nothing."""
+        text = _sent_key(request)
+        if text is None:
+            return True
+        try:
+            await self._verified(text, _peer(request))
+        except UnavailableError:
+            return True
+        except (UnauthorizedError, LimitError):
+            return False
+        return True
+
+    def _check_without_key(self, request: Request) -> None:
+        auth, server = self._settings.auth, request.scope.get("server")
+        address = server[0] if server else None
+        if needs_keys(auth, address):
+            raise UnauthorizedError("This server requires an API key.")
+        if not is_loopback(address):
+            return  # keys are off, and the operator has opened the service to a network
+        if auth == "auto" and is_forwarded(request.headers):
+            raise UnauthorizedError(
+                "The request came through a proxy, so it requires an API key.",
+                advice="Send an API key. If the proxy decides who may use the service, the operator can set --no-auth.",
+            )
+        headers = request.headers
+        if is_foreign(headers.get("host"), headers.get("origin"), self._settings.allowed_hosts):
+            raise UnauthorizedError(
+                "The request was sent by a web page from another host.",
+                advice="Open the service as localhost or by its IP address, or send an API key. The server's operator "
+                "can allow other names in MESHDEFORM_ALLOWED_HOSTS.",
+            )
+
     async def _verified(self, text: str, peer: str) -> ApiKey:
         digest = hashlib.sha256(text.encode()).digest()
         known = self._known.get(digest)
         if known is not None and time.monotonic() < known[1]:
             return known[0]
-        if known is None:
-            # Counted before the check, so that simultaneous guesses cannot exceed the limit. A recently valid key is no
-            # guess: it keeps working at an address that a guesser uses too.
-            verdict = self._failures.take(peer, _FAILURES)
-            if verdict.wait_s:
-                raise _limit("This address has sent too many invalid API keys.", verdict)
+        # Counted before the check, so that simultaneous guesses cannot exceed the limit. A recently valid key is none.
+        verdict = self._failures.take(peer, _FAILURES) if known is None else None
+        suspect = verdict is not None and verdict.wait_s > 0
+        counted = verdict is not None and not suspect
         try:
-            key = await to_thread.run_sync(self._keys.verify, text)
+            # Behind a proxy or a gateway a guesser shares its address with others, whose keys must keep working. So
+            # keys from a suspect address are verified too, but in threads of their own.
+            limiter = self._suspects if suspect else None
+            key = await to_thread.run_sync(self._keys.verify, text, limiter=limiter)
         except UnauthorizedError:
             self._known.pop(digest, None)
+            if verdict is not None and suspect:
+                raise _limit("This address has sent too many invalid API keys.", verdict) from None
             raise
         except BaseException:
-            self._failures.give_back(peer, _FAILURES)
+            if counted:
+                self._failures.give_back(peer, _FAILURES)
             raise
-        if known is None:
+        if counted:
             self._failures.give_back(peer, _FAILURES)
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
@@ -160,6 +192,11 @@ async def principal(
 
 
 PrincipalDep = Annotated[Principal, Depends(principal)]
+
+
+def _sent_key(request: Request) -> str | None:
+    scheme, _, text = request.headers.get("authorization", "").partition(" ")
+    return text.strip() if scheme.lower() == "bearer" else None
 
 
 def _first(own: int | None, general: int) -> int:
