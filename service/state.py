@@ -14,12 +14,14 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.webhooks.lookups import LookupPool
 from service.events.broker import JobWaiters
 
 __all__ = ["AppState", "AppStateDep"]
 
 _INTAKES_AT_ONCE = 2
 _BODIES_AT_ONCE = 16
+_LOOKUPS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class AppState:
         Threads that check and store assets, separate from those of other requests.
     bodies : CapacityLimiter
         Files that may be received at the same time. Each takes its size on disk.
+    lookups : LookupPool
+        Threads that resolve the hosts of webhooks.
     """
 
     settings: Settings
@@ -50,6 +54,7 @@ class AppState:
     assets: CheckedAssets
     intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
     bodies: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_BODIES_AT_ONCE))
+    lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
 
     @classmethod
     def open(cls, settings: Settings) -> AppState:

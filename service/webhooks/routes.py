@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+from functools import partial
 from typing import Annotated
 
+import anyio
+from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Query, Response
 from fastapi.responses import JSONResponse
 
@@ -30,6 +34,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.ids import id_pattern
 from meshdeform.webhooks.addresses import find_destination, parse_networks
+from meshdeform.webhooks.lookups import LOOKUP_S
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
@@ -75,10 +80,10 @@ _LOCATION = {
         **problem_responses(RequestError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
+async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
     """The host is resolved and must be public. This is checked again for every message."""
-    url = _checked(app, body.url)
-    webhook, secret = app.record.webhooks.create(principal.owner_id, url, body.events)
+    url = await _checked(app, principal.owner_id, body.url)
+    webhook, secret = await to_thread.run_sync(app.record.webhooks.create, principal.owner_id, url, body.events)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(
         document.model_dump(mode="json"),
@@ -125,12 +130,19 @@ def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Re
         **problem_responses(NotFoundError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def update_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, body: WebhookChange) -> Response:  # noqa: A002
+async def update_webhook(
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: _WebhookId,  # noqa: A002
+    body: WebhookChange,
+) -> Response:
     """A new URL also applies to pending messages. `enabled: true` re-enables a webhook disabled by `410 Gone`."""
     # Check the owner first: a request for somebody else's webhook must not cause a DNS lookup.
-    app.record.webhooks.get(id, principal.owner_id)
-    url = None if body.url is None else _checked(app, body.url)
-    webhook = app.record.webhooks.update(id, principal.owner_id, url=url, events=body.events, enabled=body.enabled)
+    webhooks, owner = app.record.webhooks, principal.owner_id
+    await to_thread.run_sync(webhooks.get, id, owner)
+    url = None if body.url is None else await _checked(app, owner, body.url)
+    update = partial(webhooks.update, id, owner, url=url, events=body.events, enabled=body.enabled)
+    webhook = await to_thread.run_sync(update)
     return JSONResponse(WebhookView.of(webhook).model_dump(mode="json"))
 
 
@@ -246,8 +258,16 @@ def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, d
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
 
-def _checked(app: AppState, url: str) -> str:
-    return str(find_destination(url, parse_networks(app.settings.webhook_networks)).url)
+async def _checked(app: AppState, owner: str, url: str) -> str:
+    networks = parse_networks(app.settings.webhook_networks)
+    future = app.lookups.submit(owner, lambda: find_destination(url, networks))
+    try:
+        with anyio.fail_after(LOOKUP_S):
+            return str((await asyncio.wrap_future(future)).url)
+    except TimeoutError as error:
+        raise UnavailableError(
+            f"The URL's host could not be resolved within {LOOKUP_S:g} s.", advice="Try again in a moment."
+        ) from error
 
 
 def _describe(event: WebhookEvent) -> None:
