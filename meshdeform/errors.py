@@ -229,8 +229,8 @@ class WebhookAddressError(RequestError):
 
     code = "webhook_address"
     advice = (
-        "Use an https URL whose host has only public addresses; "
-        "the server's operator can allow others in MESHDEFORM_WEBHOOK_NETWORKS."
+        "Use an https URL whose host has only public addresses. The server's operator can allow other networks, "
+        "for example MESHDEFORM_WEBHOOK_NETWORKS=10.1.0.0/16,fd00::/8."
     )
 
 
@@ -264,7 +264,7 @@ class ForbiddenError(MeshdeformError):
 
 
 class NotFoundError(MeshdeformError):
-    """The requested resource does not exist."""
+    """Not found."""
 
     status = 404
     code = "not_found"
@@ -325,7 +325,7 @@ class StaleAttemptError(ConflictError):
 
 
 class LimitError(MeshdeformError):
-    """The API key has made too many requests."""
+    """Rate limit exceeded."""
 
     status = 429
     code = "rate_limited"
@@ -333,7 +333,7 @@ class LimitError(MeshdeformError):
 
 
 class TooManyJobsError(LimitError):
-    """The API key has too many unfinished jobs."""
+    """Too many unfinished jobs for this API key."""
 
     code = "too_many_jobs"
     advice = "Wait until a job has finished, or cancel one."

@@ -5,17 +5,44 @@ Torch-free. A test checks that `docs/configuration.md` has a heading for every f
 
 from __future__ import annotations
 
+import ipaddress
+import json
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
 
 __all__ = ["Settings"]
+
+
+def _split(value: Any) -> Any:
+    """Parse a comma-separated list or a JSON list."""
+    if not isinstance(value, str):
+        return value
+    if not value.lstrip().startswith("["):
+        return [part for text in value.split(",") if (part := text.strip())]
+    try:
+        return json.loads(value)
+    except ValueError:
+        raise ValueError("write a comma-separated list, or a valid JSON list") from None
+
+
+def _check_networks(blocks: list[str]) -> list[str]:
+    for block in blocks:
+        try:
+            ipaddress.ip_network(block)
+        except ValueError as error:
+            raise ValueError(f"{error}; write networks such as 10.1.0.0/16,fd00::/8, separated by commas") from None
+    return blocks
+
+
+_Texts = Annotated[list[str], NoDecode, BeforeValidator(_split)]
+_Networks = Annotated[_Texts, AfterValidator(_check_networks)]
 
 
 class Settings(BaseSettings):
@@ -35,9 +62,9 @@ class Settings(BaseSettings):
         description="URL at which clients reach an S3 store, for signed URLs, if it differs from AWS_ENDPOINT_URL.",
     )
     model: str = Field(BUILTIN_MODEL, min_length=1, description="The diffusion prior of jobs that name none.")
-    allowed_models: list[str] = Field(
+    allowed_models: _Texts = Field(
         default_factory=list,
-        description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, as a JSON list.",
+        description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, separated by commas.",
     )
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
@@ -63,6 +90,14 @@ class Settings(BaseSettings):
         "auto",
         description="Whether requests need an API key. `auto`: only if the API listens on more than loopback.",
     )
+    allowed_hosts: _Texts = Field(
+        default_factory=list,
+        description="Host names, separated by commas, by which web pages may use a service on loopback without a key.",
+    )
+    trusted_proxies: _Networks = Field(
+        default_factory=list,
+        description="Addresses or networks, separated by commas, of proxies whose `X-Forwarded-For` is trusted.",
+    )
     web: Literal["on", "off"] = Field("on", description="Whether the API serves the web page at `/`.")
     requests_per_minute: int = Field(
         600, ge=0, description="Requests per minute of an API key that sets no limit itself. 0: unlimited."
@@ -72,9 +107,9 @@ class Settings(BaseSettings):
     )
     upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
-    webhook_networks: list[str] = Field(
+    webhook_networks: _Networks = Field(
         default_factory=list,
-        description="Networks besides the public internet that webhooks may reach, as a JSON list of CIDR blocks. "
+        description="Networks besides the public internet that webhooks may reach: CIDR blocks, separated by commas. "
         "Plain http is allowed there.",
     )
     usd: Literal["auto", "on", "off"] = Field(

@@ -1,4 +1,4 @@
-"""The application: parts, routes, errors, and the reconciler beside them."""
+"""Create the application: its routes, middleware, error handlers and background tasks."""
 
 from __future__ import annotations
 
@@ -35,24 +35,24 @@ from service.webhooks import routes as webhook_routes
 
 __all__ = ["create_app"]
 
-# The page brings its own style and nothing else.
+# The page has inline styles and loads nothing else.
 _PAGE_POLICY = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"}
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Return the API.
+    """Create the API.
 
     Parameters
     ----------
     settings : Settings, optional
-        From the environment unless given. The parts that it names are opened when the application starts.
+        Default: from the environment. Connections are opened when the application starts.
     """
     app = FastAPI(
         title="Meshdeform",
         version=__version__,
-        summary="A GLB and a prompt go in, the same asset with a new shape comes out.",
+        summary="Send a GLB and a prompt, get the same asset with a new shape.",
         lifespan=_lifespan,
-        # FastAPI's own pages load scripts from another host; `/docs` is ours.
+        # FastAPI's own pages load scripts from another host. `/docs` is ours.
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
@@ -82,7 +82,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     add_error_handlers(app)
     describe(app)
     _put_in_frame(app)
-    # A body that breaks a form's rules is its sender's mistake; the answer says so.
+    # A malformed form is the client's mistake and reported in the response, not in the log.
     logging.getLogger("python_multipart").setLevel(logging.ERROR)
     return app
 
@@ -92,7 +92,7 @@ def _page(app: FastAPI) -> HTMLResponse:
 
 
 def _put_in_frame(app: FastAPI) -> None:
-    """Put the frame outside of what answers unknown errors, where `add_middleware` cannot put it."""
+    """Put the frame outside the handler of unexpected errors, where `add_middleware` cannot put it."""
     build = app.build_middleware_stack
     app.build_middleware_stack = lambda: RequestFrame(build())  # type: ignore[method-assign]
 

@@ -1,4 +1,4 @@
-"""What the routes work with: made once when the application starts."""
+"""Hold the objects that all routes share, created when the application starts."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.webhooks.lookups import LookupPool
 from service.events.broker import JobWaiters
 
 __all__ = ["AppState", "AppStateDep"]
 
 _INTAKES_AT_ONCE = 2
 _BODIES_AT_ONCE = 16
+_LOOKUPS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
 class AppState:
-    """The parts of the service.
+    """The shared objects of the service.
 
     Attributes
     ----------
@@ -33,14 +35,15 @@ class AppState:
     queue : JobQueue
     store : ObjectStore
     waiters : JobWaiters
-        Who waits for a job.
+        Requests that wait for jobs.
     assets : CheckedAssets
-        What is known of files.
+        Results of checks of assets.
     intake : CapacityLimiter
-        Threads that check and store uploads. They are apart from those that answer the other requests, which so
-        never wait for a decoder.
+        Threads that check and store assets, separate from those of other requests.
     bodies : CapacityLimiter
-        Files that are received at the same time; each may take its size on the disk.
+        Files that may be received at the same time. Each takes its size on disk.
+    lookups : LookupPool
+        Threads that resolve the hosts of webhooks.
     """
 
     settings: Settings
@@ -51,15 +54,16 @@ class AppState:
     assets: CheckedAssets
     intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
     bodies: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_BODIES_AT_ONCE))
+    lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
 
     @classmethod
     def open(cls, settings: Settings) -> AppState:
-        """Open what the settings name.
+        """Open the connections that the settings describe.
 
         Raises
         ------
         UnavailableError, DependencyError
-            A part cannot be opened. Redis may be away: nothing is asked of it here.
+            A connection cannot be opened. Redis may be unavailable: it is not contacted here.
         """
         record = JobRecord(settings.resolved_database_url)
         return cls(
@@ -72,7 +76,7 @@ class AppState:
         )
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self.queue.close()
         self.record.close()
 

@@ -14,7 +14,13 @@ __all__ = ["load_settings", "require"]
 
 
 def load_settings(**flags: Any) -> Settings:
-    """Return the settings from the environment, overridden by the flags that are not None."""
+    """Return the settings from the environment, overridden by the flags that are not None.
+
+    Raises
+    ------
+    ParameterError
+        A flag or a variable is not valid.
+    """
     from pydantic import ValidationError
 
     from meshdeform.settings import Settings
@@ -23,10 +29,13 @@ def load_settings(**flags: Any) -> Settings:
         return Settings(**{name: value for name, value in flags.items() if value is not None})
     except ValidationError as error:
         first = error.errors()[0]
-        name = "_".join(str(part) for part in first["loc"])
+        name = str(first["loc"][0])
+        variable = f"MESHDEFORM_{name.upper()}"
+        source = variable if flags.get(name) is None else f"--{name.replace('_', '-')}"
+        reason = first["msg"].removeprefix("Value error, ").rstrip(".")
         raise ParameterError(
-            f"The setting {name} is not valid: {first['msg']}.",
-            advice=f"Fix --{name.replace('_', '-')} or MESHDEFORM_{name.upper()}.",
+            f"{source} is not valid: {reason[:1].lower()}{reason[1:]}.",
+            advice=f"Correct {source}; docs/configuration.md describes {variable}.",
         ) from error
 
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["api", "serve", "worker"]
 
 _API_GRACE_S = 10
-_KEEP_ALIVE_S = 75
 
 _HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
 _PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
@@ -100,6 +99,7 @@ def api(
     require("fastapi", "service")
     import uvicorn
 
+    from meshdeform.serving.connections import http_options, raise_open_files
     from meshdeform.serving.stack import listen
     from meshdeform.support.logs import ACCESS_LOG, configure_logging
 
@@ -118,16 +118,13 @@ def api(
         emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
     if not (settings.log_format == "json" if access_log is None else access_log):
         logging.getLogger(ACCESS_LOG).setLevel(logging.WARNING)
+    raise_open_files()
     config = uvicorn.Config(
         "service.app:create_app",
         factory=True,
         log_config=None,
-        # uvicorn's access log contains query strings, which may hold signatures.
-        access_log=False,
-        server_header=False,
-        # Longer than clients and proxies keep idle connections, so that no request meets a connection closed here.
-        timeout_keep_alive=_KEEP_ALIVE_S,
         timeout_graceful_shutdown=_API_GRACE_S,
+        **http_options(settings),
     )
     # uvicorn raises the signal that stopped it again at the end; a clean stop must give exit code 0.
     for number in (signal.SIGINT, signal.SIGTERM):

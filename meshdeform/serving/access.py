@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import ipaddress
+from collections.abc import Collection, Iterable
 from typing import Literal
 from urllib.parse import urlsplit
 
-__all__ = ["is_foreign", "is_loopback", "needs_keys"]
+__all__ = ["is_foreign", "is_forwarded", "is_loopback", "needs_keys"]
+
+_FORWARDING = frozenset(
+    ("cf-connecting-ip", "client-ip", "fly-client-ip", "forwarded", "true-client-ip", "via", "x-client-ip")
+    + ("x-cluster-client-ip", "x-original-forwarded-for", "x-original-host", "x-real-ip")
+)
 
 
 def needs_keys(auth: Literal["auto", "on", "off"], address: str | None) -> bool:
@@ -39,7 +45,18 @@ def is_loopback(address: str | None) -> bool:
     return bool((mapped or parsed).is_loopback)
 
 
-def is_foreign(host: str | None, origin: str | None) -> bool:
+def is_forwarded(headers: Iterable[str]) -> bool:
+    """Return whether a request came through a proxy, so that its client may be anywhere.
+
+    Parameters
+    ----------
+    headers : iterable of str
+        The names of the request's headers.
+    """
+    return any(name.lower() in _FORWARDING or name.lower().startswith("x-forwarded") for name in headers)
+
+
+def is_foreign(host: str | None, origin: str | None, allowed_hosts: Collection[str] = ()) -> bool:
     """Return whether a request to loopback was sent by a web page from another host.
 
     A browser on this machine also runs pages from other hosts. Such a page can post forms to any address, which the
@@ -49,10 +66,12 @@ def is_foreign(host: str | None, origin: str | None) -> bool:
     ----------
     host, origin : str or None
         The headers of the request.
+    allowed_hosts : collection of str
+        Host names to accept besides loopback.
     """
-    if origin is not None and not is_loopback(_name(origin)):
-        return True
-    return host is not None and not is_loopback(_name(f"//{host}"))
+    urls = [origin, None if host is None else f"//{host}"]
+    names = [_name(url) for url in urls if url is not None]
+    return any(not is_loopback(name) and name not in allowed_hosts for name in names)
 
 
 def _name(url: str) -> str | None:

@@ -38,6 +38,7 @@ _NOT_PUBLIC_4 = tuple(
         "10.0.0.0/8",
         "100.64.0.0/10",
         "127.0.0.0/8",
+        "168.63.129.16/32",  # Azure's platform services; public, but reachable only from inside
         "169.254.0.0/16",
         "172.16.0.0/12",
         "192.0.0.0/24",
@@ -88,7 +89,7 @@ def parse_networks(blocks: Sequence[str]) -> Networks:
     except ValueError as error:
         raise DependencyError(
             f"MESHDEFORM_WEBHOOK_NETWORKS is not a list of networks: {error}.",
-            advice='Write CIDR blocks as a JSON list, for example ["10.1.0.0/16", "fd00::/8"].',
+            advice="Write CIDR blocks separated by commas, for example 10.1.0.0/16,fd00::/8.",
         ) from error
 
 
@@ -122,19 +123,18 @@ def find_destination(url: str, networks: Networks, lookup: Lookup = system_looku
     Raises
     ------
     WebhookAddressError
-        The URL is not allowed, or the host is not known.
+        The URL is not allowed, or the host has no address or one that is not allowed.
     """
     read, host, port = _read(url)
+    # One message for all cases, without the address: users must not learn which names exist in the server's network.
+    refusal = WebhookAddressError(f"The host {host} is unknown, or has an address that is not public.")
     try:
         found = [ipaddress.ip_address(text) for text in lookup(host, port)]
-    except (OSError, ValueError) as error:  # a name that cannot be encoded is a ValueError
-        raise WebhookAddressError(f"The host {host} is not known.") from error
-    if not found:
-        raise WebhookAddressError(f"The host {host} has no address.")
-    # Do not name the address: users must not learn what names resolve to inside the server's network.
+    except (OSError, ValueError):  # a name that cannot be encoded is a ValueError
+        raise refusal from None
     inside = [any(address in network for network in networks) for address in found]
-    if not all(known or is_public(address) for address, known in zip(found, inside, strict=True)):
-        raise WebhookAddressError(f"The host {host} has an address that is not public.")
+    if not found or not all(known or is_public(address) for address, known in zip(found, inside, strict=True)):
+        raise refusal
     if read.scheme != "https" and not all(inside):
         raise WebhookAddressError("The URL does not begin with https://.")
     return Destination(read, host, port, tuple(map(str, found)))

@@ -19,6 +19,7 @@ from meshdeform.record.deliveries import DueDelivery
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.webhooks.addresses import parse_networks
+from meshdeform.webhooks.lookups import LookupPool
 
 if TYPE_CHECKING:
     from meshdeform.webhooks.sender import Sender
@@ -30,6 +31,7 @@ AT_ONCE = 8
 
 _EACH = 4
 """Number of these to one webhook, so that a slow one does not block the others."""
+_LOOKUPS_AT_ONCE = 32  # more than AT_ONCE: one that has exceeded its deadline still occupies a thread
 _LOOK_EVERY_S = 1.0
 _CLEAN_EVERY_S = 600.0
 _log = logging.getLogger(__name__)
@@ -132,7 +134,7 @@ class WebhookDelivery:
             # Create the HTTP client only if there are webhooks, to save memory.
             from meshdeform.webhooks.sender import Sender
 
-            self._sender = Sender(self._networks)
+            self._sender = Sender(self._networks, lookup=LookupPool(_LOOKUPS_AT_ONCE).lookup)
         return self._sender
 
     def _run(self) -> None:

@@ -1,7 +1,7 @@
-"""Who waits for a job, and the one look at the record that serves them all.
+"""Let requests wait for jobs, with one query for all of them.
 
-A request that waits holds no thread and no connection to the database: it is a task with an entry here. While there is
-any, one query a tick asks where all of their jobs stand, and wakes those whose job is where they want it.
+A waiting request holds no thread and no database connection: it is a task with an entry here. While there are any, one
+query per tick reads the state of all their jobs, and the requests whose condition holds are woken.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import resource
 import signal
 import threading
 from collections import Counter
@@ -24,15 +23,16 @@ from anyio import CancelScope, CapacityLimiter, to_thread
 
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.events import Head
+from meshdeform.serving.connections import connection_limit
 
 __all__ = ["MOST_HELD_OF_ONE", "JobWaiters", "most_held", "on_termination"]
 
 MOST_HELD_OF_ONE = 100
-"""Requests of one owner that may wait at the same time, in one process."""
+"""Maximum number of requests of one owner that wait at the same time in one process."""
 
 _TICK_S = 0.25
-_AWAY_S = 2.0  # at most so long between two looks while the record is away
-_CLOSING_S = 2.0  # a reader that stands still is not waited for any longer when the process ends
+_AWAY_S = 2.0  # longest pause between two queries while the record is unavailable
+_CLOSING_S = 2.0  # when the process ends, how long to wait for clients that do not read
 _READERS = 4
 _MOST_HELD = 2000
 _log = logging.getLogger(__name__)
@@ -41,9 +41,8 @@ _Arguments = TypeVarTuple("_Arguments")
 
 
 def most_held() -> int:
-    """How many requests may wait in this process: they take half of the files that it may open, the rest goes on."""
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _MOST_HELD if soft == resource.RLIM_INFINITY else min(_MOST_HELD, soft // 2)
+    """Return how many requests may wait in this process: at most half as many as it may have connections."""
+    return min(_MOST_HELD, connection_limit() // 2)
 
 
 @dataclass(eq=False)
@@ -54,45 +53,45 @@ class _Waiter:
 
 
 class JobWaiters:
-    """Lets requests wait for jobs.
+    """Let requests wait for jobs.
 
     Parameters
     ----------
     heads : callable
-        `EventLog.heads`: where jobs stand; those that are gone are missing.
+        `EventLog.heads`: returns the state of jobs, without those that do not exist.
     tick_s : float
-        Seconds between two looks.
+        Seconds between two queries.
     """
 
     def __init__(self, heads: Callable[[Collection[str]], dict[str, Head]], tick_s: float = _TICK_S) -> None:
         self._heads, self._tick_s = heads, tick_s
         self._waiters: set[_Waiter] = set()
-        self._somebody = asyncio.Event()
+        self._wanted = asyncio.Event()
         self._held: Counter[str] = Counter()
         self._scopes: set[CancelScope] = set()
         self._most = most_held()
         self._closing = False
-        # Apart from the threads of the other routes, which never wait for a crowd that is woken at once.
+        # Apart from the threads of other routes, which must not wait when many requests are woken at once.
         self._readers = CapacityLimiter(_READERS)
 
     @property
     def closing(self) -> bool:
-        """Whether the process ends: whatever waits must return now."""
+        """Whether the process is ending, so that waiting requests must return."""
         return self._closing
 
     @property
     def waiting(self) -> int:
-        """How many wait for their job to change now."""
+        """Number of requests that wait for a change of their job."""
         return len(self._waiters)
 
     @property
     def held(self) -> int:
-        """How many requests have a place."""
+        """Number of slots in use."""
         return len(self._scopes)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Look while somebody waits, until the block ends."""
+        """Query the record while requests wait, until the block ends."""
         task = asyncio.create_task(self._run())
         try:
             yield
@@ -103,7 +102,7 @@ class JobWaiters:
                 await task
 
     def close(self) -> None:
-        """Let everybody go who waits. To be called on the loop."""
+        """Wake all waiting requests. Call it on the event loop."""
         self._closing = True
         for waiter in self._waiters:
             _wake(waiter)
@@ -111,28 +110,28 @@ class JobWaiters:
             scope.deadline = anyio.current_time() + _CLOSING_S
 
     @contextmanager
-    def place(self, owner: str) -> Iterator[None]:
-        """Hold a place while a request waits. What is still in the block some time after `close` is cancelled.
+    def slot(self, owner: str) -> Iterator[None]:
+        """Hold a slot while a request waits. The block is cancelled some time after `close`.
 
         Parameters
         ----------
         owner : str
-            Whose request it is; empty where keys are off, and then only the places of the process count.
+            Owner of the request. Empty without a key: then only the limit of the process applies.
 
         Raises
         ------
         LimitError
-            There is none left.
+            No slot is free.
         """
         if owner and self._held[owner] >= MOST_HELD_OF_ONE:
             raise LimitError(
-                f"{MOST_HELD_OF_ONE} requests of this key wait for jobs at the same time.",
-                advice="Close streams that nobody reads, or look at the jobs from time to time instead.",
+                f"{MOST_HELD_OF_ONE} requests with this key are already waiting for jobs.",
+                advice="Close unused streams, or poll the jobs instead.",
             )
         if self.held >= self._most:
             raise LimitError(
-                f"{self._most} requests wait for jobs at the same time.",
-                advice="Look at the job from time to time instead.",
+                f"{self._most} requests are already waiting for jobs.",
+                advice="Poll the job instead.",
             )
         self._held[owner] += 1
         scope = CancelScope()
@@ -149,20 +148,20 @@ class JobWaiters:
                 del self._held[owner]
 
     async def until(self, job_id: str, wanted: Callable[[Head | None], bool], timeout_s: float) -> bool:
-        """Wait until a job is where it is wanted; whether it came to that in time, and before the process ends.
+        """Wait until a job meets a condition. Return whether it did, before the timeout and the end of the process.
 
         Parameters
         ----------
         job_id : str
         wanted : callable
-            Gets where the job stands; None: it is gone.
+            The condition: takes the state of the job, None if it does not exist.
         timeout_s : float
         """
         if self._closing or timeout_s <= 0:
             return False
         waiter = _Waiter(job_id, wanted, asyncio.get_running_loop().create_future())
         self._waiters.add(waiter)
-        self._somebody.set()
+        self._wanted.set()
         try:
             with anyio.move_on_after(timeout_s):
                 await waiter.woken
@@ -171,30 +170,30 @@ class JobWaiters:
         finally:
             self._waiters.discard(waiter)
 
-    async def read(self, look: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
-        """Call something that looks at the record, in one of the few threads for those who wait."""
-        return await to_thread.run_sync(look, *arguments, limiter=self._readers, abandon_on_cancel=True)
+    async def read(self, query: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
+        """Call a function that reads the record, in one of the threads for waiting requests."""
+        return await to_thread.run_sync(query, *arguments, limiter=self._readers, abandon_on_cancel=True)
 
     async def _run(self) -> None:
         pause_s = self._tick_s
         while True:
-            await self._somebody.wait()
+            await self._wanted.wait()
             if not self._waiters:
-                self._somebody.clear()
+                self._wanted.clear()
                 continue
             try:
-                await self._look()
+                await self._poll()
                 pause_s = self._tick_s
             except UnavailableError:
-                # The record has logged it. Who waits goes on waiting: nothing is lost.
+                # The record has logged the error. The requests keep waiting.
                 pause_s = min(2 * pause_s, _AWAY_S)
             except Exception:
-                _log.exception("those who wait for jobs are not told now")
+                _log.exception("cannot query the jobs that requests wait for; trying again")
                 pause_s = _AWAY_S
             await asyncio.sleep(pause_s)
 
-    async def _look(self) -> None:
-        # Who comes while the record is asked is not in its answer.
+    async def _poll(self) -> None:
+        # A copy: the result does not cover requests that arrive during the query.
         waiters = list(self._waiters)
         heads = await self.read(self._heads, {waiter.job_id for waiter in waiters})
         for waiter in waiters:
@@ -211,11 +210,11 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def on_termination(tell: Callable[[], None]) -> Iterator[None]:
-    """Call something on the running loop when a signal ends the process, before the server's own handler.
+def on_termination(callback: Callable[[], None]) -> Iterator[None]:
+    """Call `callback` on the running loop when a signal ends the process, before the server's own handler.
 
-    Elsewhere than in the main thread there are no signals: who embeds the application there calls it himself
-    (`app.state.app_state.waiters.close`).
+    Signals arrive only in the main thread. A program that runs the application in another thread must call
+    `app.state.app_state.waiters.close` itself.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -224,7 +223,7 @@ def on_termination(tell: Callable[[], None]) -> Iterator[None]:
     before: dict[int, Any] = {number: signal.getsignal(number) for number in _SIGNALS}
 
     def handle(number: int, frame: FrameType | None) -> None:
-        loop.call_soon_threadsafe(tell)
+        loop.call_soon_threadsafe(callback)
         if callable(before[number]):
             before[number](number, frame)
         elif before[number] is signal.SIG_DFL:

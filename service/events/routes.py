@@ -1,7 +1,7 @@
-"""What happens to a job: as a stream of server-sent events, or in pages of JSON.
+"""Return the events of a job as server-sent events or as pages of JSON.
 
-Source: the HTML standard, "Server-sent events". A reader that comes back names the last event that it has
-(`Last-Event-ID`) and gets what follows: nothing twice, nothing left out.
+Source: the HTML standard, "Server-sent events". A client that reconnects sends the number of its last event
+(`Last-Event-ID`) and gets the events after it, without gaps or duplicates.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 __all__ = ["MAX_EVENTS", "router"]
 
 MAX_EVENTS = 1000
-_MAX_SEQ = 2**31 - 1  # as large as the record can count
+_MAX_SEQ = 2**31 - 1  # the record's largest integer
 _STREAM = "text/event-stream"
 _BATCH = 100
-_SILENCE_S = 15.0  # proxies drop a connection on which nothing comes
+_SILENCE_S = 15.0  # proxies close silent connections
 _STUCK_S = 60.0
 _AWAY_S = 1.0
 _RETRY_MS = 2000
@@ -51,20 +51,20 @@ router = APIRouter(prefix="/v1/jobs/{id}/events", tags=["events"])
 
 
 class _EventStream(StreamingResponse):
-    """A stream that holds a place, and gives it back when its reader goes away or stands still."""
+    """A stream that holds a slot until its client disconnects or stops reading."""
 
     media_type = _STREAM
 
     def __init__(self, waiters: JobWaiters, owner: str, content: AsyncIterator[str]) -> None:
         super().__init__(content, headers=_HEADERS)
-        self._hub, self._owner = waiters, owner
+        self._waiters, self._owner = waiters, owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def sent_in_time(message: Message) -> None:
             with anyio.fail_after(_STUCK_S):
                 await send(message)
 
-        with self._hub.place(self._owner), suppress(TimeoutError):
+        with self._waiters.slot(self._owner), suppress(TimeoutError):
             await super().__call__(scope, receive, sent_in_time)
 
 
@@ -76,11 +76,11 @@ class _EventStream(StreamingResponse):
     responses={
         200: {
             "model": EventList,
-            "description": "The events after `after`; as a stream also those to come, until the one that ends the job.",
+            "description": "The events after `after`. A stream continues with new events until the job has finished.",
             "headers": WAITED,
             "content": {_STREAM: {"schema": {"type": "string"}, "example": _EXAMPLE}},
         },
-        204: {"description": "The job is over and its stream was read to the end: nothing will come any more."},
+        204: {"description": "The job has finished and the client has all its events; there will be no more."},
         **problem_responses(NotFoundError, ParameterError, LimitError, UnavailableError),
     },
 )
@@ -90,17 +90,17 @@ async def get_events(
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the path's own word
     after: Annotated[
-        int, Query(description="Number of the last event that you have.", ge=0, le=_MAX_SEQ, examples=[0])
+        int, Query(description="Number of the last event that you received.", ge=0, le=_MAX_SEQ, examples=[0])
     ] = 0,
     limit: Annotated[
-        int, Query(description="Length of a page, as JSON.", ge=1, le=MAX_EVENTS, examples=[100])
+        int, Query(description="Maximum number of events in a JSON page.", ge=1, le=MAX_EVENTS, examples=[100])
     ] = MAX_EVENTS,
     format_: Annotated[
         Literal["json", "stream"] | None,
         Query(
             alias="format",
-            description="What to get, whatever `Accept` says. Default: a stream where `Accept` names "
-            "text/event-stream, else JSON.",
+            description="Response format; overrides `Accept`. Default: a stream if `Accept` contains "
+            "text/event-stream, otherwise JSON.",
             examples=["json"],
         ),
     ] = None,
@@ -108,24 +108,23 @@ async def get_events(
         int | None,
         Header(
             alias="Last-Event-ID",
-            description="As `after`, and goes before it: readers of streams send it when they connect again. "
-            "Default: none.",
+            description="Overrides `after`. Event stream clients send it when they reconnect. Default: none.",
             ge=0,
             le=_MAX_SEQ,
             examples=[3],
         ),
     ] = None,
-    prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
+    prefer: Prefer = None,  # noqa: ARG001 - read from the request, which may contain it more than once
 ) -> Response:
-    """A stream ends with the event that ends the job. As JSON, `Prefer: wait=N` holds an empty page back."""
+    """A stream ends with the job's final event. For JSON, `Prefer: wait=N` waits for events if there are none yet."""
     waiters, owner = app.waiters, principal.owner_id
     after = after if last_event_id is None else last_event_id
     if format_ == "json" or (format_ is None and not _wants_stream(request)):
         return await _page(request, app, id, owner, after, limit)
-    # Read before the answer begins, so that a job which is not there is a problem and no stream.
-    found, over = await waiters.read(_look, app, id, after, owner)
+    # Read before the response starts, so that a missing job is a 404 and no stream.
+    found, over = await waiters.read(_next_events, app, id, after, owner)
     if over:
-        # A browser connects again after every end of a stream, until it gets this.
+        # Browsers reconnect after the end of a stream, until they get this.
         return Response(status_code=204, headers=_HEADERS)
     return _EventStream(waiters, owner, _stream(app, id, after, found))
 
@@ -148,15 +147,15 @@ async def _stream(app: AppState, job_id: str, after: int, found: list[Event]) ->
         for event in found:
             yield _written(event)
             after, over = event.seq, event.type.terminal
-        # Where the process ends, the reader connects again and goes on with another process, or with the next one.
+        # If the process is ending, the client reconnects to another one, or to the next.
         if over or waiters.closing:
             return
         if len(found) < _BATCH and not await waiters.until(job_id, _more(after), _SILENCE_S):
             found = []
-            yield ": nothing new\n\n"
+            yield ": keep-alive\n\n"
             continue
         try:
-            found, over = await waiters.read(_look, app, job_id, after)
+            found, over = await waiters.read(_next_events, app, job_id, after)
         except NotFoundError:
             return
         except UnavailableError:
@@ -164,13 +163,13 @@ async def _stream(app: AppState, job_id: str, after: int, found: list[Event]) ->
             await anyio.sleep(_AWAY_S)
 
 
-def _look(app: AppState, job_id: str, after: int, owner: str | None = None) -> tuple[list[Event], bool]:
-    """The next events of a job; without any, whether none can come any more."""
+def _next_events(app: AppState, job_id: str, after: int, owner: str | None = None) -> tuple[list[Event], bool]:
+    """Return the next events of a job; if there are none, also whether there will be no more."""
     if found := app.record.events.after(job_id, after, _BATCH, owner):
         return found, False
     if not app.record.get(job_id, owner).state.terminal:
         return [], False
-    # It may have come to its end between the two looks.
+    # The job may have finished between the two queries.
     found = app.record.events.after(job_id, after, _BATCH, owner)
     return found, not found
 
@@ -184,7 +183,7 @@ def _written(event: Event) -> str:
 
 
 def _wants_stream(request: Request) -> bool:
-    """Whether `Accept` names the stream, and nothing that it would rather have."""
+    """Return whether `Accept` prefers the stream to JSON."""
     wanted: dict[str, float] = {}
     for entry in ",".join(request.headers.getlist("accept")).split(","):
         kind, _, parameters = entry.partition(";")

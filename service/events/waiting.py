@@ -1,4 +1,4 @@
-"""Wait for the end of a job: `Prefer: wait=N`. No thread is held meanwhile."""
+"""Wait for the end of a job (`Prefer: wait=N`), without holding a thread."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ __all__ = ["Prefer", "applied", "preferred_wait", "settled", "wait_here"]
 async def settled(
     app: AppState, job_id: str, owner: str | None, wait_s: float, *, request: Request | None = None
 ) -> Job:
-    """Return a job once it is over, or as it is when the time is up, the client goes away, or no place is left.
+    """Return a job once it has finished, or earlier on timeout, on disconnection, or if no slot is free.
 
     Parameters
     ----------
     app : AppState
     job_id : str
     owner : str or None
-        Whose it must be; None: anybody's.
+        Required owner of the job; None: any.
     wait_s : float
     request : Request, optional
-        The one that waits, its body read: its place is free as soon as its client goes away.
+        The waiting request, its body already read. Its slot is freed when the client disconnects.
 
     Raises
     ------
     NotFoundError
-        There is no such job, or it was deleted meanwhile.
+        The job does not exist, or was deleted meanwhile.
     UnavailableError
-        The record does not answer at the beginning. Later on the job is returned as it was last seen.
+        The record does not respond at the start. Later, the job is returned as last read.
     """
     job = await app.waiters.read(app.record.get, job_id, owner)
     if job.state.terminal or wait_s <= 0:
         return job
-    # Where there is no place left the answer comes at once: waiting was only preferred.
+    # If no slot is free, respond at once: waiting is only a preference.
     with suppress(LimitError):
         await wait_here(app, job_id, owner, _over, wait_s, request=request)
     try:
@@ -63,14 +63,14 @@ async def wait_here(
     *,
     request: Request | None = None,
 ) -> None:
-    """Hold a place until a job is where it is wanted, the time is up, or the client goes away.
+    """Hold a slot until a job meets a condition, the time is up, or the client disconnects.
 
     Raises
     ------
     LimitError
-        No place is left.
+        No slot is free.
     """
-    with app.waiters.place(owner or ""):
+    with app.waiters.slot(owner or ""):
         async with anyio.create_task_group() as group:
             if request is not None:
                 group.start_soon(_cancel_when_gone, request, group.cancel_scope)
@@ -93,8 +93,8 @@ _WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?\s*(?:;.*)?', re.IGNORECASE)
 Prefer = Annotated[
     str | None,
     Header(
-        description=f"`wait=N`: hold the answer back until the job is over, at most N seconds (1 to {MAX_WAIT_S}). "
-        "Default: answer at once.",
+        description="`wait=N`: delay the response until the job has finished, for at most N seconds "
+        f"(1 to {MAX_WAIT_S}). Default: respond at once.",
         max_length=200,
         examples=["wait=30"],
     ),
@@ -102,21 +102,18 @@ Prefer = Annotated[
 
 
 def preferred_wait(request: Request) -> int | None:
-    """Return how many seconds a request would wait; None where it says nothing that is understood.
-
-    More than we wait for is cut to that: a preference is no demand, and the answer says what was done.
-    """
+    """Return how many seconds a request prefers to wait, at most MAX_WAIT_S; None without a valid preference."""
     return _wait(request.headers.getlist("prefer"))
 
 
 def applied(wait_s: int | None) -> dict[str, str]:
-    """Return the header that says that it was done."""
+    """Return the header that confirms the preference."""
     return {} if wait_s is None else {"Preference-Applied": f"wait={wait_s}"}
 
 
 def _wait(headers: Sequence[str]) -> int | None:
     for preference in ",".join(headers).split(","):
-        # The first one counts, as the RFC has it.
+        # The first one counts (RFC 7240).
         if match := _WAIT.fullmatch(preference.strip()):
             return min(int(match[1]), MAX_WAIT_S) or None
     return None

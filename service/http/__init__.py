@@ -1,1 +1,1 @@
-"""What every route needs of HTTP: bodies, keys, errors, ranges, limits on rates."""
+"""Handle HTTP for all routes: bodies, API keys, errors, ranges, rate limits."""

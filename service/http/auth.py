@@ -1,4 +1,4 @@
-"""Who asks: the owner that a request's API key belongs to, and whether the key may ask now."""
+"""Authenticate requests by API key, and enforce the rate limits of keys."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import time
 from dataclasses import dataclass
 from typing import Annotated
 
-from anyio import to_thread
+from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
 from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
 
-from meshdeform.errors import LimitError, UnauthorizedError
+from meshdeform.errors import LimitError, UnauthorizedError, UnavailableError
 from meshdeform.record.keys import ApiKey, KeyRing
-from meshdeform.serving.access import is_foreign, needs_keys
+from meshdeform.serving.access import is_foreign, is_forwarded, is_loopback, needs_keys
 from meshdeform.settings import Settings
 from service.http.middleware import add_header
 from service.http.rate import Buckets, Rate, RateLimiter, Verdict
@@ -24,26 +24,27 @@ from service.http.rate import Buckets, Rate, RateLimiter, Verdict
 __all__ = ["Gate", "Principal", "PrincipalDep", "principal"]
 
 _KNOWN_FOR_S = 5.0
-"""So long a revoked key may still be taken for valid."""
+"""How long a revoked key may still be accepted."""
 
 _MOST_KNOWN = 4096
 _FAILURES = Rate(per_minute=20, burst=20)
+_SUSPECTS_AT_ONCE = 2
 
 
 @dataclass(frozen=True)
 class Principal:
-    """Who makes a request.
+    """The caller of a request.
 
     Attributes
     ----------
     owner_id : str
-        Whose jobs, uploads and webhooks they see and make. Empty where keys are off.
+        Owner of the jobs, uploads and webhooks that the caller sees and creates. Empty without a key.
     key_id : str or None
-        The API key; None where keys are off.
+        Id of the API key; None without one.
     max_active_jobs : int
-        Unfinished jobs that they may have; 0: any number.
+        Maximum number of unfinished jobs; 0: unlimited.
     requests_per_minute : int
-        Requests that they may make; 0: any number.
+        Maximum number of requests per minute; 0: unlimited.
     """
 
     owner_id: str = ""
@@ -53,7 +54,7 @@ class Principal:
 
 
 class Gate:
-    """Lets requests in, or says why not.
+    """Admit requests, or refuse them with a reason.
 
     Parameters
     ----------
@@ -65,39 +66,34 @@ class Gate:
         self._settings, self._keys = settings, keys
         self._rates = RateLimiter(settings.redis_url, settings.queue)
         self._failures = Buckets()
-        # By the hash of their text: until when a key is known to be valid. Those whose time is over stay for a while.
+        self._suspects = CapacityLimiter(_SUSPECTS_AT_ONCE)
+        # Verified keys by the hash of their text, each with the time until which it is accepted without another check.
+        # Stale entries are kept for a while; see `_verified`.
         self._known: dict[bytes, tuple[ApiKey, float]] = {}
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._rates.close()
 
     async def admit(self, request: Request) -> Principal:
-        """Return who makes a request, and count it.
+        """Authenticate a request, count it against its key's rate limit, and return its caller.
 
-        A key that is sent counts also where none is needed: its owner's jobs are its owner's everywhere.
+        A key is verified even where none is required, so that its owner sees the same jobs everywhere.
 
         Raises
         ------
         UnauthorizedError
-            There is no valid key where one is needed, or one was sent that is not valid.
+            The key is invalid, or a required key is missing.
         LimitError
-            The key makes too many requests, or its sender sent too many that are not valid.
+            The key exceeds its rate limit, or its address has sent too many invalid keys.
         UnavailableError
-            The record does not answer.
+            The record does not respond.
         """
-        scheme, _, text = request.headers.get("authorization", "").partition(" ")
-        if scheme.lower() != "bearer":
-            server = request.scope.get("server")
-            if needs_keys(self._settings.auth, server[0] if server else None):
-                raise UnauthorizedError("This service needs an API key.")
-            if self._settings.auth == "auto" and is_foreign(request.headers.get("host"), request.headers.get("origin")):
-                raise UnauthorizedError(
-                    "The request comes from a web page of another host.",
-                    advice="Use the service by the name localhost or by its address, or send an API key.",
-                )
+        text = _sent_key(request)
+        if text is None:
+            self._check_without_key(request)
             return Principal()
-        key = await self._verified(text.strip(), _peer(request))
+        key = await self._verified(text, _peer(request))
         await self._count(request, key)
         return Principal(
             owner_id=key.owner_id,
@@ -106,26 +102,63 @@ class Gate:
             requests_per_minute=_first(key.requests_per_minute, self._settings.requests_per_minute),
         )
 
+    async def is_still_valid(self, request: Request) -> bool:
+        """Return whether the key of an admitted request is still valid, for requests that last. Counts nothing."""
+        text = _sent_key(request)
+        if text is None:
+            return True
+        try:
+            await self._verified(text, _peer(request))
+        except UnavailableError:
+            return True
+        except (UnauthorizedError, LimitError):
+            return False
+        return True
+
+    def _check_without_key(self, request: Request) -> None:
+        auth, server = self._settings.auth, request.scope.get("server")
+        address = server[0] if server else None
+        if needs_keys(auth, address):
+            raise UnauthorizedError("This server requires an API key.")
+        if not is_loopback(address):
+            return  # keys are off, and the operator has opened the service to a network
+        if auth == "auto" and is_forwarded(request.headers):
+            raise UnauthorizedError(
+                "The request came through a proxy, so it requires an API key.",
+                advice="Send an API key. If the proxy decides who may use the service, the operator can set --no-auth.",
+            )
+        headers = request.headers
+        if is_foreign(headers.get("host"), headers.get("origin"), self._settings.allowed_hosts):
+            raise UnauthorizedError(
+                "The request was sent by a web page from another host.",
+                advice="Open the service as localhost or by its IP address, or send an API key. The server's operator "
+                "can allow other names in MESHDEFORM_ALLOWED_HOSTS.",
+            )
+
     async def _verified(self, text: str, peer: str) -> ApiKey:
         digest = hashlib.sha256(text.encode()).digest()
         known = self._known.get(digest)
         if known is not None and time.monotonic() < known[1]:
             return known[0]
-        if known is None:
-            # Counted ahead, so that many at once do not slip through. A key that was valid a moment ago is no guess:
-            # who shares an address with a guesser goes on working.
-            verdict = self._failures.take(peer, _FAILURES)
-            if verdict.wait_s:
-                raise _limit("Too many API keys from this address were not valid.", verdict)
+        # Counted before the check, so that simultaneous guesses cannot exceed the limit. A recently valid key is none.
+        verdict = self._failures.take(peer, _FAILURES) if known is None else None
+        suspect = verdict is not None and verdict.wait_s > 0
+        counted = verdict is not None and not suspect
         try:
-            key = await to_thread.run_sync(self._keys.verify, text)
+            # Behind a proxy or a gateway a guesser shares its address with others, whose keys must keep working. So
+            # keys from a suspect address are verified too, but in threads of their own.
+            limiter = self._suspects if suspect else None
+            key = await to_thread.run_sync(self._keys.verify, text, limiter=limiter)
         except UnauthorizedError:
             self._known.pop(digest, None)
+            if verdict is not None and suspect:
+                raise _limit("This address has sent too many invalid API keys.", verdict) from None
             raise
         except BaseException:
-            self._failures.give_back(peer, _FAILURES)
+            if counted:
+                self._failures.give_back(peer, _FAILURES)
             raise
-        if known is None:
+        if counted:
             self._failures.give_back(peer, _FAILURES)
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
@@ -140,12 +173,12 @@ class Gate:
         add_header(request.scope, "RateLimit-Policy", f'"minute";q={per_minute};w=60')
         add_header(request.scope, "RateLimit", f'"minute";r={verdict.remaining};t={verdict.reset_s}')
         if verdict.wait_s:
-            raise _limit(f"The key may make {per_minute} requests in a minute.", verdict)
+            raise _limit(f"This API key is limited to {per_minute} requests per minute.", verdict)
 
 
 _BEARER = HTTPBearer(
     scheme_name="apiKey",
-    description="An API key, as `meshdeform keys create` gives it. None is needed where the API listens on loopback.",
+    description="An API key from `meshdeform keys create`. Not required if the API listens only on loopback.",
     auto_error=False,
 )
 
@@ -153,12 +186,17 @@ _BEARER = HTTPBearer(
 async def principal(
     request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)]
 ) -> Principal:
-    """Return who makes the request; see `Gate.admit`."""
+    """Authenticate the request and return its caller; see `Gate.admit`."""
     gate: Gate = request.app.state.gate
     return await gate.admit(request)
 
 
 PrincipalDep = Annotated[Principal, Depends(principal)]
+
+
+def _sent_key(request: Request) -> str | None:
+    scheme, _, text = request.headers.get("authorization", "").partition(" ")
+    return text.strip() if scheme.lower() == "bearer" else None
 
 
 def _first(own: int | None, general: int) -> int:
@@ -170,7 +208,7 @@ def _limit(detail: str, verdict: Verdict) -> LimitError:
 
 
 def _peer(request: Request) -> str:
-    """The address that guesses are counted for; of IPv6 the network, of which one sender has a whole one."""
+    """Return the address to count invalid keys for: with IPv6 the /64 network, since one sender controls all of it."""
     host = request.client.host if request.client else ""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])

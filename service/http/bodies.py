@@ -1,4 +1,4 @@
-"""Request bodies as they come: so many at once, none that trickles, none that is longer than its route takes."""
+"""Receive request bodies, with limits on their number, speed and size."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from service.http.errors import parameter_error
 __all__ = ["body_of", "body_slot", "parse_document", "receive_document"]
 
 _SLOT_WAIT_S = 20.0
-# Within `IDLE_S` so many bytes must come: a sender that stands still, or nearly so, does not keep its place.
+# Bytes that must arrive within `IDLE_S`, so that a stalled sender does not keep its slot.
 _LEAST_BYTES = 64 * 1024
 
 _Document = TypeVar("_Document", bound=BaseModel)
@@ -28,19 +28,19 @@ _Document = TypeVar("_Document", bound=BaseModel)
 
 @asynccontextmanager
 async def body_slot(limiter: CapacityLimiter) -> AsyncIterator[None]:
-    """Wait for one of the places; the sender's bytes wait in the connection meanwhile.
+    """Hold one of the slots for receiving a body. While waiting for one, nothing is read from the connection.
 
     Raises
     ------
     UnavailableError
-        None became free in time.
+        No slot became free in time.
     """
     borrower = object()
     with anyio.move_on_after(_SLOT_WAIT_S) as waiting:
         await limiter.acquire_on_behalf_of(borrower)
     if waiting.cancelled_caught:
         raise UnavailableError(
-            f"{int(limiter.total_tokens)} files are being received at the same time.", advice="Try again in a moment."
+            f"The server is already receiving {int(limiter.total_tokens)} files.", advice="Try again in a moment."
         )
     try:
         yield
@@ -49,14 +49,14 @@ async def body_slot(limiter: CapacityLimiter) -> AsyncIterator[None]:
 
 
 async def body_of(request: Request) -> AsyncIterator[bytes]:
-    """The body's parts as they come.
+    """Yield the chunks of the body as they arrive.
 
     Raises
     ------
     RequestTimeoutError
-        Nothing came for a minute, or next to nothing.
+        Too few bytes arrived within `IDLE_S` seconds.
     RequestError
-        The sender went away.
+        The sender disconnected.
     """
     stream = aiter(request.stream())
     came, deadline = 0, anyio.current_time() + IDLE_S
@@ -67,9 +67,11 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
         except StopAsyncIteration:
             return
         except TimeoutError as error:
-            raise RequestTimeoutError(f"In {IDLE_S:g} s there came {came} bytes of the body.") from error
+            raise RequestTimeoutError(f"Only {came} bytes of the body arrived in {IDLE_S:g} s.") from error
         except ClientDisconnect as error:
-            raise RequestError("The body ends before its length says so.", advice="Send the whole body.") from error
+            raise RequestError(
+                "The body is shorter than its declared length.", advice="Send the whole body."
+            ) from error
         came += len(chunk)
         if came >= _LEAST_BYTES:
             came, deadline = 0, anyio.current_time() + IDLE_S
@@ -77,17 +79,18 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
 
 
 async def receive_document(request: Request) -> bytes:
-    """Return a body that is a JSON document, unread.
+    """Receive a JSON document and return it unparsed.
 
     Raises
     ------
     RequestError
-        It says that it is something else, or is too long.
+        Its media type is not JSON, or it is too long.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
         raise RequestError(
-            "The body is not application/json.", advice="Send a JSON document with Content-Type: application/json."
+            "The body's Content-Type is not application/json.",
+            advice="Send a JSON document with Content-Type: application/json.",
         )
     received = bytearray()
     async for chunk in body_of(request):
@@ -98,19 +101,19 @@ async def receive_document(request: Request) -> bytes:
 
 
 def parse_document(model: type[_Document], document: bytes, name: str = "The body") -> _Document:
-    """Read a JSON document.
+    """Parse and validate a JSON document.
 
     Parameters
     ----------
     model : type
     document : bytes
     name : str
-        What it is, for the message.
+        Name of the document in error messages.
 
     Raises
     ------
     RequestError
-        It is no JSON, or one of its subclasses says which members are wrong.
+        The document is not valid JSON; a subclass lists invalid members.
     """
     try:
         return model.model_validate_json(document)
@@ -118,7 +121,7 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
         findings = error.errors(include_url=False, include_input=False, include_context=False)
         if findings[0]["type"] == "json_invalid":
             reason = findings[0]["msg"].removeprefix("Invalid JSON: ")
-            raise RequestError(f"{name} is no JSON document: {reason}.") from error
+            raise RequestError(f"{name} is not valid JSON: {reason}.") from error
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
         raise parameter_error(findings) from error

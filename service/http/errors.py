@@ -1,4 +1,4 @@
-"""Every error as `application/problem+json`: one handler renders them, one function documents them."""
+"""Render errors as `application/problem+json`, and describe them for OpenAPI."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["PROBLEM_TYPE", "add_error_handlers", "parameter_error", "problem_res
 
 PROBLEM_TYPE = "application/problem+json"
 _METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
-_BUSY_S = 5  # when to come again where nobody knows when there will be room
+_BUSY_S = 5  # Retry-After where the wait cannot be computed
 _log = logging.getLogger(__name__)
 
 
@@ -44,7 +44,7 @@ def add_error_handlers(app: FastAPI) -> None:
 
 
 def parameter_error(errors: Sequence[Any]) -> ParameterError:
-    """Return pydantic's findings as our error: what and where, but not the input, which may be long or secret."""
+    """Convert pydantic's errors to a ParameterError, without the input, which may be long or secret."""
     found = [{"loc": list(error["loc"]), "msg": error["msg"], "type": error["type"]} for error in errors]
     first = found[0]
     place = ".".join(str(part) for part in first["loc"])
@@ -53,7 +53,7 @@ def parameter_error(errors: Sequence[Any]) -> ParameterError:
 
 
 def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:
-    """Return what OpenAPI says about the errors of a route, by status, each code with an example."""
+    """Return OpenAPI's response objects for the errors of a route, by status, with an example for each code."""
     responses: dict[int | str, dict[str, Any]] = {}
     for error in errors:
         title = (error.__doc__ or "").strip().splitlines()[0]
@@ -61,7 +61,7 @@ def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[st
         response["description"] = " ".join(filter(None, [response["description"], f"`{error.code}`: {title}"]))
         example = _document(error(title), "/v1/jobs")
         response["content"][PROBLEM_TYPE]["examples"][error.code] = {"summary": title, "value": example}
-    return {**dict(sorted(responses.items())), "default": {"description": "Any other problem.", "content": _content()}}
+    return {**dict(sorted(responses.items())), "default": {"description": "Any other error.", "content": _content()}}
 
 
 def _content() -> dict[str, Any]:
@@ -98,7 +98,7 @@ def _answer(
         headers["Content-Range"] = f"bytes */{error.extra['size']}"
     document = _document(error, request.url.path, status)
     if request.method in ("PATCH", "POST", "PUT") and document["status"] in (408, 413):
-        # The rest of the body is not read: the connection cannot carry another request.
+        # The rest of the body is not read, so that the connection cannot be reused.
         headers["Connection"] = "close"
     return JSONResponse(document, document["status"], headers, PROBLEM_TYPE)
 
@@ -114,29 +114,29 @@ async def _on_validation(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     findings = error.errors()
     if any(finding["loc"][0] == "path" for finding in findings):
-        # An id that cannot be one names nothing.
-        return _answer(request, NotFoundError(f"There is nothing at {request.url.path}."))
+        # A malformed id cannot exist.
+        return _answer(request, NotFoundError(f"{request.url.path} does not exist."))
     return _answer(request, parameter_error(findings))
 
 
 async def _on_http(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     if isinstance(error.__cause__, MeshdeformError):
-        # FastAPI's words for whatever went wrong while it read a body; ours are better.
+        # FastAPI wraps errors that occur while it reads a body; unwrap ours.
         return _answer(request, error.__cause__)
     headers = dict(error.headers or {})
     if error.status_code == 404:
-        advice = "The routes are in /openapi.json."
+        advice = "All routes are listed in /openapi.json."
         return _answer(request, NotFoundError(f"There is no route {request.url.path}.", advice=advice), headers=headers)
     if error.status_code == 405:
-        problem = MethodNotAllowedError(f"{request.url.path} does not know {request.method}.")
+        problem = MethodNotAllowedError(f"{request.url.path} does not support {request.method}.")
         return _answer(request, problem, headers={"Allow": ", ".join(_allowed_methods(request))})
     known = RequestError if error.status_code < 500 else MeshdeformError
     return _answer(request, known(str(error.detail)), status=error.status_code, headers=headers)
 
 
 def _allowed_methods(request: Request) -> list[str]:
-    """Every method that the path knows. Starlette would name those of one route, and each of ours knows one method."""
+    """Return every method of the path. Starlette would return those of one route, and each of ours has one method."""
     scopes = {method: {**request.scope, "method": method} for method in _METHODS}
     return [
         method
@@ -146,7 +146,7 @@ def _allowed_methods(request: Request) -> list[str]:
 
 
 async def _on_unknown(request: Request, error: Exception) -> JSONResponse:
-    # Starlette logs the traceback. What the error says may hold paths or values of the server: it stays there.
+    # Starlette logs the traceback. The message may contain paths or secrets, so it is not sent.
     del error
-    problem = MeshdeformError("The server met an error that it does not know.", advice="Its log says more.")
+    problem = MeshdeformError("An unexpected error occurred in the server.", advice="Its log has the details.")
     return _answer(request, problem)

@@ -1,4 +1,4 @@
-"""Requests with an `Idempotency-Key` are done once; the same request again gets the answer that the first one got."""
+"""Execute requests with an `Idempotency-Key` once; a repeated request gets the first one's response."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ REPLAYED = "Idempotency-Replayed"
 IdempotencyKey = Annotated[
     str | None,
     Header(
-        description="A name of this request of your own, at most 255 visible ASCII characters: the same request with "
-        "the same key within a day is done once, and gets the same answer. Default: none.",
+        description="An identifier of your choice, at most 255 visible ASCII characters. A request repeated with "
+        "the same key within a day is executed once and gets the same response. Default: none.",
         max_length=MAX_KEY,
         pattern=r"^[\x21-\x7e]+$",
         examples=["0b9f2c6e-shot-sc010-take-3"],
@@ -39,7 +39,7 @@ IdempotencyKey = Annotated[
 
 @dataclass(frozen=True)
 class Answer:
-    """What a request is answered with.
+    """The response to a request.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Answer:
         JSON.
     headers : dict
     replayed : bool
-        Whether it was given before.
+        Whether the response was sent before.
     """
 
     status: int
@@ -57,17 +57,17 @@ class Answer:
     replayed: bool = False
 
     def kept(self) -> dict[str, Any]:
-        """Return what the record keeps of it."""
+        """Return the members that are stored in the record."""
         return {"status": self.status, "body": self.body, "headers": self.headers}
 
     def response(self) -> JSONResponse:
-        """As the client gets it."""
+        """Return the HTTP response."""
         marked = {REPLAYED: "true"} if self.replayed else {}
         return JSONResponse(self.body, self.status, {**self.headers, **marked})
 
 
 def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]) -> str:
-    """SHA-256 of a request: what it asks for, and the SHA-256 of each file that comes with it."""
+    """Return the SHA-256 of a request, including the SHA-256 of each of its files."""
     whole = {"method": method, "path": path, "document": document, "files": dict(files)}
     text = json.dumps(whole, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -75,26 +75,26 @@ def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]
 
 @contextmanager
 def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | Answer | None]:
-    """Hold the request's idempotency key while the block does what the request asks for.
+    """Hold the request's idempotency key while the block executes the request.
 
     Parameters
     ----------
     record : JobRecord
     caller : Caller
-        With the key, if the request has one.
+        The caller, with the key if the request has one.
     hashed : str
-        Of the request.
+        Hash of the request.
 
     Yields
     ------
     Claim, Answer or None
-        The claim, to be completed in the transaction that does it; the answer, where it was done before; None where the
-        request has no key.
+        The claim, to complete in the transaction that executes the request; the answer, if it was executed before;
+        None if the request has no key.
 
     Raises
     ------
     IdempotencyMismatchError, IdempotencyBusyError
-        The key belongs to another request, or to one that is under way.
+        The key was used for another request, or its request is still in progress.
     """
     if caller.idempotency_key is None:
         yield None
@@ -106,7 +106,7 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
     try:
         yield claim
     except BaseException:
-        # Refused: the key is free for another try. Where the record is away, it becomes so by itself.
+        # Release the key for another try. If the record is unavailable, the claim expires.
         with suppress(UnavailableError):
             record.idempotency.abandon(claim)
         raise
@@ -117,7 +117,7 @@ _TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 
 @dataclass(frozen=True)
 class Caller:
-    """The side of a request that is not its body.
+    """The caller and the headers of a request.
 
     Attributes
     ----------
@@ -137,12 +137,12 @@ class Caller:
 
     @property
     def owner_id(self) -> str:
-        """Whose things they see and make."""
+        """Owner of everything that the caller sees and creates."""
         return self.principal.owner_id
 
     @classmethod
     def of(cls, request: Request, principal: Principal, idempotency_key: str | None = None) -> Self:
-        """Return who makes a request."""
+        """Return the caller of a request."""
         trace = request.headers.get("traceparent", "")
         return cls(
             principal=principal,
@@ -150,6 +150,6 @@ class Caller:
             path=request.url.path,
             idempotency_key=idempotency_key,
             request_id=request_id() or None,
-            # Without tracing of our own the job carries the caller's trace on as it came.
+            # If tracing is off, pass the caller's trace on to the job unchanged.
             traceparent=current_traceparent() or (trace if _TRACEPARENT.fullmatch(trace) else None),
         )

@@ -1,6 +1,6 @@
-"""What surrounds every request: its id, the headers of every answer, the largest body, and its line in the log.
+"""Wrap every request: set its id and the response's standard headers, limit its body, and log it.
 
-Plain ASGI, so that streams stay streams. It stands outside of everything else, also of what answers unknown errors.
+Plain ASGI, so that streaming works. It is the outermost middleware, outside the handler of unexpected errors.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import time
 from collections.abc import MutableMapping
 from typing import TYPE_CHECKING, Any
 
+import anyio
 from starlette.datastructures import Headers, MutableHeaders
 
-from meshdeform.api.limits import MAX_DOCUMENT_BYTES
-from meshdeform.errors import AssetTooLargeError
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
+from meshdeform.errors import AssetTooLargeError, RequestTimeoutError
 from meshdeform.record.ids import new_id
 from meshdeform.support import logs
 
@@ -29,23 +30,23 @@ _HEADERS = "meshdeform.headers"
 _DEFAULTS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    # An answer is data: should a browser show it as a page, it loads and runs nothing. Real pages set their own.
+    # Responses are data: a browser that shows one as a page may load and run nothing. Real pages set their own policy.
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
 
 
 def request_id() -> str:
-    """The id of the request that is being answered; empty where there is none."""
+    """Return the id of the current request; empty outside of one."""
     return logs.request_id.get()
 
 
 def add_header(scope: MutableMapping[str, Any], name: str, value: str) -> None:
-    """Let the answer to a request carry a header, whatever makes the answer."""
+    """Add a header to the response of a request, whichever handler creates the response."""
     scope.setdefault(_HEADERS, {})[name] = value
 
 
 class RequestFrame:
-    """The outermost layer.
+    """The outermost middleware.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ class RequestFrame:
         status = 500
         sent = Headers(scope=scope).get("x-request-id", "")
         identity = sent if _ID.fullmatch(sent) else new_id("req")
-        # Never reset: the server runs each request in a task of its own, and logs what went wrong after this returned.
+        # Never reset: each request runs in its own task, and the server logs its errors after this method returns.
         logs.request_id.set(identity)
         scope.setdefault("state", {})["request_id"] = identity
         scope[_HEADERS] = {}
@@ -89,31 +90,38 @@ class RequestFrame:
 
 
 def _limited(scope: Scope, receive: Receive) -> Receive:
-    """Hold the bodies to a limit that FastAPI reads. A route without a body parameter reads its own, as it likes.
+    """Limit the size of bodies that FastAPI reads, and the time for them.
 
-    Nothing is read before the route is known.
+    A route without a body parameter reads and limits its body itself. FastAPI reads a body before it authenticates the
+    request.
     """
-    received = 0
+    received, complete = 0, False
+    deadline = anyio.current_time() + IDLE_S
 
     async def limited() -> Message:
-        nonlocal received
-        message = await receive()
-        if message["type"] == "http.request":
-            received += len(message.get("body", b""))
-            if received > MAX_DOCUMENT_BYTES and getattr(scope.get("route"), "body_field", None) is not None:
-                raise AssetTooLargeError(
-                    f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
-                    advice="Send a smaller document: this route takes no files.",
-                    limit=MAX_DOCUMENT_BYTES,
-                )
+        nonlocal received, complete
+        if complete or getattr(scope.get("route"), "body_field", None) is None:
+            return await receive()
+        try:
+            with anyio.fail_after(deadline - anyio.current_time()):
+                message = await receive()
+        except TimeoutError as error:
+            raise RequestTimeoutError(f"The body did not arrive within {IDLE_S:g} s.") from error
+        received += len(message.get("body", b""))
+        complete = not message.get("more_body", False)
+        if received > MAX_DOCUMENT_BYTES:
+            raise AssetTooLargeError(
+                f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
+                advice="Send a smaller document; this route does not accept files.",
+                limit=MAX_DOCUMENT_BYTES,
+            )
         return message
 
     return limited
 
 
 def _log_request(scope: Scope, status: int, duration_ms: float) -> None:
-    # The route's template, not the path: lines of one route are alike, and no query string comes along, which may
-    # hold a signature.
+    # Log the route's template, not the path, so that lines can be grouped. The query may contain a signature.
     route = getattr(scope.get("route"), "path", "-")
     fields = {"method": scope["method"], "route": route, "status": status, "duration_ms": round(duration_ms, 1)}
     _access.info("%s %s %d %.1f ms", *fields.values(), extra=fields)

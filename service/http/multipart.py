@@ -1,4 +1,4 @@
-"""Receive `multipart/form-data` as it comes: files go to disk, and limits hold while it streams."""
+"""Receive `multipart/form-data` as a stream: write files to disk, and enforce limits on the way."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _MAX_HEADER_BYTES = 8 * 1024
 
 @dataclass(frozen=True)
 class ReceivedFile:
-    """A file part, on disk.
+    """A received file on disk.
 
     Attributes
     ----------
     path : Path
     filename : str
-        As the sender named it, without folders.
+        The sender's name for the file, without folders.
     size : int
         Bytes.
     sha256 : str
@@ -49,30 +49,30 @@ class ReceivedFile:
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request` and the files that are sent: those that any kind of job reads.
+    """Receive the part `request` and the file parts. Every file part of any kind of job is accepted.
 
     Parameters
     ----------
     content_type, content_length : str
-        The request's headers; empty where there is none.
+        The request's headers; empty if missing.
     stream : async iterator of bytes
         The body.
     folder : Path
-        Where the files go.
+        Folder for the files.
     max_bytes : int
-        Largest body.
+        Maximum size of the body.
 
     Returns
     -------
     bytes, dict of str to ReceivedFile
-        The document, unread, and the files by the name of their part.
+        The document, unparsed, and the files by part name.
 
     Raises
     ------
     RequestError
-        It is not such a form.
+        The body is not such a form.
     AssetTooLargeError
-        The body is over the limit; what is left of it is not read.
+        The body exceeds the limit; the rest of it is not read.
     """
     if content_length.isdigit() and int(content_length) > max_bytes:
         raise _too_large(max_bytes)
@@ -95,7 +95,7 @@ async def receive_form(
             parser.write(chunk)
         parser.finalize()
     except FormParserError as error:
-        raise RequestError(f"The multipart body is broken: {error}.") from error
+        raise RequestError(f"The multipart body is malformed: {error}.") from error
     finally:
         receiver.close()
     return receiver.form()
@@ -110,7 +110,7 @@ def _too_large(max_bytes: int) -> AssetTooLargeError:
 
 
 class _Receiver:
-    """Takes the parser's events and sorts the parts."""
+    """Handle the parser's events and collect the parts."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -134,7 +134,7 @@ class _Receiver:
 
     def form(self) -> tuple[bytes, dict[str, ReceivedFile]]:
         if not self._ended:
-            raise RequestError("The body ends before its last boundary.", advice="Send the whole body.")
+            raise RequestError("The body ends without the final boundary.", advice="Send the whole body.")
         if DOCUMENT not in self._parts:
             raise RequestError(
                 f"The part `{DOCUMENT}` is missing.",
@@ -155,7 +155,7 @@ class _Receiver:
     def _grow(self, name: str, data: bytes) -> None:
         grown = getattr(self, name) + data
         if len(grown) > _MAX_HEADER_BYTES:
-            raise RequestError("A header of a part is too long.")
+            raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
         setattr(self, name, grown)
 
     def _on_header_end(self) -> None:
@@ -168,9 +168,9 @@ class _Receiver:
         known = sorted((*file_parts(), DOCUMENT))
         if name not in known:
             advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
-            raise RequestError(f"There is no part {name[:100]!r}.", advice=advice)
+            raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)
         if name in self._parts:
-            raise RequestError(f"The part `{name}` comes twice.", advice="Send one job in a request.")
+            raise RequestError(f"The part `{name}` was sent twice.", advice="Send one job per request.")
         if name == DOCUMENT:
             self._part = _DocumentPart()
         else:
@@ -228,6 +228,6 @@ class _FilePart:
 
 
 def clean_filename(filename: str) -> str:
-    """Keep the last part of the sender's path, without control characters; its end, which has the format, if long."""
+    """Return the last component of a path without control characters. A long name keeps its end, with the suffix."""
     name = re.split(r"[/\\]", filename)[-1]
     return "".join(letter for letter in name if letter.isprintable())[-MAX_FILENAME:]

@@ -1,4 +1,4 @@
-"""Conditional and partial requests: entity tags and byte ranges.
+"""Evaluate conditional and partial requests: entity tags and byte ranges.
 
 Source: RFC 9110, sections 8.8.3, 13.1 and 14.
 """
@@ -25,7 +25,7 @@ class ByteRange:
 
 
 def matches(header: str | None, tag: str) -> bool:
-    """Whether `If-None-Match` names the tag, by weak comparison."""
+    """Return whether `If-None-Match` contains the tag, by weak comparison."""
     if header is None:
         return False
     if header.strip() == "*":
@@ -34,10 +34,10 @@ def matches(header: str | None, tag: str) -> bool:
 
 
 def requested_range(header: str | None, if_range: str | None, tag: str, size: int) -> ByteRange | None:
-    """Return the part that is asked for, or None for the whole.
+    """Return the requested range, or None for the whole file.
 
-    A header that is not understood, several ranges, and a range of another version (`If-Range`) mean the whole, as the
-    RFC has it.
+    An invalid header, several ranges, and a range of another version (`If-Range`) select the whole file, as the RFC
+    says.
 
     Raises
     ------

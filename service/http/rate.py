@@ -1,9 +1,9 @@
-"""How many requests a key may make: a bucket that leaks, in Redis for all API processes together.
+"""Limit the request rate of each key with a leaky bucket in Redis, shared by all API processes.
 
-The generic cell rate algorithm: of each key only the moment is kept at which its bucket will be empty. Where Redis is
-away, each process keeps buckets of its own: then nobody is refused because of that, and nobody goes without a limit.
+The generic cell rate algorithm stores one number per key: the time at which its bucket will be empty. While Redis is
+unavailable, each process limits with buckets of its own.
 
-Source: ITU-T I.371, annex A (the algorithm); draft-ietf-httpapi-ratelimit-headers (what the headers say).
+Source: ITU-T I.371, annex A (the algorithm); draft-ietf-httpapi-ratelimit-headers (the headers).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _REDIS_TIMEOUT_S = 0.25
 _REDIS_PAUSE_S = 2.0
 _MOST_BUCKETS = 10_000
 
-# Redis' own clock: hosts whose clocks differ still share one bucket. A clock that is set back cannot lock a key out
-# for longer than its burst takes.
+# Redis' clock, so that hosts with different clocks can share a bucket. If it is set back, a key is refused for at most
+# the time that its burst takes.
 _TAKE = """
 local time = redis.call('TIME')
 local now = time[1] + time[2] / 1000000
@@ -48,34 +48,34 @@ return {'0', string.format('%.6f', filled - now)}
 
 @dataclass(frozen=True)
 class Rate:
-    """So many in a minute, `burst` of them at once."""
+    """A rate of `per_minute` requests, of which `burst` may come at once."""
 
     per_minute: int
     burst: int
 
     @classmethod
     def of(cls, per_minute: int) -> Rate:
-        """A tenth of a minute's requests at once, but ten of them, or all where there are fewer."""
+        """Return a rate whose burst is a tenth of a minute's requests, but at least ten, or all if there are fewer."""
         return cls(per_minute, max(min(per_minute, _LEAST_BURST), per_minute // 10))
 
     @property
     def interval_s(self) -> float:
-        """After how many seconds there is room for one more."""
+        """Seconds between two requests at this rate."""
         return _MINUTE_S / self.per_minute
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a bucket says.
+    """The state of a bucket after a request.
 
     Attributes
     ----------
     wait_s : float
-        0: go on. Else the seconds until there is room for one more.
+        0 if the request is allowed; otherwise the seconds until one is.
     remaining : int
-        How many more may come at once.
+        Number of further requests that are allowed now.
     reset_s : int
-        Seconds until the bucket is empty again, when a whole burst may come.
+        Seconds until the bucket is empty, when a whole burst is allowed.
     """
 
     wait_s: float
@@ -84,14 +84,14 @@ class Verdict:
 
 
 class Buckets:
-    """Buckets of this process, by name. Safe to share between threads."""
+    """Buckets of this process, by name. Thread-safe."""
 
     def __init__(self) -> None:
         self._empty_at: dict[str, float] = {}
         self._lock = threading.Lock()
 
     def take(self, name: str, rate: Rate, now: float | None = None) -> Verdict:
-        """Put one more into a bucket, if there is room for it; `now` is the monotonic clock unless given."""
+        """Count one request against a bucket, unless it is full. `now` defaults to the monotonic clock."""
         now = time.monotonic() if now is None else now
         with self._lock:
             empty_at = max(self._empty_at.get(name, now), now)
@@ -105,7 +105,7 @@ class Buckets:
         return _verdict(rate, 0.0, filled - now)
 
     def give_back(self, name: str, rate: Rate) -> None:
-        """Take one out again: it did not count."""
+        """Undo one `take`."""
         with self._lock:
             if name in self._empty_at:
                 self._empty_at[name] -= rate.interval_s
@@ -113,23 +113,23 @@ class Buckets:
     def _make_room(self, now: float) -> None:
         self._empty_at = {name: empty_at for name, empty_at in self._empty_at.items() if empty_at > now}
         if len(self._empty_at) >= _MOST_BUCKETS:
-            # So many at once are an attack; those that would be empty soonest lose least.
+            # So many are an attack. Drop the buckets that would be empty first: they lose least.
             for name in sorted(self._empty_at, key=self._empty_at.__getitem__)[: _MOST_BUCKETS // 2]:
                 del self._empty_at[name]
 
 
 class RateLimiter:
-    """Buckets in Redis, or of this process where Redis is away. Safe to share between threads.
+    """Buckets in Redis, or in this process while Redis is unavailable. Thread-safe.
 
     Parameters
     ----------
     redis_url : str
     prefix : str
-        What the names in Redis begin with: deployments that share a Redis differ in it.
+        Prefix of the names in Redis: different for deployments that share a Redis.
     """
 
     def __init__(self, redis_url: str, prefix: str) -> None:
-        # A request waits for this: no second try, and not for long.
+        # Requests wait for this, so do not retry, and time out soon.
         self._redis = Redis.from_url(
             redis_url,
             socket_connect_timeout=_REDIS_TIMEOUT_S,
@@ -143,7 +143,7 @@ class RateLimiter:
         self._away_until = -math.inf
 
     def take(self, name: str, per_minute: int) -> Verdict:
-        """Count one request against a name. Never raises, and never waits for long."""
+        """Count one request against a name. Never raises, and never waits long."""
         rate = Rate.of(per_minute)
         if time.monotonic() < self._away_until:
             return self._local.take(name, rate)
@@ -151,14 +151,14 @@ class RateLimiter:
             wait_s, level_s = self._take(keys=[f"{self._prefix}:rate:{name}"], args=[rate.interval_s, rate.burst])
         except RedisError as error:
             if self._away_until == -math.inf:
-                _log.warning("Redis does not answer (%s): limits are this process's own", type(error).__name__)
+                _log.warning("Redis does not respond (%s): rate limits are per process", type(error).__name__)
             self._away_until = time.monotonic() + _REDIS_PAUSE_S
             return self._local.take(name, rate)
         self._away_until = -math.inf
         return _verdict(rate, float(wait_s), float(level_s))
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._redis.close()
 
 

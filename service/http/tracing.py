@@ -1,4 +1,4 @@
-"""A span around every request, as a child of the caller's where it says which."""
+"""Trace requests with spans, as children of the caller's span if `traceparent` gives one."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _QUIET = ("/healthz", "/readyz", "/metrics")
 
 
 class TracingMiddleware:
-    """Traces requests; those of probes and of Prometheus are left out."""
+    """Trace requests, except those of health checks and of Prometheus."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer within a span."""
+        """Serve one request within a span."""
         if scope["type"] != "http" or scope["path"] in _QUIET:
             await self._app(scope, receive, send)
             return
@@ -32,6 +32,6 @@ class TracingMiddleware:
             try:
                 await self._app(scope, receive, send)
             finally:
-                # The router says which route it is, and it is further in.
+                # The route is known only after the router has run.
                 route = route_of(scope)
                 rename_span(f"{method} {route}", {"http.route": route})

@@ -1,1 +1,1 @@
-"""Tell how the server does and what it allows: health, metrics, limits, models."""
+"""Report health, metrics, limits and models."""

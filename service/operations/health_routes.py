@@ -1,4 +1,4 @@
-"""Whether the process lives, and whether all that it needs answers."""
+"""Report liveness and readiness."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from service.state import AppStateDep
 __all__ = ["router"]
 
 router = APIRouter(tags=["health"])
-_STORE_S = 5.0  # asked every few seconds, so it is given up soon
+_STORE_S = 5.0  # short, because probes ask every few seconds
 
 
 @router.get(
     "/healthz",
     operation_id="healthz",
-    summary="Whether the process lives",
-    responses={200: {"model": Health, "description": "It does."}, **problem_responses()},
+    summary="Check liveness",
+    responses={200: {"model": Health, "description": "The process is alive."}, **problem_responses()},
 )
 async def healthz() -> JSONResponse:
-    """Nothing else is asked: a failing part must not get this process restarted."""
+    """Checks nothing else: an unavailable dependency must not cause a restart of this process."""
     return JSONResponse(Health(status="ok", version=__version__).model_dump())
 
 
 @router.get(
     "/readyz",
     operation_id="readyz",
-    summary="Whether record, Redis and object store answer",
+    summary="Check whether the record, Redis and the object store respond",
     responses={
-        200: {"model": Readiness, "description": "All do."},
-        503: {"model": Readiness, "description": "At least one does not."},
+        200: {"model": Readiness, "description": "All of them respond."},
+        503: {"model": Readiness, "description": "At least one does not respond."},
         **problem_responses(),
     },
 )
 def readyz(app: AppStateDep) -> JSONResponse:
-    """Each part with its state."""
+    """Returns the state of each of the three."""
     found = {
         "record": _ask(app.record.ping),
         "redis": _ask(app.queue.ping),

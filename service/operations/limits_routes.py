@@ -1,4 +1,4 @@
-"""What this server allows, for programs that would rather know it before."""
+"""Return the limits of this server, so that clients can check requests in advance."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _FORMATS = ["glb", "obj", "ply", "stl"]
 @router.get(
     "",
     operation_id="get_limits",
-    summary="What this server allows",
+    summary="Get the limits of this server",
     responses={
-        200: {"model": LimitList, "description": "Everything that a caller controls, with its limit."},
+        200: {"model": LimitList, "description": "The limits of everything that a caller controls."},
         **problem_responses(*CALLER_ERRORS),
     },
 )
 async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
-    """Those of the API key that asks."""
+    """Includes the limits of the API key that is used."""
     settings, limits = app.settings, Limits.from_settings(app.settings)
     found = LimitList(
         files=FileLimits(

@@ -1,7 +1,7 @@
-"""What Prometheus is told: sums of the whole deployment from the record, and the requests of this process.
+"""Export metrics to Prometheus: totals of the deployment from the record, and the requests of this process.
 
-What the record counts is the same from every API process and outlives all of them: scrape one, or take the maximum.
-No label holds an id, a path with one, or anything else that a caller chooses.
+The record's totals are the same from every API process and survive restarts: scrape one process, or take the maximum.
+No label contains an id or anything else that a caller chooses.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ _OUTCOMES = ("delivered", "failed", "retried")
 
 
 class _RecordCollector(Collector):
-    """Reads the record when it is asked. While the record is away, everything but that is missing."""
+    """Read the record on each scrape. While it is unavailable, only `meshdeform_record_up` is exported."""
 
     def __init__(self, record: JobRecord, queue: str) -> None:
         self._record, self._queue = record, queue
 
     def describe(self) -> Iterable[Metric]:
-        """Say nothing: the record is not asked at registration."""
+        """Return nothing, so that registration does not read the record."""
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Return every family."""
-        up = GaugeMetricFamily("meshdeform_record_up", "Whether the record answers.")
+        """Yield every metric family."""
+        up = GaugeMetricFamily("meshdeform_record_up", "Whether the record responds.")
         try:
             found = [*self._gauges(), *self._sums()]
         except UnavailableError:
@@ -65,20 +65,20 @@ class _RecordCollector(Collector):
             by_state.add_metric([state.value], count)
         yield by_state
         for name, text, value in (
-            ("queue_depth", "Jobs that wait for a worker.", seen.jobs[JobState.QUEUED]),
-            ("queue_oldest_seconds", "How long the oldest queued job has been there.", seen.oldest_queued_s),
+            ("queue_depth", "Jobs waiting for a worker.", seen.jobs[JobState.QUEUED]),
+            ("queue_oldest_seconds", "Age of the oldest queued job.", seen.oldest_queued_s),
             (
                 "workers_alive",
-                "Workers that were heard of lately.",
+                "Workers with a recent heartbeat.",
                 self._record.leases.alive(self._queue),
             ),
-            ("webhook_deliveries_pending", "Messages to webhooks not delivered yet.", seen.pending_deliveries),
+            ("webhook_deliveries_pending", "Messages to webhooks that are not delivered yet.", seen.pending_deliveries),
         ):
             yield GaugeMetricFamily(f"meshdeform_{name}", text, value=value)
 
     def _sums(self) -> Iterator[Metric]:
         sums = self._record.counters()
-        ended = CounterMetricFamily("meshdeform_jobs_ended", "Jobs that ended, by how.", labels=["state"])
+        ended = CounterMetricFamily("meshdeform_jobs_ended", "Jobs that ended, by final state.", labels=["state"])
         for state in sorted(TERMINAL_STATES):
             ended.add_metric([state.value], sums.get(("jobs_ended", state.value), 0.0))
         yield ended
@@ -89,8 +89,8 @@ class _RecordCollector(Collector):
             sent.add_metric([outcome], sums.get(("webhook_deliveries", outcome), 0.0))
         yield sent
         for name, text in (
-            ("lease_expirations", "Leases that ran out, or whose worker was found dead."),
-            ("recoveries", "Jobs that were queued again after their worker was lost."),
+            ("lease_expirations", "Leases that expired, or whose worker was found dead."),
+            ("recoveries", "Jobs that were requeued after the loss of their worker."),
         ):
             yield CounterMetricFamily(f"meshdeform_{name}", text, value=sums.get((name, ""), 0.0))
         for name, bounds in BUCKETS_S.items():
@@ -110,22 +110,22 @@ class Metrics:
     Attributes
     ----------
     registry : CollectorRegistry
-        What `/metrics` shows.
+        The metrics that `/metrics` exports.
     """
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
         labels = ["method", "route", "status"]
-        self._requests = Counter("meshdeform_http_requests", "Requests answered.", labels, registry=self.registry)
+        self._requests = Counter("meshdeform_http_requests", "Requests.", labels, registry=self.registry)
         self._seconds = Histogram(
             "meshdeform_http_request_seconds",
-            "Seconds until the answer began.",
+            "Seconds until the response started.",
             ["method", "route"],
             registry=self.registry,
         )
 
     def watch(self, record: JobRecord, queue: str) -> None:
-        """Show what the record counts, too."""
+        """Export the record's totals too."""
         self.registry.register(_RecordCollector(record, queue))
 
     def answered(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -135,13 +135,13 @@ class Metrics:
 
 
 class MetricsMiddleware:
-    """Counts requests by method, route and status."""
+    """Count requests by method, route and status."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self._app, self._metrics = app, metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, and count."""
+        """Serve and count one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -160,11 +160,11 @@ class MetricsMiddleware:
 
 
 def route_of(scope: Scope) -> str:
-    """Return the pattern of the route that answers, `/v1/jobs/{id}`; `other` where none does."""
+    """Return the template of the matching route, such as `/v1/jobs/{id}`; `other` if none matches."""
     if route := scope.get("route"):
         return str(route.path)
     for route in getattr(scope.get("app"), "routes", []):
-        # Requests that a handler refused before routing was done, such as a wrong method.
+        # Requests that were refused before routing was complete, such as those with a wrong method.
         if route.matches(scope)[0] is not Match.NONE:
             return str(getattr(route, "path", "other"))
     return "other"

@@ -1,4 +1,4 @@
-"""Metrics for Prometheus."""
+"""Export metrics to Prometheus."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ router = APIRouter(tags=["health"])
 @router.get(
     "/metrics",
     operation_id="metrics",
-    summary="Metrics for Prometheus",
+    summary="Get metrics for Prometheus",
     response_class=Response,
     responses={
         200: {
@@ -28,6 +28,6 @@ router = APIRouter(tags=["health"])
     },
 )
 def metrics(request: Request, principal: PrincipalDep) -> Response:
-    """Jobs by state, how long they wait and run, recoveries, webhooks, requests. Needs a key where keys are on."""
+    """Jobs by state, queue and run times, recoveries, webhooks, requests. Requires an API key if keys are on."""
     del principal
     return Response(generate_latest(request.app.state.metrics.registry), media_type=CONTENT_TYPE_LATEST)

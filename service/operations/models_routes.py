@@ -1,4 +1,4 @@
-"""The models that jobs may name, for whoever writes a prompt."""
+"""List the models that jobs may use."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ router = APIRouter(prefix="/v1/models", tags=["models"])
 @router.get(
     "",
     operation_id="list_models",
-    summary="List the models that jobs may name",
+    summary="List the models that jobs may use",
     responses={
         200: {"model": ModelList, "description": "The models of this server, the default one first."},
         **problem_responses(*CALLER_ERRORS),
     },
 )
 def get_models(app: AppStateDep, _principal: PrincipalDep) -> JSONResponse:
-    """What each is for, whether it is there, and what it understands. A prompt in its words is accepted."""
+    """Each model with its purpose, availability and vocabulary. Prompts made of its words are accepted."""
     settings = app.settings
     found = list_models(settings.model, settings.allowed_models, settings.model_revision)
     views = [ModelView.model_validate(asdict(model)) for model in found]

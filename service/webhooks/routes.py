@@ -1,9 +1,13 @@
-"""Webhooks: enter, look, change, delete; what was sent to them, and sending it again."""
+"""Create, read, update and delete webhooks; list their deliveries and send them again."""
 
 from __future__ import annotations
 
+import asyncio
+from functools import partial
 from typing import Annotated
 
+import anyio
+from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Query, Response
 from fastapi.responses import JSONResponse
 
@@ -30,6 +34,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.ids import id_pattern
 from meshdeform.webhooks.addresses import find_destination, parse_networks
+from meshdeform.webhooks.lookups import LOOKUP_S
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
@@ -38,12 +43,12 @@ __all__ = ["messages", "router"]
 
 router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"])
 messages = APIRouter()
-"""What receivers get: OpenAPI's `webhooks`. Nothing here is called."""
+"""The messages that receivers get, for OpenAPI's `webhooks`. These routes are never called."""
 
 _WebhookId = Annotated[
     str,
     Path(
-        description="The webhook's id, as `POST /v1/webhooks` gave it.",
+        description="The webhook's id, from `POST /v1/webhooks`.",
         pattern=id_pattern("wh"),
         examples=["wh_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     ),
@@ -51,7 +56,7 @@ _WebhookId = Annotated[
 _DeliveryId = Annotated[
     str,
     Path(
-        description="The delivery's id, as the list of deliveries gives it.",
+        description="The delivery's id, from the list of deliveries.",
         pattern=id_pattern("msg"),
         examples=["msg_01kg9zqk2xf3v8c5m7n9p1r4t7"],
     ),
@@ -68,17 +73,17 @@ _LOCATION = {
 @router.post(
     "",
     operation_id="create_webhook",
-    summary="Ask to be told of events",
+    summary="Create a webhook",
     status_code=201,
     responses={
-        201: {"model": WebhookWithSecret, "description": "Entered, with its secret.", "headers": _LOCATION},
+        201: {"model": WebhookWithSecret, "description": "The new webhook with its secret.", "headers": _LOCATION},
         **problem_responses(RequestError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
-    """The host is resolved and must be public; this is checked again whenever a message is sent."""
-    url = _checked(app, body.url)
-    webhook, secret = app.record.webhooks.create(principal.owner_id, url, body.events)
+async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
+    """The host is resolved and must be public. This is checked again for every message."""
+    url = await _checked(app, principal.owner_id, body.url)
+    webhook, secret = await to_thread.run_sync(app.record.webhooks.create, principal.owner_id, url, body.events)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(
         document.model_dump(mode="json"),
@@ -92,12 +97,12 @@ def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) 
     operation_id="list_webhooks",
     summary="List your webhooks",
     responses={
-        200: {"model": WebhookList, "description": "All of them."},
+        200: {"model": WebhookList, "description": "All your webhooks."},
         **problem_responses(UnavailableError),
     },
 )
 def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
-    """There are at most 20, so there are no pages."""
+    """Not paginated: there are at most 20."""
     found = [WebhookView.of(webhook) for webhook in app.record.webhooks.list_webhooks(principal.owner_id)]
     return JSONResponse(WebhookList(webhooks=found).model_dump(mode="json"))
 
@@ -105,48 +110,55 @@ def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
 @router.get(
     "/{id}",
     operation_id="get_webhook",
-    summary="Look at a webhook",
+    summary="Get a webhook",
     responses={
         200: {"model": WebhookView, "description": "The webhook, without its secret."},
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
 def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002 - the path's own word
-    """Whether it is enabled, and if not, why."""
+    """Shows whether it is enabled, and if not, why."""
     return JSONResponse(WebhookView.of(app.record.webhooks.get(id, principal.owner_id)).model_dump(mode="json"))
 
 
 @router.patch(
     "/{id}",
     operation_id="update_webhook",
-    summary="Change a webhook",
+    summary="Update a webhook",
     responses={
-        200: {"model": WebhookView, "description": "The webhook as it is now."},
+        200: {"model": WebhookView, "description": "The updated webhook."},
         **problem_responses(NotFoundError, ParameterError, WebhookAddressError, UnavailableError),
     },
 )
-def update_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, body: WebhookChange) -> Response:  # noqa: A002
-    """A new URL holds for what is still pending too. `enabled: true` enables one that `410 Gone` has disabled."""
-    # First whether there is one: nobody else's webhook makes this server look a host up.
-    app.record.webhooks.get(id, principal.owner_id)
-    url = None if body.url is None else _checked(app, body.url)
-    webhook = app.record.webhooks.update(id, principal.owner_id, url=url, events=body.events, enabled=body.enabled)
+async def update_webhook(
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: _WebhookId,  # noqa: A002
+    body: WebhookChange,
+) -> Response:
+    """A new URL also applies to pending messages. `enabled: true` re-enables a webhook disabled by `410 Gone`."""
+    # Check the owner first: a request for somebody else's webhook must not cause a DNS lookup.
+    webhooks, owner = app.record.webhooks, principal.owner_id
+    await to_thread.run_sync(webhooks.get, id, owner)
+    url = None if body.url is None else await _checked(app, owner, body.url)
+    update = partial(webhooks.update, id, owner, url=url, events=body.events, enabled=body.enabled)
+    webhook = await to_thread.run_sync(update)
     return JSONResponse(WebhookView.of(webhook).model_dump(mode="json"))
 
 
 @router.delete(
     "/{id}",
     operation_id="delete_webhook",
-    summary="Delete a webhook with its log",
+    summary="Delete a webhook and its log",
     status_code=204,
     response_class=Response,
     responses={
-        204: {"description": "It is gone."},
+        204: {"description": "Deleted."},
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
 def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
-    """What is pending is not sent any more; what is on its way may still arrive."""
+    """Cancels pending messages; one that is being sent may still arrive."""
     app.record.webhooks.delete(id, principal.owner_id)
     return Response(status_code=204)
 
@@ -154,14 +166,14 @@ def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
 @router.post(
     "/{id}/rotate",
     operation_id="rotate_webhook",
-    summary="Make a new secret",
+    summary="Rotate the secret",
     responses={
         200: {"model": WebhookWithSecret, "description": "The webhook with its new secret."},
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
 def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
-    """For 24 hours messages carry two signatures, by the new secret and by the one before."""
+    """For 24 hours, messages have two signatures: one by the new secret and one by the previous secret."""
     webhook, secret = app.record.webhooks.rotate(id, principal.owner_id)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(document.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
@@ -173,12 +185,12 @@ def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
     summary="Send a test message",
     status_code=202,
     responses={
-        202: {"model": DeliveryView, "description": "Its delivery."},
+        202: {"model": DeliveryView, "description": "The delivery of the test message."},
         **problem_responses(NotFoundError, ConflictError, UnavailableError),
     },
 )
 def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
-    """A message of the type `meshdeform.test`, on the same way as every other one. Look at its delivery to see it."""
+    """Sends a message of type `meshdeform.test` like any other. Its delivery shows the outcome."""
     delivery = app.record.webhooks.send_test(id, principal.owner_id)
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
@@ -186,7 +198,7 @@ def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> R
 @router.get(
     "/{id}/deliveries",
     operation_id="list_deliveries",
-    summary="List what was sent to a webhook, newest first",
+    summary="List the deliveries of a webhook, newest first",
     responses={
         200: {"model": DeliveryList, "description": "A page of deliveries."},
         **problem_responses(NotFoundError, ParameterError, UnavailableError),
@@ -199,17 +211,17 @@ def list_deliveries(
     state: Annotated[
         DeliveryState | None, Query(description="Only deliveries in this state. Default: all.", examples=["failed"])
     ] = None,
-    limit: Annotated[int, Query(description="Length of a page.", ge=1, le=200, examples=[50])] = 50,
+    limit: Annotated[int, Query(description="Maximum length of a page.", ge=1, le=200, examples=[50])] = 50,
     cursor: Annotated[
         str | None,
         Query(
-            description="`next_cursor` of the page before. Default: the first page.",
+            description="`next_cursor` of the previous page. Default: the first page.",
             max_length=200,
             examples=["bXNnXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ3"],
         ),
     ] = None,
 ) -> Response:
-    """Kept for 30 days."""
+    """Deliveries are kept for 30 days."""
     page = app.record.webhooks.deliveries(id, principal.owner_id, state=state, cursor=cursor, limit=limit)
     found = [DeliveryView.of(delivery) for delivery in page.deliveries]
     return JSONResponse(DeliveryList(deliveries=found, next_cursor=page.next_cursor).model_dump(mode="json"))
@@ -218,14 +230,14 @@ def list_deliveries(
 @router.get(
     "/{id}/deliveries/{delivery_id}",
     operation_id="get_delivery",
-    summary="Look at a delivery",
+    summary="Get a delivery",
     responses={
-        200: {"model": DeliveryDetail, "description": "What is sent, and every attempt."},
+        200: {"model": DeliveryDetail, "description": "The message and all its attempts."},
         **problem_responses(NotFoundError, UnavailableError),
     },
 )
 def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
-    """Of an answer only its status is kept."""
+    """Of the receiver's responses only the status is kept."""
     delivery = app.record.webhooks.delivery(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryDetail.of_log(delivery).model_dump(mode="json"))
 
@@ -241,13 +253,21 @@ def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, deli
     },
 )
 def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
-    """The same message with the same `webhook-id`: a receiver that has dealt with it drops it."""
+    """Sends the same message with the same `webhook-id`: receivers ignore one that they have processed."""
     delivery = app.record.webhooks.replay(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
 
-def _checked(app: AppState, url: str) -> str:
-    return str(find_destination(url, parse_networks(app.settings.webhook_networks)).url)
+async def _checked(app: AppState, owner: str, url: str) -> str:
+    networks = parse_networks(app.settings.webhook_networks)
+    future = app.lookups.submit(owner, lambda: find_destination(url, networks))
+    try:
+        with anyio.fail_after(LOOKUP_S):
+            return str((await asyncio.wrap_future(future)).url)
+    except TimeoutError as error:
+        raise UnavailableError(
+            f"The URL's host could not be resolved within {LOOKUP_S:g} s.", advice="Try again in a moment."
+        ) from error
 
 
 def _describe(event: WebhookEvent) -> None:
@@ -262,8 +282,8 @@ def _describe(event: WebhookEvent) -> None:
         response_class=Response,
         responses={
             204: {"description": "Any status from 200 to 299: received."},
-            410: {"description": "Not wanted any more: the webhook is disabled."},
-            "default": {"description": "Any other answer, or none within 15 seconds: it is sent again later."},
+            410: {"description": "No longer wanted: disables the webhook."},
+            "default": {"description": "Any other response, or none within 15 seconds: the message is retried later."},
         },
     )
     def message(
@@ -271,18 +291,18 @@ def _describe(event: WebhookEvent) -> None:
         webhook_id: Annotated[
             str,
             Header(
-                description="The message's id: the same for every attempt and every replay.",
+                description="The message's id, the same for all attempts and replays.",
                 pattern=id_pattern("msg"),
                 examples=["msg_01kg9zqk2xf3v8c5m7n9p1r4t7"],
             ),
         ],
         webhook_timestamp: Annotated[
-            int, Header(description="When this attempt was sent, seconds since 1970.", ge=0, examples=[1769860800])
+            int, Header(description="Time of this attempt, in seconds since 1970.", ge=0, examples=[1769860800])
         ],
         webhook_signature: Annotated[
             str,
             Header(
-                description="One signature, or two while the secret is being changed, apart by a space.",
+                description="One signature, or two separated by a space after a rotation of the secret.",
                 max_length=200,
                 examples=["v1,K5oZfzN95Z9UVu1EsfQmfVNQhnkZ2pj9o9NDN/H/pI4="],
             ),
@@ -293,13 +313,13 @@ def _describe(event: WebhookEvent) -> None:
 
 _HAPPENED = {
     WebhookEvent.QUEUED: "a job was accepted",
-    WebhookEvent.STARTED: "a worker began an attempt",
-    WebhookEvent.RECOVERED: "a worker gave a job back or fell silent, and it is queued again",
-    WebhookEvent.CANCELING: "a running job is to stop",
-    WebhookEvent.SUCCEEDED: "a job has its results",
-    WebhookEvent.FAILED: "a job ended with an error",
+    WebhookEvent.STARTED: "a worker started an attempt",
+    WebhookEvent.RECOVERED: "a job was requeued because its worker shut down or was lost",
+    WebhookEvent.CANCELING: "cancellation of a running job was requested",
+    WebhookEvent.SUCCEEDED: "a job succeeded",
+    WebhookEvent.FAILED: "a job failed",
     WebhookEvent.CANCELED: "a job was canceled",
-    WebhookEvent.EXPIRED: "a job's deadline was over before it was",
+    WebhookEvent.EXPIRED: "a job did not finish before its deadline",
 }
 for _event in WebhookEvent:
     _describe(_event)

@@ -23,6 +23,7 @@ from meshdeform.record.models import Job, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import metadata
 from meshdeform.requests.document import JobRequest
+from meshdeform.serving.connections import http_options
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.delivery import WebhookDelivery
@@ -139,7 +140,8 @@ def serving_app(settings: Settings) -> Iterator[tuple[str, FastAPI]]:
     """Run the application on uvicorn, in a thread, and give its URL and itself."""
     port = free_port()
     app = create_app(settings)
-    server = _Server(uvicorn.Config(app, host="127.0.0.1", port=port, log_level="warning", access_log=False))
+    config = uvicorn.Config(app, host="127.0.0.1", port=port, log_level="warning", **http_options(settings))
+    server = _Server(config)
     server.app = app
     thread = threading.Thread(target=server.run)
     thread.start()

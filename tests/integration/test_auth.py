@@ -199,7 +199,7 @@ def test_redis_and_the_process_count_alike(redis_url: str) -> None:
     limiter.close()
 
 
-def test_guesses_from_one_address_are_stopped_and_who_works_goes_on(start: Start, record: JobRecord) -> None:
+def test_guesses_from_one_address_are_refused_and_valid_keys_keep_working(start: Start, record: JobRecord) -> None:
     http = start(auth="on")
     _, working = record.keys.create("studio")
     _, new = record.keys.create("studio")
@@ -207,9 +207,8 @@ def test_guesses_from_one_address_are_stopped_and_who_works_goes_on(start: Start
     answers = [http.get("/v1/jobs", headers=bearer(f"guess-{number}")) for number in range(_FAILURES.burst + 1)]
     assert [answer.status_code for answer in answers] == [401] * _FAILURES.burst + [429]
     assert int(answers[-1].headers["retry-after"]) >= 1
-    # Also a right one: whether it is right is not found out by guessing on.
-    assert http.get("/v1/jobs", headers=bearer(new)).status_code == 429
-    assert http.get("/v1/jobs", headers=bearer(working)).status_code == 200
+    for text in (working, new):
+        assert http.get("/v1/jobs", headers=bearer(text)).status_code == 200
     assert http.get("/healthz").status_code == 200
 
 

@@ -56,13 +56,13 @@ def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_whe
     waiters: JobWaiters = app.state.app_state.waiters
     jobs = [new_job(record).id for _ in range(20)]
     ticks: list[None] = []
-    look = waiters._look
+    poll = waiters._poll
 
-    async def counted_look() -> None:
+    async def counted_poll() -> None:
         ticks.append(None)
-        await look()
+        await poll()
 
-    monkeypatch.setattr(waiters, "_look", counted_look)
+    monkeypatch.setattr(waiters, "_poll", counted_poll)
 
     async def clients() -> None:
         limits = httpx.Limits(max_connections=None)
@@ -114,7 +114,7 @@ def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, 
         until(lambda: statements, "somebody waits")
         record.request_cancel(job.id)
         list(events)
-    until(lambda: not app.state.app_state.waiters._somebody.is_set(), "the task rests")
+    until(lambda: not app.state.app_state.waiters._wanted.is_set(), "the task rests")
 
 
 @pytest.mark.both_databases
@@ -154,12 +154,12 @@ def test_places_are_counted_by_owner_and_in_all(monkeypatch: pytest.MonkeyPatch)
     async def crowd() -> None:
         waiters = JobWaiters(lambda ids: {})
         monkeypatch.setattr(waiters, "_most", 4)
-        with waiters.place("a"), waiters.place("a"):
-            with pytest.raises(hub_module.LimitError, match="2 requests of this key"), waiters.place("a"):
+        with waiters.slot("a"), waiters.slot("a"):
+            with pytest.raises(hub_module.LimitError, match="2 requests with this key"), waiters.slot("a"):
                 raise AssertionError
-            with waiters.place("b"), waiters.place(""), pytest.raises(hub_module.LimitError, match="4 requests"):
-                waiters.place("c").__enter__()
-        with waiters.place("a"):
+            with waiters.slot("b"), waiters.slot(""), pytest.raises(hub_module.LimitError, match="4 requests"):
+                waiters.slot("c").__enter__()
+        with waiters.slot("a"):
             assert waiters.held == 1
 
     asyncio.run(crowd())
