@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import string
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -15,7 +17,7 @@ from fastapi import Depends, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from meshdeform.api.jobs import SignedUrl
-from meshdeform.errors import NotFoundError, RangeError
+from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import CALLER_ERRORS
@@ -68,7 +70,7 @@ def download_responses(*media_types: str) -> dict[int | str, dict[str, Any]]:
             "headers": {**_HEADERS, **_CONTENT_RANGE},
         },
         304: {"description": "Unchanged: `If-None-Match` holds its `ETag`."},
-        **problem_responses(NotFoundError, RangeError, *CALLER_ERRORS),
+        **problem_responses(NotFoundError, RangeError, StoredFileError, *CALLER_ERRORS),
     }
 
 
@@ -151,8 +153,9 @@ def download(request: Request, app: AppState, found: Download, conditions: Condi
     ------
     RangeError
         The range begins past the end.
-    NotFoundError, UnavailableError
-        The object is missing from the store, or the store does not answer. Raised before the first byte is sent.
+    NotFoundError, StoredFileError, UnavailableError
+        The object is missing from the store, or has another size, or the store does not answer. Raised before the
+        first byte is sent.
     """
     headers = found.headers
     if "signature" in request.query_params:
@@ -168,9 +171,27 @@ def download(request: Request, app: AppState, found: Download, conditions: Condi
     status = 206 if part else 200
     if request.method == "HEAD":
         return Response(status_code=status, headers=headers, media_type=found.content_type)
-    # Opened before the response starts, so that a missing object still gives an error status.
+    # Checked and opened before the response starts, so that a missing or cut object still gives an error status.
+    if app.store.size(found.key) != found.size:
+        raise StoredFileError(f"The stored copy of {found.name!r} has another size than was recorded.")
     content = app.store.stream(found.key, start, end, _CHUNK)
-    return StreamingResponse(content, status, headers, found.content_type)
+    return StreamingResponse(content if part else _verified(content, found), status, headers, found.content_type)
+
+
+def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
+    """Yield chunks of a whole object, and withhold the last one if the SHA-256 is wrong: the response then breaks off.
+
+    Reading the object twice, to refuse it with a status, would double the load of every download.
+    """
+    digest, last = hashlib.sha256(), b""
+    for chunk in content:
+        if last:
+            yield last
+        digest.update(chunk)
+        last = chunk
+    if digest.hexdigest() != found.sha256:
+        raise StoredFileError(f"The stored copy of {found.name!r} is damaged ({found.key}).")
+    yield last
 
 
 def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:

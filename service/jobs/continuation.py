@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshdeform.errors import ConflictError, NotFoundError
+from meshdeform.errors import ConflictError, NotFoundError, StoredFileError
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.document import GuidanceKind
@@ -27,6 +27,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
     ------
     NotFoundError, ConflictError
         There is no such job, or it has not ended, or it has succeeded.
+    StoredFileError
+        The stored copy of one of its files is damaged.
     RequestError, ModelError
         The deployment no longer accepts the request.
     """
@@ -67,6 +69,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
     ------
     NotFoundError
         There is no such job, or it has no such checkpoint.
+    StoredFileError
+        The stored copy of one of its files is damaged.
     AssetError, RequestError, ModelError
         The request, or the target that it names, is not acceptable.
     """
@@ -106,12 +110,14 @@ def _file_names(target: object) -> list[str]:
 
 
 def _lease(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:
-    """Lease the other job's files, because that job may be deleted concurrently."""
+    """Lease the other job's files, because that job may be deleted concurrently, and verify them."""
     for file in files:
         if file is not None:
             leases.take(file.key)
             if not app.store.exists(file.key):
                 raise NotFoundError(f"The job's file {file.filename!r} is gone.", advice="Post it as a new job.")
+            if not app.store.holds(file.key, file.sha256):
+                raise StoredFileError(f"The stored copy of the job's file {file.filename!r} is damaged.")
 
 
 def _copy_checkpoint(
@@ -124,7 +130,7 @@ def _copy_checkpoint(
             if app.store.sha256_of(found.key) != found.sha256:
                 continue
             leases.take(key)
-            if not app.store.exists(key):
+            if not app.store.holds(key, found.sha256):
                 app.store.copy(found.key, key)
         except NotFoundError:
             # It was deleted meanwhile, when a newer one was stored.
@@ -137,6 +143,6 @@ def _initial_origin(app: AppState, leases: FileLeases, job: Job) -> Origin:
     """Return the origin of a job without checkpoints of its own: the checkpoint that it started from, or step 0."""
     if job.origin is not None and job.origin.key:
         leases.take(job.origin.key)
-        if app.store.exists(job.origin.key):
+        if app.store.holds(job.origin.key, job.origin.sha256):
             return job.origin
     return Origin(job_id=job.id, step=0, mode=OriginMode.RETRY)

@@ -12,7 +12,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, NotFoundError, RequestError
+from meshdeform.errors import ConflictError, NotFoundError, RequestError, StoredFileError
 from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
@@ -104,7 +104,9 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
             "headers": WAITED,
         },
         202: {"model": JobView, "description": "Accepted.", "headers": {**_HEADERS, **WAITED}},
-        **problem_responses(*ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS),
+        **problem_responses(
+            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS
+        ),
     },
     openapi_extra=_BODY,
 )
@@ -133,7 +135,7 @@ async def create_job(
     summary="Validate a job without creating it",
     responses={
         200: {"model": Validation, "description": "The job would be accepted."},
-        **problem_responses(*ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
+        **problem_responses(StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
     },
     openapi_extra=_BODY,
 )
@@ -151,7 +153,9 @@ async def validate_job(request: Request, app: AppStateDep, principal: PrincipalD
     status_code=202,
     responses={
         202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
-        **problem_responses(NotFoundError, ConflictError, *REQUEST_ERRORS, *NEW_JOB_ERRORS, *CALLER_ERRORS),
+        **problem_responses(
+            NotFoundError, ConflictError, StoredFileError, *REQUEST_ERRORS, *NEW_JOB_ERRORS, *CALLER_ERRORS
+        ),
     },
 )
 def retry_job(
@@ -173,7 +177,13 @@ def retry_job(
     responses={
         202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
         **problem_responses(
-            NotFoundError, *ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS
+            NotFoundError,
+            StoredFileError,
+            *ASSET_ERRORS,
+            *REQUEST_ERRORS,
+            *NEW_JOB_ERRORS,
+            ConflictError,
+            *CALLER_ERRORS,
         ),
     },
     openapi_extra=json_body("BranchDocument", {"prompt": "a vase", "params": {"preset": "preview"}}),

@@ -140,10 +140,13 @@ def validate(app: AppState, owner_id: str, submission: Submission) -> Validation
 
 
 def store_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFile:
-    """Store a file under a lease. Identical files are stored once; the lease is taken first, so the object stays."""
+    """Store a file under a lease, unless the store already holds an intact copy.
+
+    The lease is taken first, so that the object stays. A damaged copy is replaced.
+    """
     stored = StoredFile(key=f"assets/{file.sha256}", filename=file.filename, size=file.size, sha256=file.sha256)
     leases.take(stored.key)
-    if not app.store.exists(stored.key):
+    if not app.store.holds(stored.key, file.sha256):
         app.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
     return stored
 

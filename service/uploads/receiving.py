@@ -224,7 +224,7 @@ def complete(app: AppState, upload: Upload, sha256: str) -> Upload:
         key = f"assets/{sha256}"
         with app.record.files.leases() as leases:
             leases.take(key)
-            if not app.store.exists(key):
+            if not app.store.holds(key, sha256):
                 app.store.copy(_sealed_key(upload), key)
             done = app.record.uploads.complete(upload.id, sha256, key)
             leases.passed_on([key])
