@@ -86,7 +86,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             target = inherited
             if document.target is not None:
                 file = fetch(app, caller.owner_id, document.target, "target", folder)
-                app.assets.check(file.path, file.filename, file.sha256)
+                app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
                 target = store_file(app, leases, file)
             _lease(app, leases, job.asset, target)
             known = app.record.leases.checkpoints(job_id)

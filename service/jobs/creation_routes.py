@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
-from anyio import to_thread
 from fastapi import APIRouter, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
@@ -28,7 +27,7 @@ from service.documentation.responses import (
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, body_slot, parse_document, receive_document
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.http.multipart import receive_form
@@ -119,8 +118,8 @@ async def create_job(
 ) -> Response:
     """The asset and the request are checked completely first. An accepted job reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
-    async with _submitted(request, app) as submission:
-        answer = await to_thread.run_sync(accept_job, app, caller, submission, limiter=app.intake)
+    async with _submitted(request, app, principal.owner_id) as submission:
+        answer = await app.take_in(principal.owner_id, accept_job, app, caller, submission)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
@@ -141,8 +140,8 @@ async def create_job(
 )
 async def validate_job(request: Request, app: AppStateDep, principal: PrincipalDep) -> Response:
     """Takes the bodies of `POST /v1/jobs`, reports the same problems, and estimates the run time. Stores nothing."""
-    async with _submitted(request, app) as submission:
-        validation = await to_thread.run_sync(validate, app, principal.owner_id, submission, limiter=app.intake)
+    async with _submitted(request, app, principal.owner_id) as submission:
+        validation = await app.take_in(principal.owner_id, validate, app, principal.owner_id, submission)
     return Response(validation.model_dump_json(), media_type="application/json")
 
 
@@ -200,12 +199,12 @@ async def branch_job(
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
     with tempfile.TemporaryDirectory(prefix="meshdeform-branch-") as folder:
-        answer = await to_thread.run_sync(branch, app, caller, id, step, document, FilePath(folder), limiter=app.intake)
+        answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, FilePath(folder))
     return answer.response()
 
 
 @asynccontextmanager
-async def _submitted(request: Request, app: AppState) -> AsyncIterator[Submission]:
+async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIterator[Submission]:
     """Receive a request's document and files; the files are deleted when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
@@ -214,7 +213,7 @@ async def _submitted(request: Request, app: AppState) -> AsyncIterator[Submissio
             yield Submission(document, {}, FilePath(folder))
         return
     # The slot is held until the files are checked and stored, which bounds the number of temporary files.
-    async with body_slot(app.bodies):
+    async with app.bodies.slot(owner_id):
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
             text, files = await receive_form(
                 request.headers.get("content-type", ""),

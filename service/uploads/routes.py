@@ -23,7 +23,7 @@ from meshdeform.record.cleanup import remove_upload
 from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, json_body
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, body_slot, parse_document, receive_document
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
 from service.http.multipart import clean_filename
@@ -160,7 +160,7 @@ async def complete_upload(request: Request, app: AppStateDep, principal: Princip
         upload = app.record.uploads.get(id, principal.owner_id)
         return view(app, complete(app, upload, document.sha256))
 
-    return _shown(await to_thread.run_sync(work, limiter=app.intake))
+    return _shown(await app.take_in(principal.owner_id, work))
 
 
 @content.put(
@@ -218,7 +218,7 @@ async def send_upload(
             advice="Send as many bytes as Content-Range or the upload's size announces.",
             limit=part.end - part.start,
         )
-    async with body_slot(app.bodies):
+    async with app.bodies.slot(upload.owner_id):
         offset = await receive_content(app, upload, part, body_of(request))
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})
 
