@@ -32,6 +32,7 @@
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
     │   └── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key is allowed
     ├── CheckpointError                500  checkpoint_invalid     damaged, or made with other parameters
+    ├── StoredFileError                500  file_damaged           a stored file differs from what was stored
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
@@ -76,6 +77,7 @@ __all__ = [
     "RequestTimeoutError",
     "ShapeError",
     "StaleAttemptError",
+    "StoredFileError",
     "TooManyJobsError",
     "UnauthorizedError",
     "UnavailableError",
@@ -344,6 +346,13 @@ class CheckpointError(MeshdeformError):
 
     code = "checkpoint_invalid"
     advice = "Start again from an older checkpoint or from the beginning."
+
+
+class StoredFileError(MeshdeformError):
+    """A stored file is damaged."""
+
+    code = "file_damaged"
+    advice = "Send the same file again, which replaces the stored copy; a damaged result has to be computed again."
 
 
 class NumericalError(MeshdeformError):

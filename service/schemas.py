@@ -181,8 +181,12 @@ class RequestLimits(BaseModel):
     max_bodies_at_once: int = Field(
         description="Bodies with files that one server process receives at the same time.", examples=[16]
     )
+    max_own_bodies_at_once: int = Field(description="How many of these may be one owner's.", examples=[8])
     max_body_idle_s: float = Field(
         description="Seconds without data after which a request's body is abandoned.", examples=[60]
+    )
+    min_body_rate: int = Field(
+        description="Bytes per second at which a body must arrive on average, after that time.", examples=[32768]
     )
 
 

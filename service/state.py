@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, TypeVar, TypeVarTuple
 
-from anyio import CapacityLimiter
+from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
 
 from meshdeform.assets import Limits
@@ -16,12 +17,17 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.lookups import LookupPool
 from service.events.broker import JobWaiters
+from service.http.slots import FairSlots
 
 __all__ = ["AppState", "AppStateDep"]
 
-_INTAKES_AT_ONCE = 2
-_BODIES_AT_ONCE = 16
+# One more than an owner may have: nobody waits for the files of one other owner.
+_CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
+_BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _LOOKUPS_AT_ONCE = 16
+
+_Result = TypeVar("_Result")
+_Arguments = TypeVarTuple("_Arguments")
 
 
 @dataclass(frozen=True)
@@ -38,10 +44,11 @@ class AppState:
         Requests that wait for jobs.
     assets : CheckedAssets
         Results of checks of assets.
-    intake : CapacityLimiter
-        Threads that check and store assets, separate from those of other requests.
-    bodies : CapacityLimiter
-        Files that may be received at the same time. Each takes its size on disk.
+    intake : FairSlots
+        Requests whose files are checked and stored at the same time, in separate threads: other requests never
+        wait for a decoder.
+    bodies : FairSlots
+        Files that are received at the same time. Each takes its size on disk.
     lookups : LookupPool
         Threads that resolve the hosts of webhooks.
     """
@@ -52,9 +59,18 @@ class AppState:
     store: ObjectStore
     waiters: JobWaiters
     assets: CheckedAssets
-    intake: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_INTAKES_AT_ONCE))
-    bodies: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_BODIES_AT_ONCE))
+    intake: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
+        )
+    )
+    bodies: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
+        )
+    )
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
+    _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 
     @classmethod
     def open(cls, settings: Settings) -> AppState:
@@ -74,6 +90,17 @@ class AppState:
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
         )
+
+    async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
+        """Check or store files in a thread, when it is the owner's turn.
+
+        Raises
+        ------
+        UnavailableError
+            No slot of `intake` became free in time.
+        """
+        async with self.intake.slot(owner_id):
+            return await to_thread.run_sync(work, *arguments, limiter=self._intake_threads)
 
     def close(self) -> None:
         """Close the connections."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
 from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
-from meshdeform.record.models import Artifact, Job, JobError, OriginMode
+from meshdeform.record.models import Artifact, Job, JobError, OriginMode, StoredFile
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
@@ -153,13 +153,10 @@ class Attempt:
 
     def _start(self) -> JobRun:
         """Start from the newest usable checkpoint, otherwise from the job's origin or its asset."""
-        job, store, ask = self._job, self._at.store, self._retry.until_answered
-        asset = ask(f"job {job.id}: the asset", lambda: store.get(job.asset.key))
-        given = job.target
-        target = ask(f"job {job.id}: the target", lambda: store.get(given.key)) if given else None
-        files = {"asset": InputFile(asset, job.asset.filename, job.asset.sha256)}
-        if given and target is not None:
-            files["target"] = InputFile(target, given.filename, given.sha256)
+        job = self._job
+        files = {"asset": self._input("asset", job.asset)}
+        if job.target:
+            files["target"] = self._input("target", job.target)
 
         def load_prior(model: str) -> Prior:
             self._at.pulse.beat()
@@ -203,6 +200,12 @@ class Attempt:
             # The request is the same, so a start from the beginning gives the same result.
             _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
+
+    def _input(self, name: str, file: StoredFile) -> InputFile:
+        """Read a file of the job and verify its SHA-256."""
+        what = f"job {self._job.id}: the {name}"
+        data = self._retry.until_answered(what, lambda: self._at.store.get(file.key, sha256=file.sha256))
+        return InputFile(data, file.filename, file.sha256)
 
     def _phase(self, name: str, run: JobRun | None = None) -> None:
         self._at.pulse.beat()

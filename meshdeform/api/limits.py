@@ -6,7 +6,7 @@ in `meshdeform.assets.limits`.
 
 from __future__ import annotations
 
-__all__ = ["IDLE_S", "MAX_DOCUMENT_BYTES", "MAX_FILENAME", "MAX_KEY", "MAX_PAGE", "MAX_WAIT_S"]
+__all__ = ["IDLE_S", "MAX_DOCUMENT_BYTES", "MAX_FILENAME", "MAX_KEY", "MAX_PAGE", "MAX_WAIT_S", "MIN_BODY_RATE"]
 
 MAX_DOCUMENT_BYTES = 256 * 1024
 """Largest JSON document, and largest body of a route that takes no files, in bytes."""
@@ -25,3 +25,6 @@ MAX_WAIT_S = 60
 
 IDLE_S = 60.0
 """Seconds without data after which a request's body is abandoned."""
+
+MIN_BODY_RATE = 32 * 1024
+"""Bytes per second at which a body must arrive on average, after the first `IDLE_S` seconds."""

@@ -1,6 +1,7 @@
-"""Inspect an asset from its JSON alone: the first check, run inside the API process. Pure Python.
+"""Inspect an asset from its JSON alone: the first check, before anything is decoded. Pure Python.
 
-No allocation depends on a size that the file merely declares. `meshdeform.assets.check` decodes the rest in a child.
+No allocation depends on a size that the file merely declares. `meshdeform.assets.check` runs this, and decodes the
+rest, in a child process.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from meshdeform.assets.scenegraph import (
 from meshdeform.assets.storage import check_storage
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetUnsupportedError
 
-__all__ = ["AssetSummary", "asset_format", "check_document", "inspect_asset"]
+__all__ = ["FORMATS", "AssetSummary", "asset_format", "check_document", "inspect_asset"]
+
+FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl"})
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,9 @@ class Backend(Protocol):
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
         """Yield the key and size of every object below a folder, or of all objects."""
 
+    def sync(self, key: str) -> None:
+        """Make the name of an existing object durable."""
+
     def delete(self, key: str) -> None:
         """Remove an object; raise NotFoundError if there is none."""
 

@@ -146,6 +146,9 @@ class Bucket:
             for batch in self._api.list(self._store, prefix=folder or None):
                 yield from ((entry["path"], int(entry["size"])) for entry in batch if is_key(entry["path"]))
 
+    def sync(self, key: str) -> None:
+        """Do nothing: a bucket stores an object durably before it lists it."""
+
     def delete(self, key: str) -> None:
         """Remove an object."""
         with self._errors(key):

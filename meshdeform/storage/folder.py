@@ -104,6 +104,14 @@ class Folder:
             if stat.S_ISREG(found.st_mode):
                 yield key, found.st_size
 
+    def sync(self, key: str) -> None:
+        """Sync the folders above a file, which another process may have renamed into place a moment ago."""
+        for parent in (self.root / key).parents:
+            if not parent.is_relative_to(self.root):
+                break
+            with file_errors(key):
+                sync_folder(parent)
+
     def delete(self, key: str) -> None:
         """Remove a file."""
         with file_errors(key):

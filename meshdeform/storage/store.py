@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import tempfile
@@ -10,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.errors import MeshdeformError, NotFoundError, StoredFileError, UnavailableError
 from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, file_errors, measured, parts_of
 from meshdeform.storage.bucket import Bucket
 from meshdeform.storage.folder import Folder
@@ -113,15 +114,26 @@ class ObjectStore:
             )
         return stored
 
-    def get(self, key: str) -> bytes:
+    def get(self, key: str, *, sha256: str | None = None) -> bytes:
         """Return all bytes of an object.
+
+        Parameters
+        ----------
+        key : str
+        sha256 : str, optional
+            The object's expected SHA-256.
 
         Raises
         ------
         NotFoundError
             There is no such object.
+        StoredFileError
+            The object has another SHA-256.
         """
-        return b"".join(self.stream(key))
+        data = b"".join(self.stream(key))
+        if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
+            raise _damaged(key)
+        return data
 
     def size(self, key: str) -> int:
         """Return the size of an object in bytes.
@@ -138,6 +150,16 @@ class ObjectStore:
         """Return whether an object exists."""
         try:
             self.size(key)
+        except NotFoundError:
+            return False
+        return True
+
+    def holds(self, key: str, sha256: str) -> bool:
+        """Read an object, and return whether it exists with this SHA-256 and survives a power cut."""
+        try:
+            if self.sha256_of(key) != sha256:
+                return False
+            self._backend.sync(key)
         except NotFoundError:
             return False
         return True
@@ -176,8 +198,10 @@ class ObjectStore:
 
         Raises
         ------
+        StoredFileError
+            The object has another SHA-256.
         UnavailableError
-            The object has another SHA-256, or the local disk is full.
+            The local disk is full.
         """
         parts = self.stream(key)
         with file_errors(f"folder {path.parent.name}"):
@@ -186,7 +210,7 @@ class ObjectStore:
                 with os.fdopen(handle, "wb") as file:
                     found = measured(_written(parts, file))
                 if sha256 is not None and sha256.lower() != found.sha256:
-                    raise UnavailableError(f"The object store's {key} differs from what was stored.")
+                    raise _damaged(key)
                 Path(temporary).replace(path)
             finally:
                 Path(temporary).unlink(missing_ok=True)
@@ -328,6 +352,10 @@ class ObjectStore:
                 "a bucket cannot append: use presign_put with a separate key, then copy and delete"
             )
         return self._uploads
+
+
+def _damaged(key: str) -> StoredFileError:
+    return StoredFileError(f"The object store's {key} differs from what was stored.")
 
 
 @contextmanager

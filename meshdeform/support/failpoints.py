@@ -30,7 +30,7 @@ FAILPOINTS: tuple[str, ...] = (
     "api.received",
     "api.stored",
     "api.recorded",
-    "api.told",
+    "api.enqueued",
     "worker.told",
     "worker.claimed",
     "worker.started",

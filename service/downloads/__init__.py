@@ -1,1 +1,1 @@
-"""Send stored files: artifacts, checkpoints, and the files that a job was made of."""
+"""Send stored files: the artifacts, checkpoints and input files of a job."""

@@ -1,4 +1,4 @@
-"""Artifacts of a job: list them, stream their bytes, and give others a URL to read one."""
+"""List the artifacts of a job, stream their bytes, and sign URLs that grant read access to one."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ _Name = Annotated[
     operation_id="list_artifacts",
     summary="List a job's artifacts",
     responses={
-        200: {"model": ArtifactList, "description": "The results; none before the job is `succeeded`."},
+        200: {"model": ArtifactList, "description": "The results. Empty until the job has succeeded."},
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
-    """They come all at once, when the job has succeeded, and never change."""
+def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+    """All artifacts appear together when the job succeeds, and never change afterwards."""
     found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, principal.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 
@@ -78,7 +78,7 @@ def get_artifact(
     name: _Name,
     conditions: ConditionsDep,
 ) -> Response:
-    """Streamed, whole or one range, so a broken download can go on. A signed URL needs no API key."""
+    """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
     artifact = _find(app, id, owner, name)
     found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
     return download(request, app, found, conditions)
@@ -87,14 +87,14 @@ def get_artifact(
 @router.post(
     "/{name}/url",
     operation_id="sign_artifact",
-    summary="Make a URL that needs no API key",
+    summary="Create a signed URL for an artifact",
     responses={
         200: {"model": SignedUrl, "description": "The URL."},
         **problem_responses(NotFoundError, JobNotFinishedError, *CALLER_ERRORS),
     },
 )
 def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
-    """For browsers, viewers and programs that carry no key: whoever has the URL may read this one artifact."""
+    """Anyone who has the URL can read this one artifact without an API key, for example a browser or a viewer."""
     artifact = _find(app, id, principal.owner_id, name)
     found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
     return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})

@@ -1,4 +1,4 @@
-"""Checkpoints of a job: where it can go on from, and its shape there."""
+"""List the checkpoints of a job and download their meshes."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
     operation_id="list_checkpoints",
     summary="List a job's checkpoints",
     responses={
-        200: {"model": CheckpointList, "description": "Those that are kept, by step."},
+        200: {"model": CheckpointList, "description": "The checkpoints that are still stored, in order of steps."},
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the path's own word
-    """In any state of the job. The newest ones are kept; older ones give way."""
+def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+    """Available in any state of the job. Only the newest checkpoints are kept; older ones are deleted."""
     found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, principal.owner_id)]
     return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
 
@@ -55,7 +55,7 @@ def get_checkpoint_mesh(
     step: _Step,
     conditions: ConditionsDep,
 ) -> Response:
-    """The asset as it was at that step: look at a job before it is over. Streamed like an artifact."""
+    """The asset with its shape at that step, also while the job is running. Streamed like an artifact."""
     checkpoints = _checkpoints(app, id, principal.owner_id)
     for found in checkpoints:
         if found.step == step and found.mesh_key is not None:
@@ -66,13 +66,13 @@ def get_checkpoint_mesh(
     steps = [found.step for found in checkpoints if found.mesh_key is not None]
     raise NotFoundError(
         f"The job has no mesh of step {step}.",
-        advice=f"It has those of steps {', '.join(map(str, steps))}." if steps else "It has none, or none yet.",
+        advice=f"There are meshes of steps {', '.join(map(str, steps))}." if steps else "It has no meshes yet.",
         steps=steps,
     )
 
 
 def _checkpoints(app: AppState, job_id: str, owner: str) -> list[CheckpointRef]:
-    """By step; where two attempts stored the same step, that of the newer one."""
+    """Return one checkpoint for each step, in order; where two attempts stored the same step, the newer attempt's."""
     app.record.get(job_id, owner)
     found: dict[int, CheckpointRef] = {}
     for checkpoint in app.record.leases.checkpoints(job_id):

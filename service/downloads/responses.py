@@ -1,10 +1,12 @@
-"""Stored bytes as answers: whole or one range, with a tag that tells versions apart, and URLs that need no API key."""
+"""Answer with stored bytes, whole or as one range, and sign URLs that need no API key."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import string
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -15,7 +17,7 @@ from fastapi import Depends, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from meshdeform.api.jobs import SignedUrl
-from meshdeform.errors import NotFoundError, RangeError
+from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import CALLER_ERRORS
@@ -37,20 +39,20 @@ __all__ = [
 
 _CHUNK = 256 * 1024
 _KEY_NAME = "signed-urls"
-_LONGEST_S = 7 * 86_400  # of a bucket's own signatures
+_LONGEST_S = 7 * 86_400  # the longest lifetime that S3 accepts for a signed URL
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
 _TAG = '"9f86d081884c7d65..."'
 _HEADERS = {
     name: {"description": description, "schema": {"type": "string"}, "example": example}
     for name, description, example in (
-        ("ETag", "SHA-256 of all the bytes.", _TAG),
-        ("Accept-Ranges", "Parts can be asked for.", "bytes"),
-        ("Content-Disposition", "The name to save it under.", 'attachment; filename="result.glb"'),
+        ("ETag", "SHA-256 of the whole file.", _TAG),
+        ("Accept-Ranges", "Byte ranges are supported.", "bytes"),
+        ("Content-Disposition", "The name to save the file under.", 'attachment; filename="result.glb"'),
     )
 }
 _CONTENT_RANGE = {
     "Content-Range": {
-        "description": "Which bytes of how many.",
+        "description": "The range that is sent, and the size of the whole file.",
         "schema": {"type": "string"},
         "example": "bytes 0-1023/30720",
     }
@@ -75,14 +77,14 @@ def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:
             "content": content,
             "headers": {**_HEADERS, **_CONTENT_RANGE},
         },
-        304: {"description": "You have it: `If-None-Match` names it."},
-        **problem_responses(NotFoundError, RangeError, *CALLER_ERRORS),
+        304: {"description": "Unchanged: `If-None-Match` holds its `ETag`."},
+        **problem_responses(NotFoundError, RangeError, StoredFileError, *CALLER_ERRORS),
     }
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a request says about the bytes that it has and wants."""
+    """The conditional headers of a request for bytes."""
 
     range: str | None = None
     if_range: str | None = None
@@ -94,7 +96,7 @@ def _conditions(
         str | None,
         Header(
             alias="Range",
-            description="One range of bytes. Default: all of them.",
+            description="One range of bytes. Default: the whole file.",
             max_length=200,
             examples=["bytes=1024-"],
         ),
@@ -102,14 +104,14 @@ def _conditions(
     if_range: Annotated[
         str | None,
         Header(
-            description="The `ETag` that the range belongs to; another one gets the whole. Default: none.",
+            description="Send the range only if this is still the `ETag`, otherwise the whole file. Default: none.",
             max_length=200,
             examples=[_TAG],
         ),
     ] = None,
     if_none_match: Annotated[
         str | None,
-        Header(description="The `ETag` of what you have. Default: none.", max_length=1000, examples=[_TAG]),
+        Header(description="The `ETag` of your copy. Default: none.", max_length=1000, examples=[_TAG]),
     ] = None,
 ) -> Conditions:
     return Conditions(range_, if_range, if_none_match)
@@ -120,7 +122,7 @@ ConditionsDep = Annotated[Conditions, Depends(_conditions)]
 
 @dataclass(frozen=True)
 class Download:
-    """Bytes in the object store, and what to call them."""
+    """An object in the store, with the name and type to send it under."""
 
     key: str
     name: str
@@ -130,7 +132,7 @@ class Download:
 
     @property
     def headers(self) -> dict[str, str]:
-        """Headers of every answer that is about them."""
+        """The headers of every answer about this object."""
         digest = base64.b64encode(bytes.fromhex(self.sha256)).decode()
         return {
             "ETag": f'"{self.sha256}"',
@@ -143,9 +145,9 @@ class Download:
 
 
 def _disposition(name: str) -> str:
-    """Return what names the file: in ASCII for everybody, and in full where that is not the same (RFC 6266, RFC 8187).
+    """Return a Content-Disposition header with an ASCII name, and the full name where it differs (RFC 6266, RFC 8187).
 
-    Names come from whoever sent the file: nothing in one may end the header's string, or begin another line.
+    The name comes from the file's sender, so no character of it may end the quoted string or the header.
     """
     plain = "".join(letter if letter in _PLAIN else "_" for letter in name) or "file"
     header = f'attachment; filename="{plain}"'
@@ -153,18 +155,19 @@ def _disposition(name: str) -> str:
 
 
 def download(request: Request, app: AppState, found: Download, conditions: Conditions) -> Response:
-    """Return the answer: the bytes, some of them, or that the client has them.
+    """Return the answer to a request for stored bytes: all of them, a range, or 304.
 
     Raises
     ------
     RangeError
         The range begins past the end.
-    NotFoundError, UnavailableError
-        The object store has lost them, or does not answer; told before the first byte.
+    NotFoundError, StoredFileError, UnavailableError
+        The object is missing from the store, or has another size, or the store does not answer. Raised before the
+        first byte is sent.
     """
     headers = found.headers
     if "signature" in request.query_params:
-        # Whoever has the URL may read it, so pages of other origins may, too: viewers fetch models that way.
+        # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
         headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
@@ -176,23 +179,41 @@ def download(request: Request, app: AppState, found: Download, conditions: Condi
     status = 206 if part else 200
     if request.method == "HEAD":
         return Response(status_code=status, headers=headers, media_type=found.content_type)
-    # Opened here: an object that is not there is an error before the first byte.
+    # Checked and opened before the response starts, so that a missing or cut object still gives an error status.
+    if app.store.size(found.key) != found.size:
+        raise StoredFileError(f"The stored copy of {found.name!r} has another size than was recorded.")
     content = app.store.stream(found.key, start, end, _CHUNK)
-    return StreamingResponse(content, status, headers, found.content_type)
+    return StreamingResponse(content if part else _verified(content, found), status, headers, found.content_type)
+
+
+def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
+    """Yield chunks of a whole object, and withhold the last one if the SHA-256 is wrong: the response then breaks off.
+
+    Reading the object twice, to refuse it with a status, would double the load of every download.
+    """
+    digest, last = hashlib.sha256(), b""
+    for chunk in content:
+        if last:
+            yield last
+        digest.update(chunk)
+        last = chunk
+    if digest.hexdigest() != found.sha256:
+        raise StoredFileError(f"The stored copy of {found.name!r} is damaged ({found.key}).")
+    yield last
 
 
 def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
-    """Return a URL that lets its bearer read an artifact: the bucket's own, or one of this server.
+    """Return a URL that grants read access to an artifact: the bucket's own, or one of this server.
 
     Parameters
     ----------
     app : AppState
     path : str
-        Where this server has it.
+        The artifact's path on this server.
     artifact : Artifact
     """
     lifetime_s = min(int(app.settings.signed_url_ttl_s), _LONGEST_S)
-    # Before the signature is made, so that it is valid for at least as long as the answer says.
+    # Computed before signing, so that the signature is valid for at least as long as the answer says.
     until = int(time.time()) + lifetime_s
     url = app.store.presign_get(artifact.key, lifetime_s)
     if url is None:
@@ -201,18 +222,18 @@ def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
 
 
 async def _reader(request: Request, app: AppStateDep) -> str | None:
-    """Whose bytes a request may read: those of its key's owner, or the one thing that its URL is signed for."""
+    """Return the owner whose files the request may read, or None if the URL is signed for this very path."""
     query = request.url.query
     if "signature" not in request.query_params and "expires" not in request.query_params:
         return (await principal(request, None)).owner_id
     secret = await to_thread.run_sync(app.record.secret, _KEY_NAME)
-    # HEAD is GET without the bytes: who may read may ask how many there are.
+    # A signature for GET also allows HEAD.
     verify_path("GET", request.scope["path"], query, secret)
     return None
 
 
 ReaderDep = Annotated[str | None, Depends(_reader)]
-"""The owner whose bytes may be read; None: anybody's, for the path is signed."""
+"""The owner whose files may be read. None: any owner's, because the path is signed."""
 
 
 def _parameter(name: str, description: str, example: str) -> dict[str, Any]:
@@ -229,8 +250,8 @@ def _parameter(name: str, description: str, example: str) -> dict[str, Any]:
 OPEN_TO_SIGNED: dict[str, Any] = {
     "security": [{"apiKey": []}, {}],
     "parameters": [
-        _parameter("expires", "Of a signed URL: until when it is valid, in seconds since 1970.", "1769864400"),
-        _parameter("signature", "Of a signed URL, in place of an API key.", "3b1f"),
+        _parameter("expires", "The expiry time of a signed URL, in Unix seconds.", "1769864400"),
+        _parameter("signature", "The signature of a signed URL, in place of an API key.", "3b1f"),
     ],
 }
-"""What OpenAPI says about a route that a signed URL opens, too."""
+"""The OpenAPI description of a route that accepts signed URLs as well as API keys."""

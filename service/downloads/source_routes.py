@@ -1,4 +1,4 @@
-"""The files that a job was made of, as they were sent."""
+"""Download the input files of a job."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def get_asset(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the path's own word
+    id: JobId,  # noqa: A002 - the name in the path
     conditions: ConditionsDep,
 ) -> Response:
-    """The file as it was sent, in any state of the job. Streamed like an artifact."""
+    """The file as it was sent. Available in any state of the job, and streamed like an artifact."""
     job = app.record.get(id, principal.owner_id)
     return download(request, app, _sent(app, job.asset), conditions)
 
@@ -63,7 +63,7 @@ def get_target(
     id: JobId,  # noqa: A002
     conditions: ConditionsDep,
 ) -> Response:
-    """The second mesh of `target` guidance, likewise; `404` where the job has none."""
+    """The second mesh of `target` guidance, as it was sent; `404` if the job has none."""
     job = app.record.get(id, principal.owner_id)
     if job.target is None:
         raise NotFoundError("The job has no target.", advice="Only jobs with `target` guidance have one.")
@@ -75,9 +75,9 @@ def _sent(app: AppState, file: StoredFile) -> Download:
 
 
 def _content_type(app: AppState, file: StoredFile) -> str:
-    """By the rule that took the file in: its first bytes, then its name."""
+    """Return the media type by the rule that applied when the file was checked: its first bytes, then its name."""
     if file.filename.lower().endswith(".glb"):
-        return _TYPES["glb"]  # what is named so and is something else is refused
+        return _TYPES["glb"]  # a file with this name and other content was refused
     head: Iterator[bytes] = app.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
     try:
         return _TYPES[asset_format(b"".join(head), file.filename)]

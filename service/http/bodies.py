@@ -3,49 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from typing import TypeVar
 
 import anyio
-from anyio import CapacityLimiter
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
-from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
-from meshdeform.errors import PromptError, RequestError, RequestTimeoutError, UnavailableError
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MIN_BODY_RATE
+from meshdeform.errors import PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from service.http.errors import parameter_error
 
-__all__ = ["body_of", "body_slot", "parse_document", "receive_document"]
+__all__ = ["body_of", "parse_document", "receive_document"]
 
-_SLOT_WAIT_S = 20.0
-# Bytes that must arrive within `IDLE_S`, so that a stalled sender does not keep its slot.
+# This many bytes must arrive within `IDLE_S`, or the body is abandoned.
 _LEAST_BYTES = 64 * 1024
 
 _Document = TypeVar("_Document", bound=BaseModel)
-
-
-@asynccontextmanager
-async def body_slot(limiter: CapacityLimiter) -> AsyncIterator[None]:
-    """Hold one of the slots for receiving a body. While waiting for one, nothing is read from the connection.
-
-    Raises
-    ------
-    UnavailableError
-        No slot became free in time.
-    """
-    borrower = object()
-    with anyio.move_on_after(_SLOT_WAIT_S) as waiting:
-        await limiter.acquire_on_behalf_of(borrower)
-    if waiting.cancelled_caught:
-        raise UnavailableError(
-            f"The server is already receiving {int(limiter.total_tokens)} files.", advice="Try again in a moment."
-        )
-    try:
-        yield
-    finally:
-        limiter.release_on_behalf_of(borrower)
 
 
 async def body_of(request: Request) -> AsyncIterator[bytes]:
@@ -54,27 +29,35 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
     Raises
     ------
     RequestTimeoutError
-        Too few bytes arrived within `IDLE_S` seconds.
+        Nothing or little arrived for a minute, or the whole arrives too slowly on average.
     RequestError
-        The sender disconnected.
+        The sender closed the connection.
     """
     stream = aiter(request.stream())
-    came, deadline = 0, anyio.current_time() + IDLE_S
+    recent, deadline = 0, anyio.current_time() + IDLE_S
+    total, waited_s = 0, 0.0  # only time that is spent waiting for the sender counts
     while True:
+        began = anyio.current_time()
+        left_s = IDLE_S + total / MIN_BODY_RATE - waited_s
         try:
-            with anyio.fail_after(deadline - anyio.current_time()):
+            with anyio.fail_after(min(left_s, deadline - began)):
                 chunk = await anext(stream)
         except StopAsyncIteration:
             return
         except TimeoutError as error:
-            raise RequestTimeoutError(f"Only {came} bytes of the body arrived in {IDLE_S:g} s.") from error
+            if began + left_s < deadline:
+                reason = f"On average, less than {MIN_BODY_RATE} bytes per second of the body arrived."
+            else:
+                reason = f"In {IDLE_S:g} s, {recent} bytes of the body arrived."
+            raise RequestTimeoutError(reason) from error
         except ClientDisconnect as error:
             raise RequestError(
                 "The body is shorter than its declared length.", advice="Send the whole body."
             ) from error
-        came += len(chunk)
-        if came >= _LEAST_BYTES:
-            came, deadline = 0, anyio.current_time() + IDLE_S
+        waited_s += anyio.current_time() - began
+        recent, total = recent + len(chunk), total + len(chunk)
+        if recent >= _LEAST_BYTES:
+            recent, deadline = 0, anyio.current_time() + IDLE_S
         yield chunk
 
 

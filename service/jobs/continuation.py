@@ -1,56 +1,58 @@
-"""Jobs that go on from a checkpoint of another one: retries, which go on as if never interrupted, and branches."""
+"""Create jobs that start from a checkpoint of another job: retries, which continue its request, and branches."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshdeform.errors import ConflictError, NotFoundError
+from meshdeform.errors import ConflictError, NotFoundError, StoredFileError
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.document import GuidanceKind
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument
-from service.jobs.intake import check_params, keep_file, new_job, record_job
+from service.jobs.intake import check_params, new_job, record_job, store_file
 from service.jobs.sources import fetch
 from service.state import AppState
 
 __all__ = ["branch", "retry"]
 
-_AGAIN = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
+_RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
 
 def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
-    """Make a new job of one that did not succeed; it goes on from the last checkpoint that is whole.
+    """Create a new job from one that did not succeed; it continues from the last intact checkpoint.
 
     Raises
     ------
     NotFoundError, ConflictError
-        There is no such job, or it is not over, or it has succeeded.
+        There is no such job, or it has not ended, or it has succeeded.
+    StoredFileError
+        The stored copy of one of its files is damaged.
     RequestError, ModelError
-        The deployment would not accept it any more.
+        The deployment no longer accepts the request.
     """
     with claimed(app.record, caller, request_hash(caller.method, caller.path, None, {})) as claim:
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        if job.state not in _AGAIN:
+        if job.state not in _RETRYABLE:
             raise ConflictError(
-                f"The job is {job.state}; only one that failed, was canceled or has expired can be tried again.",
+                f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
-        params = check_params(job.request, app.settings, files=_files(job.target))
+        params = check_params(job.request, app.settings, files=_file_names(job.target))
         with app.record.files.leases() as leases:
-            _hold(app, leases, job.asset, job.target)
+            _lease(app, leases, job.asset, job.target)
             found = app.record.leases.checkpoints(job_id)
             newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
-            origin = _copied(app, leases, job, newest, OriginMode.RETRY) or _beginning(app, leases, job)
+            origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
             new = new_job(app, caller, job.request, job.asset, job.target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
 def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> Answer:
-    """Make a new job that begins with the shape of a checkpoint and then does what the document says.
+    """Create a new job that starts with the shape of a checkpoint and follows another document.
 
     Parameters
     ----------
@@ -58,82 +60,89 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
     caller : Caller
     job_id : str
     step : int
-        Of the checkpoint; of the newest attempt that has one there which is whole.
+        The step of the checkpoint. Where several attempts have one, the newest intact one is used.
     document : BranchDocument
     folder : Path
-        Where a target goes that the document names.
+        The folder for a target that the document names.
 
     Raises
     ------
     NotFoundError
         There is no such job, or it has no such checkpoint.
+    StoredFileError
+        The stored copy of one of its files is damaged.
     AssetError, RequestError, ModelError
-        What is wrong with the request, or with the target that it names.
+        The request, or the target that it names, is not acceptable.
     """
-    asked = document.model_dump(mode="json", exclude_unset=True)
-    with claimed(app.record, caller, request_hash(caller.method, caller.path, asked, {})) as claim:
+    body = document.model_dump(mode="json", exclude_unset=True)
+    with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        # The other job's target goes along only where it is looked at.
-        target = job.target if document.params.guidance is GuidanceKind.TARGET else None
-        params = check_params(document, app.settings, files=_files(document.target or target))
+        # The other job's target is kept only if the new request uses it.
+        inherited = job.target if document.params.guidance is GuidanceKind.TARGET else None
+        params = check_params(document, app.settings, files=_file_names(document.target or inherited))
         with app.record.files.leases() as leases:
+            target = inherited
             if document.target is not None:
                 file = fetch(app, caller.owner_id, document.target, "target", folder)
-                app.assets.check(file.path, file.filename, file.sha256)
-                target = keep_file(app, leases, file)
-            _hold(app, leases, job.asset, target)
+                app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
+                target = store_file(app, leases, file)
+            _lease(app, leases, job.asset, target)
             known = app.record.leases.checkpoints(job_id)
-            origin = _copied(app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH)
+            origin = _copy_checkpoint(
+                app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH
+            )
             if origin is None:
                 steps = sorted({found.step for found in known})
                 raise NotFoundError(
                     f"The job has no checkpoint of step {step}.",
-                    advice=f"It has: {', '.join(map(str, steps)) or 'none'}. Older ones give way to newer ones.",
+                    advice=f"It has: {', '.join(map(str, steps)) or 'none'}. Older ones are deleted.",
                     steps=steps,
                 )
             new = new_job(app, caller, document, job.asset, target, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
-def _files(target: object) -> list[str]:
-    """Return the names of the files of a job with this target or none; an asset it always has."""
+def _file_names(target: object) -> list[str]:
+    """Return the names of a job's files: always `asset`, and `target` unless it is None."""
     return ["asset"] if target is None else ["asset", "target"]
 
 
-def _hold(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:
-    """Pin what the other job was made of: it may be deleted at this moment."""
+def _lease(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:
+    """Lease the other job's files, because that job may be deleted concurrently, and verify them."""
     for file in files:
         if file is not None:
             leases.take(file.key)
             if not app.store.exists(file.key):
                 raise NotFoundError(f"The job's file {file.filename!r} is gone.", advice="Post it as a new job.")
+            if not app.store.holds(file.key, file.sha256):
+                raise StoredFileError(f"The stored copy of the job's file {file.filename!r} is damaged.")
 
 
-def _copied(
+def _copy_checkpoint(
     app: AppState, leases: FileLeases, job: Job, checkpoints: Iterable[CheckpointRef], mode: OriginMode
 ) -> Origin | None:
-    """Copy the first checkpoint that is whole to where it outlives its job."""
+    """Copy the first intact checkpoint to a key that outlives its job, and return it as an origin, if there is one."""
     for found in checkpoints:
         key = f"assets/{found.sha256}"
         try:
             if app.store.sha256_of(found.key) != found.sha256:
                 continue
             leases.take(key)
-            if not app.store.exists(key):
+            if not app.store.holds(key, found.sha256):
                 app.store.copy(found.key, key)
         except NotFoundError:
-            # It gave way to a newer one while we looked.
+            # It was deleted meanwhile, when a newer one was stored.
             continue
         return Origin(job_id=job.id, step=found.step, mode=mode, key=key, sha256=found.sha256)
     return None
 
 
-def _beginning(app: AppState, leases: FileLeases, job: Job) -> Origin:
-    """Where a job began that has no checkpoint of its own."""
+def _initial_origin(app: AppState, leases: FileLeases, job: Job) -> Origin:
+    """Return the origin of a job without checkpoints of its own: the checkpoint that it started from, or step 0."""
     if job.origin is not None and job.origin.key:
         leases.take(job.origin.key)
-        if app.store.exists(job.origin.key):
+        if app.store.holds(job.origin.key, job.origin.sha256):
             return job.origin
     return Origin(job_id=job.id, step=0, mode=OriginMode.RETRY)

@@ -1,4 +1,4 @@
-"""Jobs are made: posted, tried out without being made, tried again, and branched off another one."""
+"""Create jobs: post, validate, retry and branch them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from contextlib import asynccontextmanager
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
-from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, NotFoundError, RequestError
+from meshdeform.errors import ConflictError, NotFoundError, RequestError, StoredFileError
 from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
@@ -28,13 +27,13 @@ from service.documentation.responses import (
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, body_slot, parse_document, receive_document
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.http.multipart import receive_form
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
-from service.jobs.intake import take_in, try_out
+from service.jobs.intake import accept_job, validate
 from service.jobs.routes import shown
 from service.jobs.sources import Submission, file_advice, missing_files
 from service.schemas import Validation
@@ -61,13 +60,14 @@ _BODY: dict[str, Any] = {
                     "properties": {
                         "asset": {
                             **_FILE,
-                            "description": "The file to deform: GLB, OBJ, PLY or STL. Without it `request.asset` "
-                            "names one that the service has.",
+                            "description": "The file to deform: GLB, OBJ, PLY or STL. If it is absent, `request.asset` "
+                            "names a stored file.",
                         },
                         "request": {"$ref": "#/components/schemas/JobDocument"},
                         "target": {
                             **_FILE,
-                            "description": "A second mesh, where `params.guidance` is `target`; or `request.target`.",
+                            "description": "The second mesh, if `params.guidance` is `target`. If it is absent, "
+                            "`request.target` names a stored file.",
                         },
                     },
                 },
@@ -94,9 +94,9 @@ _BODY: dict[str, Any] = {
             "application/json": {
                 "schema": {"$ref": "#/components/schemas/JobDocument"},
                 "examples": {
-                    "upload": {"summary": "A complete upload", "value": {**_DOCUMENT, "asset": _UPLOAD}},
+                    "upload": {"summary": "Use a complete upload", "value": {**_DOCUMENT, "asset": _UPLOAD}},
                     "artifact": {
-                        "summary": "A result of another job",
+                        "summary": "Use a result of another job",
                         "value": {
                             **_DOCUMENT,
                             "asset": {"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"},
@@ -124,12 +124,18 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
 @router.post(
     "",
     operation_id="create_job",
-    summary="Post an asset and say what it should become",
+    summary="Create a job",
     status_code=202,
     responses={
-        200: {"model": JobView, "description": "Accepted, and over within the time of `Prefer`.", "headers": WAITED},
+        200: {
+            "model": JobView,
+            "description": "Accepted, and ended within the time in `Prefer`.",
+            "headers": WAITED,
+        },
         202: {"model": JobView, "description": "Accepted.", "headers": {**_HEADERS, **WAITED}},
-        **problem_responses(*ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS),
+        **problem_responses(
+            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS
+        ),
     },
     openapi_extra=_BODY,
 )
@@ -138,12 +144,12 @@ async def create_job(
     app: AppStateDep,
     principal: PrincipalDep,
     idempotency_key: IdempotencyKey = None,
-    prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
+    prefer: Prefer = None,  # noqa: ARG001 - declared for OpenAPI; read from the request, since the header may be repeated
 ) -> Response:
-    """Everything is checked first: what is accepted can be run, and reaches exactly one terminal state."""
+    """The asset and the request are checked completely first. An accepted job reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
-    async with _submitted(request, app) as sent:
-        answer = await to_thread.run_sync(take_in, app, caller, sent, limiter=app.intake)
+    async with _submitted(request, app, principal.owner_id) as submission:
+        answer = await app.take_in(principal.owner_id, accept_job, app, caller, submission)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
@@ -155,10 +161,10 @@ async def create_job(
 @router.post(
     ":validate",
     operation_id="validate_job",
-    summary="Check a job without posting it",
+    summary="Validate a job without creating it",
     responses={
-        200: {"model": Validation, "description": "It would be accepted."},
-        **problem_responses(*ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
+        200: {"model": Validation, "description": "The job would be accepted."},
+        **problem_responses(StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
     },
     openapi_extra=_BODY,
 )
@@ -168,42 +174,50 @@ async def validate_job(
     principal: PrincipalDep,
     x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
-    """The bodies of `POST /v1/jobs` and the same problems; nothing is stored. Says how long the job would take."""
-    async with _submitted(request, app) as sent:
-        found = await to_thread.run_sync(try_out, app, principal.owner_id, sent, limiter=app.intake)
-    return Response(found.model_dump_json(), media_type="application/json")
+    """Takes the bodies of `POST /v1/jobs`, reports the same problems, and estimates the run time. Stores nothing."""
+    async with _submitted(request, app, principal.owner_id) as submission:
+        validation = await app.take_in(principal.owner_id, validate, app, principal.owner_id, submission)
+    return Response(validation.model_dump_json(), media_type="application/json")
 
 
 @router.post(
     "/{id}/retry",
     operation_id="retry_job",
-    summary="Try a job again that did not succeed",
+    summary="Retry a job that did not succeed",
     status_code=202,
     responses={
         202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
-        **problem_responses(NotFoundError, ConflictError, *REQUEST_ERRORS, *NEW_JOB_ERRORS, *CALLER_ERRORS),
+        **problem_responses(
+            NotFoundError, ConflictError, StoredFileError, *REQUEST_ERRORS, *NEW_JOB_ERRORS, *CALLER_ERRORS
+        ),
     },
 )
 def retry_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the path's own word
+    id: JobId,  # noqa: A002 - the name in the path
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """A job that failed, was canceled or has expired, as a new job that goes on from its last checkpoint."""
+    """Creates a new job that continues a failed, canceled or expired one from its last checkpoint."""
     return retry(app, Caller.of(request, principal, idempotency_key), id).response()
 
 
 @router.post(
     "/{id}/checkpoints/{step}/branch",
     operation_id="branch_job",
-    summary="Go another way from a checkpoint",
+    summary="Branch a job from a checkpoint",
     status_code=202,
     responses={
         202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
         **problem_responses(
-            NotFoundError, *ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS
+            NotFoundError,
+            StoredFileError,
+            *ASSET_ERRORS,
+            *REQUEST_ERRORS,
+            *NEW_JOB_ERRORS,
+            ConflictError,
+            *CALLER_ERRORS,
         ),
     },
     openapi_extra=json_body("BranchDocument", {"prompt": "a vase", "params": {"preset": "preview"}}),
@@ -216,25 +230,25 @@ async def branch_job(
     step: _Step,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """A new job on the same asset that begins with the shape of that step. The other job may be in any state."""
+    """Creates a new job on the same asset that starts with the shape of that step. The job may be in any state."""
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
     with tempfile.TemporaryDirectory(prefix="meshdeform-branch-") as folder:
-        answer = await to_thread.run_sync(branch, app, caller, id, step, document, FilePath(folder), limiter=app.intake)
+        answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, FilePath(folder))
     return answer.response()
 
 
 @asynccontextmanager
-async def _submitted(request: Request, app: AppState) -> AsyncIterator[Submission]:
-    """Receive what a request asks for; its files lie in a folder that goes when the block ends."""
+async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIterator[Submission]:
+    """Receive a request's document and files; the files are deleted when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
         document = parse_document(JobDocument, await receive_document(request))
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
             yield Submission(document, {}, FilePath(folder))
         return
-    # The place is kept until the files are checked and stored: so many may lie here, not more.
-    async with body_slot(app.bodies):
+    # The slot is held until the files are checked and stored, which bounds the number of temporary files.
+    async with app.bodies.slot(owner_id):
         with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
             text, files = await receive_form(
                 request.headers.get("content-type", ""),

@@ -1,4 +1,4 @@
-"""The JSON documents that requests carry."""
+"""Define the JSON documents in the bodies of requests."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ class _Strict(BaseModel):
 
 
 class FileReference(_Strict):
-    """A file that the service has: a complete upload, or an artifact of a job that has succeeded."""
+    """A stored file: a complete upload, or an artifact of a job that has succeeded."""
 
     upload_id: str | None = Field(
         None,
         pattern=UPLOAD_ID_PATTERN,
-        description="A complete upload. Either this or `job_id`.",
+        description="The id of a complete upload. Give either this or `job_id`.",
         examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     )
     job_id: str | None = Field(
         None,
         pattern=JOB_ID_PATTERN,
-        description="A job that has succeeded. Either this or `upload_id`.",
+        description="The id of a job that has succeeded. Give either this or `upload_id`.",
         examples=["job_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     )
     artifact: str = Field(
         "result.glb",
         pattern=r"^[\w.-]{1,128}$",
-        description="Which artifact of the job.",
+        description="The name of the job's artifact.",
         examples=["result.glb"],
     )
 
@@ -61,26 +61,26 @@ class FileReference(_Strict):
 
 
 class JobDocument(JobRequest):
-    """The document that asks for one job, with the files that do not come along."""
+    """A job request, with references to the files that are not sent along."""
 
     asset: FileReference | None = Field(
         None,
-        description="The file to deform, where it is not sent as the part `asset`.",
+        description="The file to deform, unless it is sent as the part `asset`.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
     target: FileReference | None = Field(
         None,
-        description="The second mesh of `target` guidance, where it is not sent as the part `target`.",
+        description="The second mesh of `target` guidance, unless it is sent as the part `target`.",
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
 
 
 class BranchDocument(JobRequest):
-    """The document that asks for a job which begins with a checkpoint of another one, and deforms the same asset."""
+    """A request for a job that starts from a checkpoint of another job and deforms the same asset."""
 
     target: FileReference | None = Field(
         None,
-        description="The second mesh of `target` guidance. Default: that of the other job.",
+        description="The second mesh of `target` guidance. Default: the other job's target.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
 
@@ -89,21 +89,21 @@ _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN
 
 
 class UploadDocument(_Strict):
-    """What will be uploaded."""
+    """A file to be uploaded."""
 
     filename: str = Field(
         min_length=1,
         max_length=MAX_FILENAME,
-        description="Its name; the ending tells OBJ, PLY and STL apart.",
+        description="The file's name. Its extension distinguishes OBJ, PLY and STL.",
         examples=["knight.glb"],
     )
-    size: int = Field(ge=1, description="Bytes.", examples=[30720])
+    size: int = Field(ge=1, description="The file's size in bytes.", examples=[30720])
     sha256: _Sha256 | None = Field(
-        None, description="SHA-256 of its bytes, hexadecimal. Default: told when it is complete.", examples=[_SHA256]
+        None, description="SHA-256 of the file, hexadecimal. Default: given on completion.", examples=[_SHA256]
     )
 
 
 class UploadCompletion(_Strict):
-    """What was uploaded."""
+    """The completion of an upload."""
 
-    sha256: _Sha256 = Field(description="SHA-256 of the bytes, hexadecimal.", examples=[_SHA256])
+    sha256: _Sha256 = Field(description="SHA-256 of the file, hexadecimal.", examples=[_SHA256])

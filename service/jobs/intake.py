@@ -1,4 +1,4 @@
-"""Take a job in: check everything, store the files, record the job, tell the workers, in this order."""
+"""Accept a job: check everything, store the files, record the job, and notify the workers, in this order."""
 
 from __future__ import annotations
 
@@ -27,31 +27,31 @@ from service.state import AppState
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["check_params", "keep_file", "new_job", "record_job", "take_in", "try_out"]
+__all__ = ["accept_job", "check_params", "new_job", "record_job", "store_file", "validate"]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
 
 
 def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
-    """Return the parameters that a request would run with.
+    """Check a request and return the parameters that it would run with.
 
     Parameters
     ----------
     request : JobRequest
     settings : Settings
     files : collection of str
-        The names of the files that it has.
+        The names of the files that the job has.
 
     Raises
     ------
     RequestError, ModelError
-        No worker of this deployment could run it, or it asks for more than the deployment allows.
+        No worker of this deployment could run it, or it exceeds a limit of the deployment.
     """
     for name, value in request.metadata.items():
-        # PostgreSQL keeps no text with this character.
+        # PostgreSQL cannot store this character.
         if "\0" in name + value:
-            detail = "A label holds the character U+0000."
+            detail = "A label contains the character U+0000."
             errors = [{"loc": ["metadata", name], "msg": detail, "type": "value_error"}]
             raise ParameterError(detail, errors=errors)
     params = check_request(request, settings, files=files)
@@ -67,63 +67,62 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
     return params
 
 
-def _checked(
-    app: AppState, owner_id: str, sent: Submission
+def _check(
+    app: AppState, owner_id: str, submission: Submission
 ) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary]]:
-    """Check a job from its parameters to the last vertex of its files; nothing is stored.
+    """Check a job's parameters and decode its files completely. Nothing is stored.
 
     Returns
     -------
-    What it would run with, its files, and what there is in each: `asset`, and `target` if there is one.
+    The parameters that it would run with; and its files and their summaries, by name (`asset`, `target`).
 
     Raises
     ------
     AssetError, RequestError, ModelError
-        What is wrong with the asset or the request.
+        The asset or the request is not acceptable.
     """
-    params = check_params(sent.document, app.settings, files=sent.names)
-    files = sent.fetched(app, owner_id)
-    found = {name: app.assets.check(file.path, file.filename, file.sha256) for name, file in files.items()}
+    params = check_params(submission.document, app.settings, files=submission.names)
+    files = submission.fetch_all(app, owner_id)
+    found = {name: app.assets.check(file.path, file.filename, file.sha256, owner_id) for name, file in files.items()}
     return params, files, found
 
 
-def take_in(app: AppState, caller: Caller, sent: Submission) -> Answer:
-    """Accept a job for good, or refuse it and leave nothing behind.
+def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
+    """Accept a job durably, or refuse it without leaving anything behind.
 
     Parameters
     ----------
     app : AppState
     caller : Caller
-    sent : Submission
-        Its files may be gone when this returns.
+    submission : Submission
 
     Raises
     ------
     AssetError, RequestError, ModelError
-        What is wrong with the asset or the request.
+        The asset or the request is not acceptable.
     TooManyJobsError
-        The caller has as many unfinished jobs as it may.
+        The caller has as many unfinished jobs as its limit allows.
     UnavailableError
-        The record or the store does not answer. Redis may be away: workers are told when it is back.
+        The record or the store does not answer. Redis is not needed: the reconciler enqueues the job later.
     """
-    document = sent.document.model_dump(mode="json", exclude_unset=True)
-    digests = {name: file.sha256 for name, file in sent.files.items()}
+    document = submission.document.model_dump(mode="json", exclude_unset=True)
+    digests = {name: file.sha256 for name, file in submission.files.items()}
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        params, files, _ = _checked(app, caller.owner_id, sent)
+        params, files, _ = _check(app, caller.owner_id, submission)
         failpoint("api.received")
         with app.record.files.leases() as leases:
-            asset = keep_file(app, leases, files["asset"])
-            target = keep_file(app, leases, files["target"]) if "target" in files else None
+            asset = store_file(app, leases, files["asset"])
+            target = store_file(app, leases, files["target"]) if "target" in files else None
             failpoint("api.stored")
-            new = new_job(app, caller, sent.document, asset, target, resolved=params, claim=claim)
+            new = new_job(app, caller, submission.document, asset, target, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
-def try_out(app: AppState, owner_id: str, sent: Submission) -> Validation:
-    """Check a job as `take_in` would, and say what it is and how long it would take. Nothing is stored."""
-    params, files, summaries = _checked(app, owner_id, sent)
+def validate(app: AppState, owner_id: str, submission: Submission) -> Validation:
+    """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
+    params, files, summaries = _check(app, owner_id, submission)
     found = {
         name: AssetFound(filename=file.filename, size=file.size, sha256=file.sha256, **asdict(summaries[name]))
         for name, file in files.items()
@@ -131,7 +130,7 @@ def try_out(app: AppState, owner_id: str, sent: Submission) -> Validation:
     expected = estimate(
         app.record.database,
         app.record.leases,
-        sent.document,
+        submission.document,
         default_model=app.settings.model,
         queue=app.settings.queue,
     )
@@ -140,11 +139,14 @@ def try_out(app: AppState, owner_id: str, sent: Submission) -> Validation:
     )
 
 
-def keep_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFile:
-    """Store a file under a pin. The same bytes are stored once: the pin comes first, so they stay."""
+def store_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFile:
+    """Store a file under a lease, unless the store already holds an intact copy.
+
+    The lease is taken first, so that the object stays. A damaged copy is replaced.
+    """
     stored = StoredFile(key=f"assets/{file.sha256}", filename=file.filename, size=file.size, sha256=file.sha256)
     leases.take(stored.key)
-    if not app.store.exists(stored.key):
+    if not app.store.holds(stored.key, file.sha256):
         app.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
     return stored
 
@@ -152,7 +154,7 @@ def keep_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFi
 def new_job(
     app: AppState, caller: Caller, request: JobRequest, asset: StoredFile, target: StoredFile | None, **more: Any
 ) -> NewJob:
-    """Return a job of this caller's, to be recorded; `more` are further fields of `NewJob`."""
+    """Return a new job of this caller, not yet recorded; `more` holds further fields of `NewJob`."""
     return NewJob(
         request,
         asset,
@@ -167,14 +169,14 @@ def new_job(
 
 
 def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
-    """Record a job whose files are stored and pinned, and tell the workers."""
+    """Record a job whose files are stored and leased, enqueue it, and return the answer."""
     job = app.record.create(new)
     failpoint("api.recorded")
     leases.passed_on([file.key for file in (new.asset, new.target, new.origin) if file is not None])
     try:
         app.queue.enqueue(job.id)
     except UnavailableError as error:
-        # The job is on the record, so it is accepted: the reconciler tells the workers once Redis is back.
-        _log.warning("job %s: the workers are not told yet: %s", job.id, error)
-    failpoint("api.told")
+        # The job is recorded and therefore accepted: the reconciler enqueues it once Redis is back.
+        _log.warning("job %s: not enqueued yet: %s", job.id, error)
+    failpoint("api.enqueued")
     return Answer(**accepted(job))

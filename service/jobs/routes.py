@@ -1,4 +1,4 @@
-"""Jobs: look, list, cancel, delete. `creation` makes them."""
+"""List, read, cancel and delete jobs. `creation_routes` creates them."""
 
 from __future__ import annotations
 
@@ -63,17 +63,17 @@ def list_jobs(
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
-    limit: Annotated[int, Query(description="Length of a page.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
+    limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
     cursor: Annotated[
         str | None,
         Query(
-            description="`next_cursor` of the page before. Default: the first page.",
+            description="`next_cursor` of the previous page. Default: the first page.",
             max_length=200,
             examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
         ),
     ] = None,
 ) -> Response:
-    """Jobs that come in between two pages do not shift the second one."""
+    """Jobs that are created while you page through the list do not shift later pages."""
     labels = _labels(request)
     page = app.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
     return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
@@ -82,10 +82,10 @@ def list_jobs(
 @router.get(
     "/{id}",
     operation_id="get_job",
-    summary="Look at a job",
+    summary="Get a job",
     responses={
         200: {"model": JobView, "description": "The job.", "headers": {**ETAG, **RETRY_AFTER, **WAITED}},
-        304: {"description": "Not changed since the version that `If-None-Match` names.", "headers": ETAG},
+        304: {"description": "Unchanged since the version in `If-None-Match`.", "headers": ETAG},
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
@@ -93,16 +93,14 @@ async def get_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the path's own word
+    id: JobId,  # noqa: A002 - the name in the path
     if_none_match: Annotated[
         str | None,
-        Header(
-            description="The `ETag` of the version that you have. Default: none.", max_length=1000, examples=['W/"7"']
-        ),
+        Header(description="The `ETag` of your version. Default: none.", max_length=1000, examples=['W/"7"']),
     ] = None,
-    prefer: Prefer = None,  # noqa: ARG001 - read from the request, where it may come more than once
+    prefer: Prefer = None,  # noqa: ARG001 - declared for OpenAPI; read from the request, since the header may be repeated
 ) -> Response:
-    """With `If-None-Match` a job that has not changed costs a 304 without a body."""
+    """If `If-None-Match` holds the current `ETag`, the answer is 304 without a body."""
     wait_s = preferred_wait(request)
     if wait_s is None:
         job = await to_thread.run_sync(app.record.get, id, principal.owner_id)
@@ -124,50 +122,56 @@ async def get_job(
     },
 )
 def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
-    """A queued job is canceled at once, a running one within a step. One that ended otherwise gives 409."""
+    """A queued job is canceled at once, a running one after its current step. A job that ended otherwise gives 409."""
     try:
         job = app.record.request_cancel(id, principal.owner_id)
     except ConflictError:
         job = app.record.get(id, principal.owner_id)
         if job.state is not JobState.CANCELED:
             raise
-        # What was asked for is so: a request that is sent again is no mistake.
+        # Already canceled: repeating the request is not an error.
     if job.state is JobState.CANCELING:
         try:
             app.queue.publish_cancel(id)
         except UnavailableError as error:
-            # Its worker reads the record with every heartbeat: it stops a little later.
-            _log.warning("job %s: its worker is not told at once: %s", id, error)
+            # The worker reads the record with every heartbeat, and stops a little later.
+            _log.warning("job %s: its worker was not notified: %s", id, error)
     return shown(job)
 
 
 @router.delete(
     "/{id}",
     operation_id="delete_job",
-    summary="Delete a job with its artifacts",
+    summary="Delete a job and its artifacts",
     status_code=204,
     response_class=Response,
     responses={
-        204: {"description": "It is gone."},
+        204: {"description": "The job is deleted."},
         **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
     },
 )
 def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
-    """Only a job that is over: cancel it first. The asset goes too, unless another job uses it."""
+    """The job must have ended: cancel it first. Its asset is deleted too, unless another job uses it."""
     files = app.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
-        # The record knows what is left to remove: if the store is away now, the reconciler does it later.
+        # The record lists what is left to remove: if the store is unavailable now, the reconciler does it later.
         remove_job(app.record, app.store, id, files)
     return Response(status_code=204)
 
 
 def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:
-    """Return the answer that shows a job."""
+    """Return a response with a job as its body."""
     return JSONResponse(JobView.of(job).as_json(), status, {**job_headers(job), **(headers or {})})
 
 
 def _labels(request: Request) -> dict[str, str]:
-    """The labels that the query names, in the form in which OpenAPI writes objects: `metadata[NAME]=VALUE`."""
+    """Return the labels in the query, in OpenAPI's notation for objects: `metadata[NAME]=VALUE`.
+
+    Raises
+    ------
+    ParameterError
+        A label is repeated, too long or not allowed, or there are too many.
+    """
     labels: dict[str, str] = {}
     for parameter, value in request.query_params.multi_items():
         match = _LABEL.fullmatch(parameter)
@@ -175,15 +179,15 @@ def _labels(request: Request) -> dict[str, str]:
             continue
         name = match[1]
         reason = (
-            "comes twice"
+            "the label is given twice"
             if name in labels
             else f"a name has 1 to {MAX_METADATA_NAME} characters"
             if not 1 <= len(name) <= MAX_METADATA_NAME
-            else "the character U+0000 is in no label"
+            else "a label cannot contain the character U+0000"
             if "\0" in name + value
             else f"a value has at most {MAX_METADATA_VALUE} characters"
             if len(value) > MAX_METADATA_VALUE
-            else f"at most {MAX_METADATA_ENTRIES} labels"
+            else f"at most {MAX_METADATA_ENTRIES} labels are allowed"
             if len(labels) == MAX_METADATA_ENTRIES
             else ""
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
-from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S, MIN_BODY_RATE
 from meshdeform.assets import Limits
 from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import (
@@ -76,8 +76,10 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             max_wait_s=MAX_WAIT_S,
             max_idempotency_key_characters=MAX_KEY,
             idempotency_kept_s=IDEMPOTENCY_KEPT_S,
-            max_bodies_at_once=int(app.bodies.total_tokens),
+            max_bodies_at_once=app.bodies.total,
+            max_own_bodies_at_once=app.bodies.per_owner,
             max_body_idle_s=IDLE_S,
+            min_body_rate=MIN_BODY_RATE,
         ),
         uploads=UploadLimits(
             max_bytes=settings.max_upload_bytes,

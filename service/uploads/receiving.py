@@ -1,8 +1,8 @@
-"""Files that are sent by themselves: where their bytes go, how they come in pieces, and when they are complete.
+"""Receive the bytes of uploads, in pieces if need be, and complete uploads.
 
-What the sender can still write to is never what a job is made of. Bytes arrive in one place; when the sender says that
-all are sent they are moved to another one, looked at there, and copied to `assets/SHA256` from there. Each step may be
-the last one that is done: completing again goes on.
+A job never uses an object that the sender can still write to. Bytes arrive under `uploads/ID/sent`. On completion they
+are moved to `uploads/ID/sealed`, verified there, and copied to `assets/SHA256`. If the process dies after any of these
+steps, completing the upload again continues.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from meshdeform.storage import sign_path, verify_path
 from service.schemas import UploadView
 from service.state import AppState
 
-__all__ = ["ContentRange", "admitted", "arrived", "complete", "parse_content_range", "receive_content", "view"]
+__all__ = ["ContentRange", "authorize", "complete", "parse_content_range", "receive_content", "received_bytes", "view"]
 
 _KEY_NAME = "signed-urls"
-# So many bytes are on the disk, and their arrival can be told, before more of the body is read.
+# This many bytes are written, and count as received, before more of the body is read.
 _BLOCK = 4 << 20
 _RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18})")
 
@@ -48,17 +48,17 @@ class ContentRange:
 
 
 def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadView:
-    """Return what is told about an upload, with a new signed URL while it is open.
+    """Return the public view of an upload, with a new signed URL while it is open.
 
     Parameters
     ----------
     app : AppState
     upload : Upload
     offset : int, optional
-        Bytes that have come; looked up unless given.
+        Received bytes. Default: looked up.
     """
     if offset is None:
-        offset = upload.size if upload.complete else arrived(app, upload)
+        offset = upload.size if upload.complete else received_bytes(app, upload)
     common = UploadView(
         id=upload.id,
         filename=upload.filename,
@@ -71,7 +71,7 @@ def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadV
     )
     if upload.complete:
         return common
-    # Not longer than the upload itself, and in whole seconds.
+    # In whole seconds, and no later than the upload itself expires.
     until = min(int(time.time() + app.settings.signed_url_ttl_s), int(upload.expires_at.timestamp()))
     url, headers = _address(app, upload, until)
     return common.model_copy(
@@ -91,44 +91,44 @@ def _address(app: AppState, upload: Upload, until: int) -> tuple[str, dict[str, 
         path = f"/v1/uploads/{upload.id}/content"
         return f"{path}?{sign_path('PUT', path, until, app.record.secret(_KEY_NAME))}", headers
     lifetime_s = min(max(1, until - int(time.time())), 7 * 86_400)
-    url = app.store.presign_put(_sent(upload), lifetime_s)
+    url = app.store.presign_put(_sent_key(upload), lifetime_s)
     if url is None:
         raise UnavailableError(
-            "This server's object store takes no uploads.", advice="Send the file with POST /v1/jobs."
+            "This server's object store does not support uploads.", advice="Send the file with POST /v1/jobs."
         )
     if app.settings.resolved_storage_url.startswith(("az:", "azure:", "abfs")):
         headers["x-ms-blob-type"] = "BlockBlob"
     return url, headers
 
 
-def arrived(app: AppState, upload: Upload) -> int:
-    """Return how many bytes of an open upload have come."""
+def received_bytes(app: AppState, upload: Upload) -> int:
+    """Return the number of received bytes of an open upload."""
     with suppress(NotFoundError):
-        return app.store.appended_size(upload.id) if app.store.appends else app.store.size(_sent(upload))
+        return app.store.appended_size(upload.id) if app.store.appends else app.store.size(_sent_key(upload))
     return 0
 
 
-def admitted(app: AppState, upload_id: str, path: str, query: str) -> Upload:
-    """Return the upload that a signed URL lets its bearer write to.
+def authorize(app: AppState, upload_id: str, path: str, query: str) -> Upload:
+    """Verify a signed URL and return the upload that it grants write access to.
 
     Raises
     ------
     ForbiddenError
-        The URL is altered or over its time.
+        The URL is altered or has expired.
     NotFoundError
-        There is no such upload any more.
+        The upload no longer exists.
     """
     verify_path("PUT", path, query, app.record.secret(_KEY_NAME))
     return app.record.uploads.get(upload_id)
 
 
 def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
-    """Return which bytes a request brings; all of them where it does not say.
+    """Return the range of bytes that a request sends; the whole upload if there is no header.
 
     Raises
     ------
     RequestError
-        It cannot be.
+        The header is malformed or lies outside the upload.
     """
     if header is None:
         return ContentRange(0, upload.size)
@@ -137,37 +137,39 @@ def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
     if not first <= last < total == upload.size:
         raise RequestError(
             f"Content-Range must be `bytes FIRST-LAST/{upload.size}`, within the upload's size.",
-            advice="Ask for the upload's offset with HEAD, and send the bytes from there on.",
+            advice="Get the upload's offset with HEAD, and send the bytes from there on.",
         )
     return ContentRange(first, last + 1)
 
 
 async def receive_content(app: AppState, upload: Upload, part: ContentRange, body: AsyncIterator[bytes]) -> int:
-    """Add a body to an upload as it comes. What has come stays, also where the body breaks off.
+    """Append a body to an upload as it arrives. Received bytes are kept even if the body is cut off.
 
     Parameters
     ----------
     app : AppState
     upload : Upload
     part : ContentRange
-        Where the body belongs. The whole of it replaces what has come before.
+        The range of the body. A body that covers the whole upload replaces earlier bytes.
     body : async iterator of bytes
 
     Returns
     -------
     int
-        Bytes that have come altogether.
+        The number of received bytes, in total.
 
     Raises
     ------
     ConflictError
-        The upload ends elsewhere (`offset`), is complete, or is written to by another request.
+        The range does not begin at the upload's offset, the upload is complete, or another request writes to it.
     AssetTooLargeError
-        There is more than was announced.
+        The body is longer than announced.
     """
     if upload.complete:
-        raise ConflictError("The upload is complete.", advice="Make a new one for other bytes.", offset=upload.size)
-    present = await to_thread.run_sync(arrived, app, upload)
+        raise ConflictError(
+            "The upload is complete.", advice="Create a new upload for other bytes.", offset=upload.size
+        )
+    present = await to_thread.run_sync(received_bytes, app, upload)
     if part == ContentRange(0, upload.size) and present:
         await to_thread.run_sync(app.store.discard_append, upload.id)
     elif part.start != present:
@@ -189,7 +191,7 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
             if offset + len(block) + len(chunk) > part.end:
                 raise AssetTooLargeError(
                     f"The body is longer than {part.end - part.start} bytes.",
-                    advice="Send the bytes that Content-Range or the upload's size announces.",
+                    advice="Send as many bytes as Content-Range or the upload's size announces.",
                     limit=part.end - part.start,
                 )
             block += chunk
@@ -203,75 +205,75 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
 
 
 def complete(app: AppState, upload: Upload, sha256: str) -> Upload:
-    """Make an upload a stored file that jobs can name. May be repeated, also after a crash at any point.
+    """Turn an upload into a stored file that jobs can name. May be repeated, also after a crash at any point.
 
     Raises
     ------
     ChecksumError
-        The bytes that have come are not those that were announced; the upload stays open.
+        The received bytes differ from the announced ones; the upload stays open.
     """
     if upload.complete or (upload.sha256 is not None and upload.sha256 != sha256):
-        return _agreed(upload, sha256)
+        return _check_completed(upload, sha256)
     try:
         _seal(app, upload, sha256)
-        found = app.store.measure(_sealed(upload))
+        found = app.store.measure(_sealed_key(upload))
         if (found.size, found.sha256) != (upload.size, sha256):
-            # Written to between the look and the move.
-            app.store.delete(_sealed(upload))
-            raise _other(upload, sha256, found.size, found.sha256)
+            # The sender wrote to it between the check and the move.
+            app.store.delete(_sealed_key(upload))
+            raise _mismatch(upload, sha256, found.size, found.sha256)
         key = f"assets/{sha256}"
         with app.record.files.leases() as leases:
             leases.take(key)
-            if not app.store.exists(key):
-                app.store.copy(_sealed(upload), key)
+            if not app.store.holds(key, sha256):
+                app.store.copy(_sealed_key(upload), key)
             done = app.record.uploads.complete(upload.id, sha256, key)
             leases.passed_on([key])
     except NotFoundError:
-        # Another request was faster, or it was deleted.
-        return _agreed(app.record.uploads.get(upload.id), sha256)
+        # Another request completed it first, or it was deleted.
+        return _check_completed(app.record.uploads.get(upload.id), sha256)
     with suppress(UnavailableError):
-        # What is left goes with the upload.
+        # Remaining objects are removed with the upload.
         remove_upload(app.store, upload.id)
-    return _agreed(done, sha256)
+    return _check_completed(done, sha256)
 
 
 def _seal(app: AppState, upload: Upload, sha256: str) -> None:
-    """Move the bytes to where their sender cannot write."""
+    """Move the bytes to a key that their sender cannot write to."""
     if not app.store.appends:
         try:
-            size = app.store.size(_sent(upload))
+            size = app.store.size(_sent_key(upload))
         except NotFoundError:
             size = 0
         if size != upload.size:
-            raise _other(upload, sha256, size, None)
-        app.store.copy(_sent(upload), _sealed(upload))
+            raise _mismatch(upload, sha256, size, None)
+        app.store.copy(_sent_key(upload), _sealed_key(upload))
         return
     try:
         found = app.store.appended(upload.id)
     except NotFoundError:
-        if app.store.exists(_sealed(upload)):
+        if app.store.exists(_sealed_key(upload)):
             return
-        raise _other(upload, sha256, 0, None) from None
+        raise _mismatch(upload, sha256, 0, None) from None
     if (found.size, found.sha256) != (upload.size, sha256):
-        raise _other(upload, sha256, found.size, found.sha256)
-    app.store.commit_append(upload.id, _sealed(upload))
+        raise _mismatch(upload, sha256, found.size, found.sha256)
+    app.store.commit_append(upload.id, _sealed_key(upload))
 
 
-def _agreed(upload: Upload, sha256: str) -> Upload:
+def _check_completed(upload: Upload, sha256: str) -> Upload:
     if not upload.complete or upload.sha256 != sha256:
-        raise _other(upload, sha256, upload.size if upload.complete else 0, upload.sha256)
+        raise _mismatch(upload, sha256, upload.size if upload.complete else 0, upload.sha256)
     return upload
 
 
-def _other(upload: Upload, sha256: str, size: int, found: str | None) -> ChecksumError:
+def _mismatch(upload: Upload, sha256: str, size: int, found: str | None) -> ChecksumError:
     if size != upload.size:
-        return ChecksumError(f"{size} bytes have come of {upload.size}.", size=size, offset=size)
+        return ChecksumError(f"{size} of {upload.size} bytes have been received.", size=size, offset=size)
     return ChecksumError(f"The SHA-256 is {found}, not {sha256}.", size=size, sha256=found)
 
 
-def _sent(upload: Upload) -> str:
+def _sent_key(upload: Upload) -> str:
     return f"uploads/{upload.id}/sent"
 
 
-def _sealed(upload: Upload) -> str:
+def _sealed_key(upload: Upload) -> str:
     return f"uploads/{upload.id}/sealed"

@@ -1,4 +1,4 @@
-"""Uploads: files that are sent by themselves, in pieces if need be, and named by jobs afterwards."""
+"""Upload files, in pieces if need be, for use in later jobs."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from meshdeform.record.cleanup import remove_upload
 from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, json_body
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, body_slot, parse_document, receive_document
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
 from service.http.multipart import clean_filename
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.schemas import UploadView
 from service.state import AppState, AppStateDep
-from service.uploads.receiving import admitted, arrived, complete, parse_content_range, receive_content, view
+from service.uploads.receiving import authorize, complete, parse_content_range, receive_content, received_bytes, view
 
 __all__ = ["content", "router"]
 
@@ -42,7 +42,7 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 _UploadId = Annotated[
     str,
     Path(
-        description="The upload's id, as `POST /v1/uploads` gave it.",
+        description="The upload's id, from `POST /v1/uploads`.",
         pattern=UPLOAD_ID_PATTERN,
         examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     ),
@@ -57,13 +57,13 @@ _Signed = {
         "example": example,
     }
     for name, text, example in (
-        ("expires", "Until when the URL is valid, in Unix seconds.", "1769950800"),
-        ("signature", "What makes it valid.", "3b1f09c2"),
+        ("expires", "The URL's expiry time, in Unix seconds.", "1769950800"),
+        ("signature", "The URL's signature.", "3b1f09c2"),
     )
 }
 _OFFSET = {
     "Upload-Offset": {
-        "description": "Bytes that have come altogether.",
+        "description": "Received bytes, in total.",
         "schema": {"type": "integer"},
         "example": 1048576,
     }
@@ -73,7 +73,7 @@ _OFFSET = {
 @router.post(
     "",
     operation_id="create_upload",
-    summary="Begin an upload",
+    summary="Create an upload",
     status_code=201,
     responses={
         201: {
@@ -97,7 +97,7 @@ _OFFSET = {
 async def create_upload(
     request: Request, app: AppStateDep, principal: PrincipalDep, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Send the bytes to `url`, say that it is complete, and name it in `asset` or `target` of a job."""
+    """Send the bytes to `url`, complete the upload, and name it in `asset` or `target` of a job."""
     document = parse_document(UploadDocument, await receive_document(request))
     caller = Caller.of(request, principal, idempotency_key)
     answer = await to_thread.run_sync(_create, app, caller, document)
@@ -107,14 +107,14 @@ async def create_upload(
 @router.get(
     "/{id}",
     operation_id="get_upload",
-    summary="Look at an upload",
+    summary="Get an upload",
     responses={
         200: {"model": UploadView, "description": "The upload, with a new URL while it is open."},
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002 - the path's own word
-    """`offset` says how much has come."""
+def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002 - the name in the path
+    """`offset` is the number of received bytes."""
     return _shown(view(app, app.record.uploads.get(id, principal.owner_id)))
 
 
@@ -124,11 +124,11 @@ def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Resp
     summary="Delete an upload",
     status_code=204,
     response_class=Response,
-    responses={204: {"description": "It is gone."}, **problem_responses(NotFoundError, *CALLER_ERRORS)},
+    responses={204: {"description": "The upload is deleted."}, **problem_responses(NotFoundError, *CALLER_ERRORS)},
 )
 def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
-    """Jobs that were made of it keep their file."""
-    # The bytes first: if the store is away, the row remembers that they are there.
+    """Jobs that use the file keep it."""
+    # The bytes first: if the store does not answer, the row still refers to them.
     remove_upload(app.store, app.record.uploads.get(id, principal.owner_id).id)
     app.record.uploads.delete(id, principal.owner_id)
     return Response(status_code=204)
@@ -137,9 +137,9 @@ def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> R
 @router.post(
     "/{id}/complete",
     operation_id="complete_upload",
-    summary="Say that all bytes are sent",
+    summary="Complete an upload",
     responses={
-        200: {"model": UploadView, "description": "Complete: jobs may name it."},
+        200: {"model": UploadView, "description": "The upload is complete, and jobs may name it."},
         **problem_responses(
             NotFoundError,
             ConflictError,
@@ -153,14 +153,14 @@ def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> R
     openapi_extra=json_body("UploadCompletion", {"sha256": _SHA256}),
 )
 async def complete_upload(request: Request, app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
-    """Size and SHA-256 are compared with what came; where they differ the upload stays open. May be repeated."""
+    """Compares size and SHA-256 with the received bytes; if they differ, the upload stays open. May be repeated."""
     document = parse_document(UploadCompletion, await receive_document(request))
 
     def work() -> UploadView:
         upload = app.record.uploads.get(id, principal.owner_id)
         return view(app, complete(app, upload, document.sha256))
 
-    return _shown(await to_thread.run_sync(work, limiter=app.intake))
+    return _shown(await app.take_in(principal.owner_id, work))
 
 
 @content.put(
@@ -170,7 +170,7 @@ async def complete_upload(request: Request, app: AppStateDep, principal: Princip
     status_code=204,
     response_class=Response,
     responses={
-        204: {"description": "They are stored.", "headers": _OFFSET},
+        204: {"description": "The bytes are stored.", "headers": _OFFSET},
         **problem_responses(
             ForbiddenError,
             NotFoundError,
@@ -201,33 +201,33 @@ async def send_upload(
     content_range: Annotated[
         str | None,
         Header(
-            description="Which bytes these are: `bytes FIRST-LAST/SIZE`, beginning at the offset. Default: all, "
-            "in place of what has come before.",
+            description="The range of the body, beginning at the offset: `bytes FIRST-LAST/SIZE`. Default: the whole "
+            "file, replacing bytes received before.",
             max_length=100,
             examples=["bytes 1048576-2097151/30720000"],
         ),
     ] = None,
 ) -> Response:
-    """The URL is signed: no API key. Where a body breaks off, what came stays; `HEAD` says how much that is."""
-    upload = await to_thread.run_sync(_admitted, app, request, id)
+    """The URL is signed and needs no API key. Bytes of an interrupted body are kept; `HEAD` returns their number."""
+    upload = await to_thread.run_sync(_authorized, app, request, id)
     part = parse_content_range(content_range, upload)
     declared = request.headers.get("content-length", "")
     if declared.isdigit() and int(declared) > part.end - part.start:
         raise AssetTooLargeError(
             f"The body is longer than {part.end - part.start} bytes.",
-            advice="Send the bytes that Content-Range or the upload's size announces.",
+            advice="Send as many bytes as Content-Range or the upload's size announces.",
             limit=part.end - part.start,
         )
-    async with body_slot(app.bodies):
+    async with app.bodies.slot(upload.owner_id):
         offset = await receive_content(app, upload, part, body_of(request))
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})
 
 
 @content.head("/{id}/content", include_in_schema=False)
-def look_at_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:  # noqa: A002
-    """How much has come, for whoever holds the signed URL."""
-    upload = _admitted(app, request, id)
-    offset = upload.size if upload.complete else arrived(app, upload)
+def head_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:  # noqa: A002
+    """Return the number of received bytes to the bearer of a signed URL."""
+    upload = _authorized(app, request, id)
+    offset = upload.size if upload.complete else received_bytes(app, upload)
     headers = {"Upload-Offset": str(offset), "Upload-Length": str(upload.size), "Cache-Control": "no-store"}
     return Response(status_code=200, headers=headers)
 
@@ -241,15 +241,15 @@ def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
             limit=limit,
         )
 
-    # Made before the transaction begins: within it nothing else may write.
+    # Created before the transaction begins, since SQLite allows only one writer.
     app.record.secret("signed-urls")
     answers: list[Answer] = []
-    asked = document.model_dump(mode="json", exclude_unset=True)
-    with claimed(app.record, caller, request_hash(caller.method, caller.path, asked, {})) as claim:
+    body = document.model_dump(mode="json", exclude_unset=True)
+    with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:
         if isinstance(claim, Answer):
             return claim
 
-        def also(connection: sa.Connection, upload: Upload) -> None:
+        def record_answer(connection: sa.Connection, upload: Upload) -> None:
             shown = view(app, upload, offset=0).model_dump(mode="json")
             headers = {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}
             answers.append(Answer(201, shown, headers))
@@ -263,15 +263,15 @@ def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
             document.size,
             app.settings.upload_ttl_s,
             sha256=document.sha256,
-            also=also,
+            also=record_answer,
         )
         return answers[0]
 
 
-def _admitted(app: AppState, request: Request, upload_id: str) -> Upload:
-    return admitted(app, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
+def _authorized(app: AppState, request: Request, upload_id: str) -> Upload:
+    return authorize(app, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
 
 
 def _shown(found: UploadView) -> Response:
-    # The URL in it is a permission.
+    # The body contains a signed URL.
     return Response(found.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})

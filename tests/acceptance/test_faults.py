@@ -70,7 +70,7 @@ def test_an_api_killed_at_a_failpoint_makes_one_job_of_a_repeated_request(
         cluster.post(STEPS, key="once")
     api.process.wait()
     recorded = cluster.record.list_jobs().jobs
-    assert len(recorded) == (1 if point in ("api.recorded", "api.told") else 0)
+    assert len(recorded) == (1 if point in ("api.recorded", "api.enqueued") else 0)
     cluster.start_api()
     cluster.start_worker()
 

@@ -235,7 +235,7 @@ def test_a_store_that_is_away_refuses_and_leaves_no_job(
     def away(*_: object, **__: object) -> None:
         raise UnavailableError("The object store does not answer.")
 
-    monkeypatch.setattr("meshdeform.storage.ObjectStore.exists", lambda *_: False)
+    monkeypatch.setattr("meshdeform.storage.ObjectStore.holds", lambda *_: False)
     monkeypatch.setattr("meshdeform.storage.ObjectStore.put", away)
     before = api.record.list_jobs(limit=1).jobs
     answer = post(api, sphere)

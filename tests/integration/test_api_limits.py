@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
-import time
 import uuid
 from collections.abc import Iterator
 from typing import Any
@@ -84,23 +82,3 @@ def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
     headers = {"Content-Type": "application/json"}
     check_problem(small.http.post("/v1/jobs", content=b" " * 300_000, headers=headers), 422, "request_invalid")
     check_problem(small.http.post("/v1/uploads", content=b"{}"), 422, "request_invalid")
-
-
-def test_so_many_files_are_received_at_the_same_time(
-    small: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("service.http.bodies._SLOT_WAIT_S", 0.3)
-    with contextlib.ExitStack() as senders:
-        for _ in range(16):
-            senders.enter_context(begun(small))
-        # The places are taken when the requests have been read, which is soon.
-        deadline = time.monotonic() + 30
-        while (answer := post(small, sphere, {"prompt": "a vase"})).status_code == 202:
-            assert time.monotonic() < deadline
-        problem = check_problem(answer, 503, "unavailable")
-        assert "16 files" in problem["detail"]
-        assert answer.headers["retry-after"]
-        assert small.http.get("/v1/jobs").status_code == 200, "what sends no file is answered"
-    while (answer := post(small, sphere, {"prompt": "a vase"})).status_code == 503:
-        assert time.monotonic() < deadline, "the places of senders that went away are free again"
-    assert answer.status_code == 202

@@ -160,7 +160,7 @@ def test_a_signed_url_lets_its_bearer_do_one_thing(api: Api) -> None:
         assert api.http.head(url).status_code == 403
 
 
-@pytest.mark.parametrize("point", ["copy", "exists", "recorded", "removed"])
+@pytest.mark.parametrize("point", ["copy", "holds", "recorded", "removed"])
 def test_completing_goes_on_wherever_it_stopped(api: Api, monkeypatch: pytest.MonkeyPatch, point: str) -> None:
     """A process that dies between two steps leaves what a failing step leaves."""
 
@@ -172,7 +172,7 @@ def test_completing_goes_on_wherever_it_stopped(api: Api, monkeypatch: pytest.Mo
     send(api, upload, content)
     place = {
         "copy": "meshdeform.storage.ObjectStore.copy",
-        "exists": "meshdeform.storage.ObjectStore.exists",
+        "holds": "meshdeform.storage.ObjectStore.holds",
         "recorded": "meshdeform.record.uploads.UploadLedger.complete",
         "removed": "service.uploads.receiving.remove_upload",
     }[point]

@@ -1,4 +1,4 @@
-"""An asset is checked once, and only what passed is remembered."""
+"""An asset is checked once for each owner, and only files that passed are remembered."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from meshdeform.assets.check import CheckedAssets
 from meshdeform.errors import AssetError
 
 
-def received(path: Path, data: bytes, filename: str) -> tuple[Path, str, str]:
+def received(path: Path, data: bytes, filename: str, owner: str = "ann") -> tuple[Path, str, str, str]:
     path.write_bytes(data)
-    return path, filename, hashlib.sha256(data).hexdigest()
+    return path, filename, hashlib.sha256(data).hexdigest(), owner
 
 
 def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,6 +33,9 @@ def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monke
     again = assets.check(*received(tmp_path / "b", sphere, "two.GLB"))
     assert first == again
     assert calls == ["one.glb"]
+    # Otherwise the time of a check would tell whether another owner has sent the file.
+    assets.check(*received(tmp_path / "d", sphere, "four.glb", "bob"))
+    assert calls.pop() == "four.glb"
     broken = received(tmp_path / "c", sphere[:-100], "three.glb")
     for _ in range(2):
         with pytest.raises(AssetError):
@@ -44,7 +47,7 @@ def test_what_was_checked_long_ago_is_forgotten(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(checked, "check_asset_subprocess", lambda *_: object())
     monkeypatch.setattr(checked, "_REMEMBERED", 2)
     assets = CheckedAssets(Limits())
-    files = [(Path("x"), "x.glb", letter * 64) for letter in "abc"]
+    files = [(Path("x"), "x.glb", letter * 64, "ann") for letter in "abc"]
     seen = [assets.check(*file) for file in files]
     assert assets.check(*files[2]) is seen[2]
     assert assets.check(*files[0]) is not seen[0]

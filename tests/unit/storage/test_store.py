@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import pytest
 
-from meshdeform.errors import NotFoundError, UnavailableError
+from meshdeform.errors import NotFoundError, StoredFileError, UnavailableError
 from meshdeform.storage import ObjectStore, StoredObject
 from tests.cases import each_case
 
@@ -151,7 +151,7 @@ def test_a_fetched_object_is_a_whole_file(store: ObjectStore, tmp_path: Path) ->
     target.parent.mkdir()
     target.write_bytes(b"before")
     stored = store.put("a", DATA)
-    with pytest.raises(UnavailableError, match="differs from what was stored"):
+    with pytest.raises(StoredFileError, match="differs from what was stored"):
         store.fetch("a", target, sha256=hashlib.sha256(b"others").hexdigest())
     with pytest.raises(NotFoundError):
         store.fetch("nothing", target)

@@ -1,0 +1,7 @@
+"""Fixtures for attacks on a real server; they are those of the integration tests."""
+
+from __future__ import annotations
+
+from tests.integration.conftest import api, database_url, pytest_generate_tests, record, sphere
+
+__all__ = ["api", "database_url", "pytest_generate_tests", "record", "sphere"]

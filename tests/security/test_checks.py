@@ -1,0 +1,98 @@
+"""Attack the check of an upload: it runs in a process of its own, which gets nothing and holds nobody up."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshdeform.assets import check
+from meshdeform.assets.check import check_asset_subprocess
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import AssetFormatError, AssetTooLargeError
+from tests.unit.assets.builders import Builder, quad
+
+REPORT = """
+import json, os, sys
+with open({path!r}, "w") as file:
+    json.dump([sys.argv[1:], os.getcwd(), dict(os.environ)], file)
+print('{{"ok": false, "error": {{"code": "asset_format", "detail": "", "advice": "", "extra": {{}}}}}}')
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "stored"
+    path.write_bytes(quad())
+    return path
+
+
+def test_the_parent_reads_nothing_of_the_file(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("the API process inspects the file")
+
+    monkeypatch.setattr(check, "inspect_asset", refuse)
+    assert check_asset_subprocess(file, "quad.glb").triangles == 2
+
+
+def test_modules_of_the_current_folder_are_not_imported(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("numpy", "json", "meshdeform"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w').close()\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", ".")
+    assert check_asset_subprocess(file, "quad.glb").triangles == 2
+    assert not (tmp_path / "executed").exists()
+
+
+def test_the_child_gets_no_secrets_and_another_folder(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, stand_in, child = tmp_path / "report.json", tmp_path / "python", tmp_path / "child.py"
+    child.write_text(REPORT.format(path=str(report)))
+    stand_in.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{child}" "$@"\n')
+    stand_in.chmod(0o755)
+    monkeypatch.setattr(check.sys, "executable", str(stand_in))
+    monkeypatch.chdir(tmp_path)
+    for name in ("AWS_SECRET_ACCESS_KEY", "DATABASE_URL", "MESHDEFORM_DATABASE_URL", "PGPASSWORD", "HF_TOKEN"):
+        monkeypatch.setenv(name, "secret")
+    with pytest.raises(AssetFormatError):
+        check_asset_subprocess(file, "quad.glb")
+    arguments, folder, environment = json.loads(report.read_text())
+    assert "secret" not in environment.values()
+    assert Path(folder) == Path(tmp_path.anchor)
+    assert "-P" in arguments
+
+
+def test_the_child_has_limits_on_memory_time_and_files(tmp_path: Path) -> None:
+    program = (
+        "import resource as r; from meshdeform.assets.check import bound_resources; bound_resources(2**30, 7.2);"
+        "print([r.getrlimit(getattr(r, 'RLIMIT_' + n))[0] for n in ('AS', 'CPU', 'FSIZE', 'CORE')])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert json.loads(done.stdout) == [2**30, 9, 0, 0]
+
+
+def test_a_file_that_takes_too_long_is_refused_with_its_limit(tmp_path: Path) -> None:
+    path = tmp_path / "newlines.obj"
+    path.write_bytes(b"\n" * 2**20)
+    with pytest.raises(AssetTooLargeError, match=r"within 0\.01 s") as raised:
+        check_asset_subprocess(path, limits=Limits(max_check_s=0.01))
+    assert "Simplify" in raised.value.advice_text
+
+
+def test_a_summary_stays_small_however_much_is_skipped(tmp_path: Path) -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()))
+    points = builder.mesh({**builder.primitive(), "mode": 0})
+    for _ in range(500):
+        builder.node(points)
+    path = tmp_path / "points.glb"
+    path.write_bytes(builder.glb())
+    skipped = check_asset_subprocess(path).skipped
+    assert len(skipped) == check.MAX_SKIPPED + 1
+    assert skipped[-1] == {"reason": f"and {500 - check.MAX_SKIPPED} more"}
