@@ -46,14 +46,18 @@ class CancelListener(Protocol):
 
 
 class StepTimer:
-    """The smoothed duration of a step, for estimates: an exponential mean over about twenty steps."""
+    """The smoothed duration of a step, for estimates: an exponential mean over about twenty steps.
+
+    The first step is left out: it compiles and allocates, and takes many times as long as the others.
+    """
 
     _MEMORY_STEPS = 20
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._last = clock()
-        self._mean_s: float | None = None
+        self._steps = 0
+        self._mean_s = 0.0
 
     def start(self) -> None:
         """Start the next step; the time before it does not count."""
@@ -63,14 +67,13 @@ class StepTimer:
         """Count a finished step."""
         now = self._clock()
         taken, self._last = now - self._last, now
-        if self._mean_s is None:
-            self._mean_s = taken
-        else:
-            self._mean_s += (taken - self._mean_s) / self._MEMORY_STEPS
+        self._steps += 1
+        if self._steps > 1:
+            self._mean_s += (taken - self._mean_s) / min(self._steps - 1, self._MEMORY_STEPS)
 
     def left_s(self, steps: int) -> float | None:
-        """Return the estimated seconds of `steps` more steps; None before the first."""
-        return None if self._mean_s is None else self._mean_s * steps
+        """Return the seconds that `steps` more steps will take; None before the second step."""
+        return None if self._steps < 2 else self._mean_s * steps
 
 
 class JobWatch:

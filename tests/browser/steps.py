@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def open_form(page: Page) -> None:
     """Go to the form for a new job, and wait until it is all there."""
     page.goto("/")
-    page.get_by_role("heading", level=1, name="Say what it should become").wait_for()
+    page.get_by_role("heading", level=1, name="Describe what it should become").wait_for()
     page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
 
 
@@ -31,11 +31,11 @@ def choose(page: Page, asset: Path) -> None:
 
 
 def set_steps(page: Page, steps: int, seed: int = 7) -> None:
-    """Say how long the job shall be: among the advanced parameters."""
+    """Set the length of the job, among the advanced parameters."""
     if not page.locator("#param-steps").is_visible():
         page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Steps", exact=True).fill(str(steps))
-    page.get_by_label("Seed", exact=True).fill(str(seed))
+    page.get_by_label("Variation", exact=True).fill(str(seed))
 
 
 def start(page: Page) -> str:

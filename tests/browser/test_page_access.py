@@ -62,7 +62,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     yield "form"
     page.goto(f"/#/jobs/{finished}")
     page.get_by_role("button", name="Download result.glb").wait_for()
-    page.get_by_role("heading", name="Parameters").click()
+    page.get_by_role("heading", name="Settings").click()
     page.get_by_role("heading", name="Log").click()
     yield "job"
     page.goto("/#/jobs")
@@ -212,7 +212,7 @@ def test_no_barrier_is_found(
                 assert barriers(page, axe) == [], (view, scheme)
             page.emulate_media(color_scheme="light", reduced_motion="reduce")
             if view == "job":
-                page.get_by_role("button", name="Branch").click()
+                page.get_by_role("button", name="New version").click()
                 page.get_by_role("dialog").wait_for()
                 assert barriers(page, axe) == [], "dialog"
                 page.keyboard.press("Escape")

@@ -71,11 +71,13 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     page.get_by_text("Material", exact=True).click()
     until("the material is back", lambda: difference(deformed, picture(after)) < 0.002)
 
-    for name in ("result.glb", "report.json", "preview.png"):
+    stem = "sphere-a-mushroom-with-a-big-cap-seed7"
+    names = {"result.glb": ".glb", "report.json": "-report.json", "preview.png": "-preview.png"}
+    for name, saved in ((name, stem + ending) for name, ending in names.items()):
         with page.expect_download() as download:
             page.get_by_role("button", name=f"Download {name}").click()
         download.value.save_as(tmp_path / name)
-        assert download.value.suggested_filename == name
+        assert download.value.suggested_filename == saved
         assert (tmp_path / name).read_bytes() == service.artifact(job_id, name)
     with page.expect_download() as download:
         page.get_by_role("button", name="Download sphere.obj").click()
@@ -146,11 +148,11 @@ def test_variations_are_compared_on_one_sheet(page: Page, service: Service, smal
     cards = page.locator(".contact-sheet .card")
     expect(cards).to_have_count(3)
     expect(page.locator(".contact-sheet .card img")).to_have_count(3)
-    assert [card.inner_text().splitlines()[0] for card in cards.all()] == ["Seed 100", "Seed 101", "Seed 102"]
+    assert [card.inner_text().splitlines()[0] for card in cards.all()] == ["Variation 100", "Variation 101", "Variation 102"]
     group = page.url.rpartition("/")[2]
     jobs = service.http.get("/v1/jobs", params={"metadata[group]": group}).json()["jobs"]
     assert sorted(job["params"]["seed"] for job in jobs) == [100, 101, 102]
-    page.get_by_role("link", name="Seed 101").click()
+    page.get_by_role("link", name="Variation 101").click()
     expect(badge(page)).to_have_text("Succeeded")
     assert service.job(shown_job(page))["params"]["seed"] == 101
     page.go_back()

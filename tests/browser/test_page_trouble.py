@@ -55,9 +55,9 @@ def test_a_file_of_another_format_is_refused_by_its_name(page: Page, watch: Watc
     open_form(page)
     alert = page.get_by_label("Asset", exact=True).get_by_role("alert")
     page.set_input_files("#asset-file", text)
-    expect(alert).to_contain_text("notes.txt is no GLB, OBJ, PLY or STL.")
+    expect(alert).to_contain_text("notes.txt isn't supported. Use GLB, OBJ, PLY or STL.")
     page.set_input_files("#asset-file", gltf)
-    expect(alert).to_contain_text("Export it as one GLB.")
+    expect(alert).to_contain_text("Export it as a single .glb.")
     assert watch.posted() == []
 
 
@@ -70,13 +70,14 @@ def test_words_that_the_prior_does_not_know_are_refused_with_advice(
     prompt = page.get_by_label("Prompt", exact=True)
     prompt.fill("a tall mushrom")
     problem = page.locator("#prompt-problem")
-    expect(problem).to_contain_text("does not understand 'mushrom'")
-    expect(problem).to_contain_text("Try 'a tall mushroom'")
+    expect(problem).to_contain_text("Not understood: “mushrom”.")
+    # One line and what repairs it: no list of words.
+    assert len(problem.inner_text()) < 150
     expect(prompt).to_have_attribute("aria-invalid", "true")
     page.get_by_role("button", name="Deform").click()
     expect(prompt).to_be_focused()
     assert watch.posted() == []
-    page.get_by_role("button", name="Use “mushroom”").click()
+    page.get_by_role("button", name="Use “a tall mushroom”").click()
     expect(prompt).to_have_value("a tall mushroom")
     expect(problem).to_be_hidden()
     expect(page.locator("#estimate")).to_contain_text("steps")
@@ -99,16 +100,16 @@ def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, servic
     first = service.submit(small_sphere, ENDLESS)
     page.goto(f"/?job={first}")
     page.wait_for_url(f"**/#/jobs/{first}")
-    expect(page.get_by_role("button", name="Branch")).to_be_visible()
+    expect(page.get_by_role("button", name="New version")).to_be_visible()
     page.get_by_role("button", name="Cancel").click()
     expect(badge(page)).to_have_text("Canceled")
     assert service.job(first)["state"] == "canceled"
 
-    page.get_by_role("button", name="Branch").click()
-    dialog = page.get_by_role("dialog", name="Branch from a checkpoint")
+    page.get_by_role("button", name="New version").click()
+    dialog = page.get_by_role("dialog", name="New version")
     dialog.get_by_label("Prompt").fill("a tall vase")
-    step = int(dialog.get_by_label("Begin at").input_value())
-    dialog.get_by_role("button", name="Start branch").click()
+    step = int(dialog.get_by_label("Start from").input_value())
+    dialog.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_url(lambda url: first not in url)
     branch = shown_job(page)
     job = service.job(branch)
@@ -159,7 +160,7 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
             notice = page.locator(".notice")
             for fault in (proxy.refuse, proxy.error503):
                 fault()
-                expect(notice).to_contain_text("Reconnecting")
+                expect(notice).to_contain_text("Reconnecting; your job is safe")
                 proxy.pass_through()
                 expect(notice).to_be_hidden()
         expect(badge(page)).to_have_text("Succeeded")
@@ -174,7 +175,7 @@ def test_a_job_that_is_not_there_is_said_to_be_so(page: Page, watch: Watch) -> N
     page.get_by_role("link", name="All jobs").click()
     expect(page.get_by_role("heading", level=1, name="Jobs")).to_be_visible()
     page.goto("/#/nowhere")
-    expect(page.get_by_role("heading", level=1)).to_have_text("Nothing is here")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
 
 
 def test_a_job_is_edited_and_run_again(page: Page, service: Service, small_sphere: Path) -> None:
@@ -185,10 +186,10 @@ def test_a_job_is_edited_and_run_again(page: Page, service: Service, small_spher
     page.get_by_role("button", name="Edit and run again").click()
     expect(page.locator("#asset-facts")).to_contain_text("sphere.obj")
     expect(page.get_by_label("Prompt", exact=True)).to_have_value("a short vase")
-    expect(page.get_by_label("Seed", exact=True)).to_have_value("41")
+    expect(page.get_by_label("Variation", exact=True)).to_have_value("41")
     expect(page.get_by_label("Steps", exact=True)).to_have_value("6")
     # It has no field of its own, and is not lost for that.
-    expect(page.get_by_text("Also as in the job before: dirichlet_weight 5.")).to_be_visible()
+    expect(page.get_by_text("Also kept from that job: dirichlet_weight 5.")).to_be_visible()
     again = start(page)
     assert again != done
     assert service.job(again)["params"]["dirichlet_weight"] == 5

@@ -23,7 +23,7 @@ test("a job from its beginning to its end", () => {
   assert.deepEqual(over.artifacts, ["result.glb"]);
   assert.equal(over.progress.eta, null);
   assert.equal(over.startedAt, "2026-01-31T12:00:02Z");
-  assert.deepEqual(over.lines.map((line) => line.text), ["Queued", "Started", "Checkpoint at step 8", "Finished"]);
+  assert.deepEqual(over.lines.map((line) => line.text), ["Queued", "Started", "Step 8 saved", "Finished"]);
 });
 
 test("an event that comes twice changes nothing, and nothing is changed in place", () => {
@@ -42,7 +42,23 @@ test("a later attempt's steps take the place of the earlier one's", () => {
   const again = [event("started", {}, 2), progress(15, 9, 2), progress(25, 8, 2)].reduce(withEvent, lost);
   assert.deepEqual(again.points.map((point) => [point.step, point.losses.guidance]), [[10, 3], [15, 9], [25, 8]]);
   assert.equal(again.attempt, 2);
-  assert.match(again.lines.at(-1).text, /Attempt 2/);
+  assert.match(again.lines.at(-1).text, /Started again/);
+});
+
+test("a lost worker is said until the job is as far again, and the percent is that of the step", () => {
+  seq = 0;
+  // The API's fraction never goes back.
+  const behind = (step, attempt) => event("progress", { ...progress(step, 1, attempt).data, fraction: 0.5 }, attempt);
+  const lost = told([event("queued"), event("started"), progress(40, 1), event("recovered", { reason: "lost" })]);
+  assert.deepEqual([lost.losses, lost.interruption], [1, { reason: "lost", step: 40 }]);
+  const again = [event("started", {}, 2), behind(32, 2)].reduce(withEvent, lost);
+  assert.equal(again.progress.fraction, 0.4);
+  assert.ok(again.interruption);
+  assert.equal(withEvent(again, behind(41, 2)).interruption, null);
+  seq = 0;
+  // Handed back by a worker that was stopped: no attempt is counted.
+  const calm = told([event("queued"), event("started"), progress(40, 1), event("recovered", { reason: "handed_back" }), event("started", {}, 2)]);
+  assert.equal(calm.losses, 0);
 });
 
 test("a failure carries its error", () => {

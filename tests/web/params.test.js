@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { checkpointEvery, documents, fieldProblem, fieldsOf, keptText, nothingKept, randomSeed, wishOf } from "../../service/web/app/params.js";
+import { checkpointEvery, documents, fieldProblem, fieldsOf, integerProblem, keptText, nothingKept, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, advanced: {}, kept: { params: {}, output: {} } };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, usd: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const FIELDS = fieldsOf(openapi.components.schemas.DeformParams);
@@ -47,6 +47,22 @@ test("what is wrong is said", () => {
   assert.match(fieldProblem(field("learning_rate"), "0"), /More than 0/);
 });
 
+test("a whole number is not rounded, cut or guessed", () => {
+  assert.deepEqual(["0", " 9 ", "+3"].map((text) => integerProblem(text, 0, 9)), ["", "", ""]);
+  for (const text of ["", "1.5", "many", "1e3"]) assert.match(integerProblem(text, 0, 9), /whole number from 0 to 9/);
+  assert.equal(integerProblem("-5", 0, 9), "At least 0.");
+  assert.equal(integerProblem("99999999999999999999", 0, 9), "At most 9.");
+});
+
+test("a job is refined with its own seed at the next quality", () => {
+  const job = { prompt: "a vase", params: { preset: "preview", seed: 3, steps: 40, normal_weight: 2 }, output: { morph: true } };
+  assert.deepEqual(refinement(job), {
+    title: "Balanced", document: { prompt: "a vase", params: { preset: "balanced", seed: 3, normal_weight: 2 }, output: { morph: true } },
+  });
+  assert.equal(refinement({ ...job, params: {} }).title, "Paper");
+  assert.equal(refinement({ ...job, params: { preset: "paper" } }), null);
+});
+
 test("ten shapes on the way, at least one step apart", () => {
   assert.deepEqual([1, 4, 80, 5000].map(checkpointEvery), [1, 1, 8, 500]);
 });
@@ -55,16 +71,16 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const job = {
     prompt: "a vase",
     params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5, checkpoint_every_steps: 7 },
-    output: { morph: true, usd: true },
+    output: { morph: true, usd: true, other: 1 },
   };
-  const kept = { params: { translation_rate: 0.5 }, output: { usd: true } };
+  const kept = { params: { translation_rate: 0.5 }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
-  assert.deepEqual(wish, { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, advanced: { learning_rate: "0.01" }, kept });
+  assert.deepEqual(wish, { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, usd: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FIELDS);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5 }, output: { morph: true, usd: true },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5 }, output: { morph: true, usd: true, other: 1 },
   });
-  assert.equal(keptText(kept), "translation_rate 0.5, output.usd true");
+  assert.equal(keptText(kept), "translation_rate 0.5, output.other 1");
   assert.equal(keptText(nothingKept()), "");
 });
 

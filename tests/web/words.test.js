@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, skipped } from "../../service/web/app/quality.js";
 import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
-import { adjectives, catalogue, surprise, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { artifactName, shapeName } from "../../service/web/app/names.js";
+import { adjectives, catalogue, nearby, surprise, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
 const KNOWN = { nouns: ["giraffe", "octopus", "vase"], attributes: ["tall", "thin", "long", "short/long neck"], examples: [] };
 
@@ -18,10 +19,36 @@ test("good news, bad news and no news of a mesh", () => {
   assert.deepEqual(findings(null), []);
 });
 
+test("what a result looks like, and whether that was asked for", () => {
+  const judged = { noun: "rabbit", probability: 0.834, next: { noun: "octopus", probability: 0.06 }, matches: true };
+  const [good] = findings({ likeness: judged });
+  assert.deepEqual([good.tone, good.text], ["good", "Looks like: a rabbit 83%; next: an octopus 6%"]);
+  const [bad] = findings({ likeness: { ...judged, matches: false } });
+  assert.equal(bad.tone, "warn");
+  assert.match(bad.note, /not the prompt/);
+  assert.deepEqual(findings({ likeness: null }), []);
+});
+
+test("files are named after what is in them", () => {
+  const job = { asset: { filename: "Duck (2).glb" }, prompt: "a tall vase!", params: { seed: 7 } };
+  assert.equal(artifactName(job, "result.glb"), "duck-2-a-tall-vase-seed7.glb");
+  assert.equal(artifactName(job, "report.json"), "duck-2-a-tall-vase-seed7-report.json");
+  assert.equal(shapeName(job, "step120", 100), "duck-2-a-tall-vase-seed7-step120.glb");
+  assert.equal(shapeName(job, "", 50), "duck-2-a-tall-vase-seed7-morph50.glb");
+  assert.equal(artifactName({ asset: { filename: ".obj" }, prompt: "" }, "result.glb"), "asset-target-seed0.glb");
+});
+
+test("a refused prompt is repaired from the words that are known", () => {
+  assert.deepEqual(nearby("a tall vase of gold", {}, KNOWN), ["a tall vase"]);
+  assert.deepEqual(nearby("a thin girafe", { girafe: "giraffe" }, KNOWN), ["a thin giraffe"]);
+  assert.equal(nearby("octopos", {}, KNOWN)[0], "an octopus");
+  assert.equal(nearby("Albert Einstein", {}, KNOWN).length, 3);
+});
+
 test("an open surface has no volume to speak of", () => {
-  assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 0 } })[0].text, "Surface × 2");
-  assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 3 } })[0].text, "Surface × 2, volume × 3");
-  assert.deepEqual(skipped({ skipped: { border_edges: 1, zero_area_faces: 2, degenerate_faces: 0, primitives: [] } }), ["2 faces without area", "1 open edge"]);
+  assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 0 } })[0].text, "Surface 2×");
+  assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 3 } })[0].text, "Surface 2×, volume 3×");
+  assert.deepEqual(skipped({ skipped: { border_edges: 1, zero_area_faces: 2, degenerate_faces: 0, primitives: [] } }), ["2 zero-area faces", "1 open edge"]);
 });
 
 test("smoothing keeps a constant, and the first value", () => {

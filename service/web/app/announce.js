@@ -1,5 +1,5 @@
 // @ts-check
-/** What happens, told to screen readers: changes of state, not every percent. And short notes for everybody. */
+/** Announcements to screen readers (changes of state, not every percent), short notes, and a line about waiting. */
 import { h } from "./dom.js";
 
 /** @type {HTMLElement | null} */
@@ -11,7 +11,23 @@ let toasts = null;
 export function mountAnnouncer(parent) {
   region = h("div", { class: "visually-hidden", role: "status", "aria-live": "polite" });
   toasts = h("div", { class: "toasts", "aria-hidden": "true" });
-  parent.append(region, toasts);
+  const waiting = h("p", { class: "waiting", hidden: true });
+  parent.append(region, waiting, toasts);
+  let until = 0;
+  const count = () => {
+    const left = Math.ceil((until - Date.now()) / 1000);
+    waiting.hidden = left <= 0;
+    if (left <= 0) return;
+    waiting.textContent = `Rate limit reached. Trying again by itself in ${left} s.`;
+    setTimeout(count, 500);
+  };
+  document.addEventListener("ratelimited", (event) => {
+    const started = until > Date.now();
+    until = Math.max(until, Date.now() + 1000 * /** @type {CustomEvent} */ (event).detail);
+    if (started) return;
+    count();
+    announce(waiting.textContent ?? "");
+  });
 }
 
 /** @param {string} text */

@@ -12,7 +12,7 @@
  */
 import { askForKey, currentKey } from "./key.js";
 
-/** An answer that says what is wrong (RFC 9457). */
+/** A response that says what is wrong (RFC 9457). */
 export class ProblemError extends Error {
   /**
    * @param {number} status
@@ -32,12 +32,15 @@ export class ProblemError extends Error {
   }
 }
 
+// A server that asks for more is not waited for: the user is told.
+const LONGEST_WAIT_S = 120;
+
 /** No answer came. */
 export class OfflineError extends Error {
   constructor() {
     super("The server does not answer.");
     this.name = "OfflineError";
-    this.advice = "Check that it runs and that you are connected; nothing is lost meanwhile.";
+    this.advice = "Check your connection and that the server is running. Nothing is lost.";
   }
 }
 
@@ -56,11 +59,11 @@ export function address(path) {
 }
 
 /**
- * Ask; when the server wants an API key, ask the user for it and then again.
+ * Send a request. If the server requires an API key, ask the user for it; if it limits the rate, wait; then send again.
  *
  * @param {string} path
  * @param {Asked} [asked]
- * @returns {Promise<Response>} A good answer; any other is a `ProblemError`.
+ * @returns {Promise<Response>} A successful response; any other is thrown as a `ProblemError`.
  */
 export async function request(path, asked = {}) {
   for (;;) {
@@ -76,9 +79,39 @@ export async function request(path, asked = {}) {
       credentials: "same-origin",
     });
     if (response.status === 401 && (await askForKey(key, asked.signal))) continue;
-    if (!response.ok && response.status !== 304) throw await problem(response);
-    return response;
+    if (response.ok || response.status === 304) return response;
+    const found = await problem(response);
+    if (!rateLimited(found)) throw found;
+    await wait(found.retryAfter ?? 1, asked.signal);
   }
+}
+
+/**
+ * Return whether the request was refused for coming too soon; such a request has done nothing, and may be sent again.
+ *
+ * @param {ProblemError} error
+ */
+function rateLimited({ status, code, retryAfter }) {
+  return status === 429 && code === "rate_limited" && retryAfter !== null && retryAfter <= LONGEST_WAIT_S;
+}
+
+/**
+ * Wait before the next try, and announce it.
+ *
+ * @param {number} seconds
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<void>}
+ */
+function wait(seconds, signal) {
+  document.dispatchEvent(new CustomEvent("ratelimited", { detail: seconds }));
+  // A little later each, so that those that wait together do not come together.
+  const milliseconds = 1000 * seconds * (1 + 0.2 * Math.random());
+  return new Promise((resolve, reject) => {
+    const leave = () => (clearTimeout(timer), reject(new DOMException("Left", "AbortError")));
+    const timer = setTimeout(() => (signal?.removeEventListener("abort", leave), resolve()), milliseconds);
+    if (signal?.aborted) leave();
+    signal?.addEventListener("abort", leave, { once: true });
+  });
 }
 
 /**
@@ -131,14 +164,14 @@ export async function requestBytes(path, signal) {
   }
 }
 
-/** A new name for a request, so that it can be sent again without being done twice. */
+/** Return a new idempotency key. */
 export function idempotencyKey() {
   const random = crypto.getRandomValues(new Uint8Array(16));
   return "web-" + [...random].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
 /**
- * Send what must be done exactly once: where no answer comes, it is asked again under the same name.
+ * Send what must be done exactly once: if no answer comes, send it again under the same key.
  *
  * @param {string} path
  * @param {Asked} asked

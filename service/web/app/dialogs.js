@@ -10,11 +10,12 @@ import { problemBox } from "./problem-box.js";
  * @param {string} asked.action Label of the button that does it.
  * @param {boolean} [asked.danger]
  * @param {() => Promise<void>} asked.act What it does; where that fails, the dialog stays and says why.
+ * @param {(error: unknown, place: HTMLElement) => boolean} [asked.explain] Says an error in its own way; false: it does not.
  * @param {import("./scope.js").Scope} scope
  */
-export function ask({ title, body, action, danger = false, act }, scope) {
+export function ask({ title, body, action, danger = false, act, explain }, scope) {
   const id = `dialog-${title.replace(/\W+/g, "-").toLowerCase()}`;
-  const problem = h("div", null);
+  const problem = h("div", { class: "dialog-problem", "aria-live": "polite" });
   const confirm = h("button", { type: "submit", class: `button ${danger ? "button-danger" : "button-primary"}` }, action);
   const form = h(
     "form",
@@ -38,7 +39,7 @@ export function ask({ title, body, action, danger = false, act }, scope) {
       await act();
       dialog.close();
     } catch (error) {
-      fill(problem, problemBox(error));
+      if (!explain?.(error, problem)) fill(problem, problemBox(error));
     } finally {
       confirm.disabled = false;
     }

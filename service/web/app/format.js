@@ -51,7 +51,7 @@ export function duration(seconds) {
 }
 
 /**
- * A duration told roughly, as an estimate is.
+ * A rounded duration, for estimates.
  *
  * @param {number} seconds
  */
@@ -92,7 +92,7 @@ export function figure(value) {
 
 /** @param {number} fraction In [0, 1]. */
 export function percent(fraction) {
-  return `${Math.floor(100 * Math.min(1, Math.max(0, fraction)))} %`;
+  return `${Math.floor(100 * Math.min(1, Math.max(0, fraction)) + 1e-9)}%`;
 }
 
 export const STATE_WORDS = /** @type {Record<string, string>} */ ({
@@ -107,7 +107,7 @@ export const STATE_WORDS = /** @type {Record<string, string>} */ ({
 
 const PHASES = /** @type {Record<string, string>} */ ({
   queued: "Waiting for a worker",
-  loading: "Loading the prior",
+  loading: "Loading the model",
   preparing: "Preparing the mesh",
   optimizing: "Deforming",
   writing: "Writing the file",

@@ -1,15 +1,18 @@
 // @ts-check
 /**
- * A job's story, told by its events: the same whether they come live or all at once after a reload.
+ * A job's history, built from its events: the same whether they come live or all at once after a reload.
  *
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
  * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
  * @typedef {{step: number, losses: Record<string, number>}} Point
  * @typedef {{at: string, text: string, attempt: number}} Line
+ * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
  * @typedef {object} History
  * @property {number} seq Number of the newest event; 0 before the first.
  * @property {string} state
  * @property {number} attempt
+ * @property {number} losses Attempts that ended without the worker handing the job back in order.
+ * @property {Interruption | null} interruption The last one, until the job is as far again.
  * @property {Progress} progress
  * @property {Point[]} points Losses by step, ascending.
  * @property {number[]} checkpoints Steps, ascending.
@@ -28,6 +31,8 @@ export function emptyHistory() {
     seq: 0,
     state: "queued",
     attempt: 0,
+    losses: 0,
+    interruption: null,
     progress: { step: 0, total: 0, fraction: 0, phase: "queued", eta: null },
     points: [],
     checkpoints: [],
@@ -45,7 +50,7 @@ export function isTerminal(state) {
 }
 
 /**
- * The history after one more event. An event that is known already changes nothing.
+ * Return the history after one more event. An event that is known already changes nothing.
  *
  * @param {History} history
  * @param {JobEvent} event
@@ -65,11 +70,14 @@ export function withEvent(history, event) {
       break;
     case "recovered":
       next.state = "queued";
+      next.losses += data.reason === "handed_back" ? 0 : 1;
+      next.interruption = { reason: String(data.reason ?? ""), step: history.progress.step };
       next.progress = { ...history.progress, phase: "queued", eta: null };
       break;
     case "progress":
       if (next.state === "queued") next.state = "running";
       next.progress = readProgress(data);
+      if (history.interruption && next.progress.step > history.interruption.step) next.interruption = null;
       next.points = withPoint(history.points, data);
       break;
     case "checkpoint":
@@ -92,6 +100,16 @@ export function withEvent(history, event) {
 }
 
 /**
+ * The share of the steps that is done. The API's `fraction` never goes back; the steps of a recovered job do.
+ *
+ * @param {Record<string, any>} progress As in events and jobs.
+ */
+export function shareDone(progress) {
+  const total = Number(progress.total_steps) || 0;
+  return total ? (Number(progress.step) || 0) / total : Number(progress.fraction) || 0;
+}
+
+/**
  * @param {Record<string, any>} data
  * @returns {Progress}
  */
@@ -99,14 +117,14 @@ function readProgress(data) {
   return {
     step: Number(data.step) || 0,
     total: Number(data.total_steps) || 0,
-    fraction: Number(data.fraction) || 0,
+    fraction: shareDone(data),
     phase: String(data.phase ?? ""),
     eta: typeof data.eta_s === "number" ? data.eta_s : null,
   };
 }
 
 /**
- * A later attempt repeats steps: what it says of them counts.
+ * Add a point. A later attempt repeats steps: its points replace the earlier ones.
  *
  * @param {Point[]} points
  * @param {Record<string, any>} data
@@ -122,13 +140,13 @@ function withPoint(points, data) {
 
 const REASONS = /** @type {Record<string, string>} */ ({
   created: "Queued",
-  retry: "Queued to go on from the job that it retries",
-  branch: "Queued to go on from a checkpoint of another job",
-  handed_back: "Its worker stopped and handed it back; queued again",
-  out_of_memory: "Its worker ran out of memory; queued again",
+  retry: "Queued as a retry of another job",
+  branch: "Queued as a new version of another job",
+  handed_back: "The worker was stopped; queued again",
+  out_of_memory: "The worker ran out of memory; queued again",
 });
 const SENTENCES = /** @type {Record<string, string>} */ ({
-  canceling: "Cancellation asked for",
+  canceling: "Cancellation requested",
   succeeded: "Finished",
   failed: "Failed",
   canceled: "Canceled",
@@ -138,8 +156,8 @@ const SENTENCES = /** @type {Record<string, string>} */ ({
 /** @param {JobEvent} event */
 function sentence(event) {
   if (event.type === "queued") return REASONS[String(event.data?.reason)] ?? "Queued";
-  if (event.type === "recovered") return REASONS[String(event.data?.reason)] ?? "Recovered from a lost worker";
-  if (event.type === "started") return event.attempt > 1 ? `Attempt ${event.attempt} started` : "Started";
-  if (event.type === "checkpoint") return `Checkpoint at step ${event.data?.step}`;
+  if (event.type === "recovered") return REASONS[String(event.data?.reason)] ?? "The worker was lost; queued again";
+  if (event.type === "started") return event.attempt > 1 ? `Started again (run ${event.attempt})` : "Started";
+  if (event.type === "checkpoint") return `Step ${event.data?.step} saved`;
   return SENTENCES[event.type] ?? "";
 }

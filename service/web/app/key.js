@@ -95,7 +95,7 @@ function ask(wrong) {
         { id: "api-key-note", class: wrong ? "note-warn" : "muted" },
         wrong
           ? "The server did not accept this key. Enter another one."
-          : "This server wants to know who asks. Enter a key that its operator gave you.",
+          : "This server requires an API key. Enter the one you were given.",
       ),
       h("label", { class: "field-label", for: "api-key" }, "Key"),
       field,

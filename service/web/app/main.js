@@ -3,6 +3,7 @@
 import { announce, mountAnnouncer, toast } from "./announce.js";
 import { CreateView } from "./create/view.js";
 import { button, fill, h } from "./dom.js";
+import { forgetDrafts } from "./drafts.js";
 import { JobView } from "./job/view.js";
 import { ListView } from "./jobs/list.js";
 import { currentKey, forgetKey } from "./key.js";
@@ -31,7 +32,7 @@ function show() {
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
-  else fill(root, h("h1", null, "Nothing is here"), h("p", { class: "lead" }, `The page has no view ${route.path}. `, h("a", { href: "#/" }, "Make something")));
+  else fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));
   if (first) {
     first = false;
     return;
@@ -39,12 +40,12 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Nothing is here" }[route.name]);
+  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {
   const key = currentKey()
-    ? button("Forget the API key", () => (forgetKey(), toast("The API key is forgotten")), { icon: "key", quiet: true, class: "button-quiet" })
+    ? button("Forget the API key", () => (forgetKey(), void forgetDrafts(), toast("API key and drafts removed from this browser")), { icon: "key", quiet: true, class: "button-quiet" })
     : null;
   fill(tools, key, theme);
 }

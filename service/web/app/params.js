@@ -20,6 +20,7 @@
  * @property {number} seed
  * @property {number} variations
  * @property {boolean} morph
+ * @property {boolean} usd
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
  *
@@ -28,10 +29,12 @@
  * @property {Record<string, any>} output
  */
 
+import { count } from "./format.js";
+
 export const PRESETS = /** @type {[string, string, string][]} */ ([
-  ["preview", "Preview", "Few steps, a first look"],
-  ["balanced", "Balanced", "More steps, a finished shape"],
-  ["paper", "Paper", "The published settings, 5,000 steps"],
+  ["preview", "Preview", "A quick first look"],
+  ["balanced", "Balanced", "A finished shape"],
+  ["paper", "Paper", "As published: 5,000 steps"],
 ]);
 export const MAX_VARIATIONS = 9;
 export const MAX_SEED = Number.MAX_SAFE_INTEGER;
@@ -64,10 +67,24 @@ export function fieldProblem(field, text) {
   const number = Number(value);
   if (!Number.isFinite(number)) return "Enter a number.";
   if (field.type === "integer" && !Number.isInteger(number)) return "Enter a whole number.";
-  if (field.min !== undefined && number < field.min) return `At least ${field.min.toLocaleString("en")}.`;
-  if (field.above !== undefined && number <= field.above) return `More than ${field.above.toLocaleString("en")}.`;
-  if (field.max !== undefined && number > field.max) return `At most ${field.max.toLocaleString("en")}.`;
+  if (field.min !== undefined && number < field.min) return `At least ${count(field.min)}.`;
+  if (field.above !== undefined && number <= field.above) return `More than ${count(field.above)}.`;
+  if (field.max !== undefined && number > field.max) return `At most ${count(field.max)}.`;
   return "";
+}
+
+/**
+ * What is wrong with a whole number that has to be there; empty where it is fine.
+ *
+ * @param {string} text
+ * @param {number} min
+ * @param {number} max
+ */
+export function integerProblem(text, min, max) {
+  const value = text.trim();
+  if (!/^[+-]?\d+$/.test(value)) return `Enter a whole number from ${count(min)} to ${count(max)}.`;
+  if (Number(value) < min) return `At least ${count(min)}.`;
+  return Number(value) > max ? `At most ${count(max)}.` : "";
 }
 
 /**
@@ -93,9 +110,22 @@ export function documents(wish, steps, group, fields) {
   return Array.from({ length: wish.variations }, (_, index) => ({
     prompt: wish.prompt.trim(),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
-    output: { ...wish.kept.output, morph: wish.morph },
+    output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
+}
+
+/**
+ * The same job at the next quality; null at the best one, and where it has no prompt.
+ *
+ * @param {any} job
+ * @returns {{title: string, document: Record<string, any>} | null}
+ */
+export function refinement(job) {
+  const { steps: _, checkpoint_every_steps: __, ...params } = job.params ?? {};
+  const next = PRESETS[PRESETS.findIndex(([name]) => name === (params.preset ?? "balanced")) + 1];
+  if (!next || !job.prompt || job.target) return null;
+  return { title: next[1], document: { prompt: job.prompt, params: { ...params, preset: next[0] }, output: job.output } };
 }
 
 /** Ten shapes on the way to the last one. @param {number} steps */
@@ -146,10 +176,11 @@ export function wishOf(job, fields) {
     seed: Number(params.seed ?? 0),
     variations: 1,
     morph: Boolean(job.output?.morph),
+    usd: Boolean(job.output?.usd),
     advanced,
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
-      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => name !== "morph" && value)),
+      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd"].includes(name) && value)),
     },
   };
 }

@@ -10,10 +10,12 @@ import { h, icon } from "./dom.js";
 export function described(error) {
   if (error instanceof ProblemError) {
     const detail = error.message === error.title ? "" : error.message;
-    return { title: error.title, detail, advice: error.advice, id: error.requestId };
+    // The advice about a prompt lists every word there is; the form offers them.
+    const advice = error.code === "prompt_unknown_words" ? "" : error.advice;
+    return { title: error.title, detail, advice, id: error.requestId };
   }
   if (error instanceof OfflineError) return { title: error.message, detail: "", advice: error.advice, id: "" };
-  return { title: "The page met an error", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
+  return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
 }
 
 /**

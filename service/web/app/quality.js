@@ -4,7 +4,8 @@
  *
  * @typedef {{tone: "good" | "warn" | "plain", text: string, note: string}} Finding
  */
-import { count, counted, figure } from "./format.js";
+import { count, counted, figure, percent } from "./format.js";
+import { withArticle } from "./vocabulary.js";
 
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
 const STRONG = 20;
@@ -17,7 +18,7 @@ export function findings(report) {
   const quality = report?.quality ?? {};
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [];
+  const found = likeness(report?.likeness);
   const faces = number(mesh.welded_faces) ?? number(mesh.source_triangles);
   const of = faces === null ? "" : ` of ${count(faces)}`;
   const flipped = number(quality.flipped_faces);
@@ -31,31 +32,47 @@ export function findings(report) {
   found.push(...crossings(quality));
   const collapsed = number(quality.collapsed_faces);
   if (collapsed !== null && collapsed > 0) {
-    found.push(warn(`${counted(collapsed, "collapsed face")}${of}`, "They have next to no area left."));
+    found.push(warn(`${counted(collapsed, "collapsed face")}${of}`, "They have almost no area left."));
   }
   const stretch = number(quality.symmetric_dirichlet_p99);
   if (stretch !== null) {
-    const note = "Symmetric Dirichlet energy, 99th percentile of the faces: 1 is no distortion.";
+    const note = "1 means none (symmetric Dirichlet energy, 99th percentile).";
     const strong = stretch >= STRONG;
-    found.push(strong ? warn(`Strong distortion, ${figure(stretch)}`, `${note} The colour Stretch shows where.`) : plain(`Distortion ${figure(stretch)}`, note));
+    found.push(strong ? warn(`Strong distortion: ${figure(stretch)}`, `${note} “Stretch” shows where.`) : plain(`Distortion ${figure(stretch)}`, note));
   }
   const before = number(quality.min_angle_p1_deg_before);
   const after = number(quality.min_angle_p1_deg_after);
   if (before !== null && after !== null) {
-    found.push(plain(`Sharpest corners ${figure(after)}°`, `${figure(before)}° before: the smallest angle, 1st percentile.`));
+    found.push(plain(`Sharpest corners ${figure(after)}°`, `${figure(before)}° before (smallest angles, 1st percentile).`));
   }
   const volume = number(quality.volume_ratio);
   const area = number(quality.area_ratio);
   if (area !== null) {
     // 0: the asset encloses no volume.
-    const space = !volume ? "" : `, volume × ${figure(volume)}`;
-    found.push(plain(`Surface × ${figure(area)}${space}`, "Compared with the asset that was sent."));
+    const space = !volume ? "" : `, volume ${figure(volume)}×`;
+    found.push(plain(`Surface ${figure(area)}×${space}`, "Compared with your asset."));
   }
   if (mesh.same_faces === true) {
     const uvs = mesh.same_uvs === true ? " and UVs" : "";
-    found.push(good(`Same triangles${uvs} as before`, "Materials, textures and hierarchy are kept byte for byte."));
+    found.push(good(`Same triangles${uvs} as before`, "Materials, textures and hierarchy are unchanged."));
   }
   return found;
+}
+
+/**
+ * What the result looks like to a judge that knows the nouns of the built-in model.
+ *
+ * @param {any} judged
+ * @returns {Finding[]}
+ */
+function likeness(judged) {
+  const share = number(judged?.probability);
+  if (typeof judged?.noun !== "string" || share === null) return [];
+  const next = judged.next;
+  const second = typeof next?.noun === "string" && number(next.probability) !== null ? `; next: ${withArticle(next.noun)} ${percent(next.probability)}` : "";
+  const text = `Looks like: ${withArticle(judged.noun)} ${percent(share)}${second}`;
+  if (judged.matches === false) return [warn(text, "That is not the prompt. Try another variation, or refine.")];
+  return [good(text, "As the prompt says, judged from pictures.")];
 }
 
 /**
@@ -66,15 +83,15 @@ function crossings(quality) {
   const before = number(quality.self_intersecting_faces_before);
   const after = number(quality.self_intersecting_faces_after);
   if (after === null) return [];
-  if (after === 0) return [good("No self-intersections", "The surface nowhere cuts through itself.")];
+  if (after === 0) return [good("No self-intersections", "The surface doesn't cut through itself.")];
   if (before !== null && after <= before) {
-    return [plain(`${counted(after, "self-intersecting face")}`, `As the asset had: ${count(before)} before.`)];
+    return [plain(`${counted(after, "self-intersecting face")}`, `Your asset had ${count(before)}.`)];
   }
-  return [warn(counted(after, "self-intersecting face"), `${before === null ? "Unknown" : count(before)} before.`)];
+  return [warn(counted(after, "self-intersecting face"), before === null ? "" : `Your asset had ${count(before)}.`)];
 }
 
 /**
- * Parts of the asset that were left as they are, and why.
+ * Defects of the asset that the deformation leaves out.
  *
  * @param {any} report
  * @returns {string[]}
@@ -82,10 +99,10 @@ function crossings(quality) {
 export function skipped(report) {
   const found = report?.skipped ?? {};
   const words = /** @type {[string, string][]} */ ([
-    ["unreferenced_vertices", "vertex without a face|vertices without a face"],
-    ["degenerate_faces", "face with a corner twice|faces with a corner twice"],
-    ["zero_area_faces", "face without area|faces without area"],
-    ["non_manifold_edges", "edge of more than two faces|edges of more than two faces"],
+    ["unreferenced_vertices", "unused vertex|unused vertices"],
+    ["degenerate_faces", "degenerate face|degenerate faces"],
+    ["zero_area_faces", "zero-area face|zero-area faces"],
+    ["non_manifold_edges", "non-manifold edge|non-manifold edges"],
     ["border_edges", "open edge|open edges"],
   ]);
   return words.flatMap(([name, text]) => {

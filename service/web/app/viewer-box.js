@@ -1,11 +1,12 @@
 // @ts-check
 /**
- * A place for a 3D view. Where there is none (no WebGL, an old browser), it says so and everything else works on.
+ * A place for a 3D view. Without WebGL it says so, and everything else works.
  *
  * @typedef {{vertices: number, triangles: number, meshes: number, animations: string[]}} Found
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
  *   ticks: {text: string, at: number}[]}} Scale
  */
+import { isAbort } from "./api.js";
 import { fill, h, icon } from "./dom.js";
 
 /** @type {Promise<any> | null} */
@@ -50,17 +51,21 @@ export class ViewerBox {
     } catch (error) {
       console.warn(error);
       this.failed = true;
-      this.say("No 3D view here", "This browser has no WebGL, or it is switched off. Everything else works.", "info");
+      this.say("No 3D view", "WebGL is missing or switched off in this browser. Everything else works.", "info");
     }
   }
 
   /**
+   * Show a note over the view; with an empty title, take it away.
+   *
    * @param {string} title
    * @param {string} [text]
    * @param {string} [glyph]
+   * @param {boolean} [cover] Hide the view behind the note: what it shows is not what its label says.
    */
-  say(title, text = "", glyph = "") {
+  say(title, text = "", glyph = "", cover = false) {
     this.note.hidden = !title;
+    this.note.classList.toggle("viewer-cover", cover);
     fill(this.note, glyph ? icon(glyph) : null, h("strong", null, title), text ? h("span", null, text) : null);
   }
 
@@ -73,17 +78,21 @@ export class ViewerBox {
   async load(buffer, format, keepCamera = false) {
     await this.ready;
     if (!this.viewer) return null;
-    this.say("");
+    if (!this.note.classList.contains("viewer-cover")) this.say("");
     try {
       return await this.viewer.load(buffer, { format, keepCamera });
     } catch (error) {
-      if (!this.scope.over) this.say("Not shown", error instanceof Error ? error.message : String(error), "warn");
+      // Another file took its place meanwhile: that one is shown.
+      if (this.scope.over || isAbort(error)) return null;
+      console.warn(error);
+      this.viewer?.clear();
+      this.say("This file can't be shown", "It may be empty, cut off or damaged.", "warn");
       return null;
     }
   }
 
   /**
-   * Another shape of what is loaded; where the vertices do not fit, the file by itself.
+   * Show another shape of what is loaded; where the vertices do not fit, show the file by itself.
    *
    * @param {ArrayBuffer} buffer A GLB.
    * @returns {Promise<boolean>} Whether morphing and heat maps work.
@@ -95,7 +104,7 @@ export class ViewerBox {
       await this.viewer.setDeformed(buffer);
       return true;
     } catch (error) {
-      if (this.scope.over) return false;
+      if (this.scope.over || isAbort(error)) return false;
       console.warn(error);
       await this.load(buffer, "glb", true);
       return false;
@@ -122,6 +131,27 @@ export class ViewerBox {
 
   resetView() {
     this.viewer?.resetView();
+  }
+
+  /** @returns {Promise<Blob>} A PNG of what is shown, twice as large as on the screen. */
+  picture() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
+  }
+
+  /**
+   * The shape between the source and a result, as a file.
+   *
+   * @param {ArrayBuffer} source
+   * @param {string} format
+   * @param {ArrayBuffer} shape
+   * @param {number} share 0 is the source, 1 the shape.
+   * @returns {Promise<ArrayBuffer>} A GLB.
+   */
+  async blended(source, format, shape, share) {
+    const { blendGlb, verticesOf } = await import("../viewer/blend-glb.js");
+    const before = format === "glb" ? verticesOf(source) : this.viewer?.sourceVertices;
+    return blendGlb(shape, before ?? [], share);
   }
 }
 

@@ -21,7 +21,8 @@ import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
 import { Surface } from "./surface.js";
-import { pairMeshes, TopologyError } from "./topology.js";
+import { floats, pairMeshes, TopologyError } from "./topology.js";
+import { weld } from "./weld.js";
 import { Wireframe } from "./wireframe.js";
 
 export { linkCameras, snapshotAsset, TopologyError };
@@ -43,6 +44,7 @@ export class MeshViewer extends EventTarget {
   /** @type {import("three").AnimationClip[]} */ #animations = [];
   #converted = false;
   #playing = false;
+  #grounded = true; // the ground lies under the shape that is shown
   #disposed = false;
   #turn = 0;
   #last = 0;
@@ -112,11 +114,13 @@ export class MeshViewer extends EventTarget {
     });
   }
 
-  /** @returns {AssetInfo} of what is loaded */
+  /** @returns {AssetInfo} of what is loaded; loaders of other formats than glTF repeat a vertex for each of its faces */
   get info() {
     const meshes = this.#root ? meshesOf(this.#root) : [];
+    const vertices = (/** @type {import("three").Mesh} */ { geometry: { attributes } }) =>
+      this.#converted ? new Set(weld(floats(attributes.position, 3, null))).size : attributes.position.count;
     return {
-      vertices: meshes.reduce((sum, mesh) => sum + mesh.geometry.attributes.position.count, 0),
+      vertices: meshes.reduce((sum, mesh) => sum + vertices(mesh), 0),
       triangles: meshes.reduce((sum, mesh) => sum + triangleCount(mesh), 0),
       meshes: meshes.length,
       animations: this.#animations.map(({ name }, i) => name || `Animation ${i + 1}`),
@@ -157,6 +161,7 @@ export class MeshViewer extends EventTarget {
   /** @param {number} t 0 shows the source, 1 the result */
   setMorph(t) {
     this.#deformation?.setMorph(t);
+    this.#grounded = false;
     this.stage.refreshShadow();
     this.invalidate();
   }
@@ -205,6 +210,19 @@ export class MeshViewer extends EventTarget {
     this.dispatchEvent(new Event("camerareset"));
   }
 
+  /** Show nothing: forget what was loaded, and whatever is still being loaded. */
+  clear() {
+    this.#turn++;
+    this.#clear();
+    const { context, canvas } = this.surface;
+    context.clearRect(0, 0, canvas.width, canvas.height);
+  }
+
+  /** @returns {import("./blend-glb.js").Vertices[] | null} the source's vertices in the result's order, a mesh each */
+  get sourceVertices() {
+    return this.#deformation?.blends.map((blend) => blend.source) ?? null;
+  }
+
   /** Forget the result; the source is shown as it was loaded. */
   clearDeformed() {
     this.#heatmap?.dispose();
@@ -224,6 +242,7 @@ export class MeshViewer extends EventTarget {
   async snapshot({ width = 1024, height = 1024, background } = {}) {
     if (!this.#root) throw new Error("Nothing is loaded.");
     this.rig.update();
+    this.#ground();
     return drawSnapshot(this.#start(), this.stage, this.rig.camera, { width, height, background });
   }
 
@@ -274,6 +293,7 @@ export class MeshViewer extends EventTarget {
     if (!this.#renderer || this.#renderer.lost || !this.#root) return false;
     if (!this.surface.fit(this.#renderer.maxSize)) return false;
     const moving = this.rig.update();
+    this.#ground();
     if (this.#playing) {
       this.#mixer?.update(this.#last ? Math.min((now - this.#last) / 1000, 0.1) : 0);
       this.#last = now;
@@ -283,6 +303,12 @@ export class MeshViewer extends EventTarget {
     this.#renderer.draw(this.stage, this.rig.camera, context, canvas.width, canvas.height);
     return (moving || this.#playing) && this.surface.visible;
   };
+
+  /** Put the ground under the shape that is shown. */
+  #ground() {
+    if (!this.#grounded && this.#root) this.stage.enclose(boundsOf(this.#root));
+    this.#grounded = true;
+  }
 
   #frame() {
     if (!this.#root) return;
@@ -294,7 +320,7 @@ export class MeshViewer extends EventTarget {
       this.ownBox.union(boundsOf(this.#root));
     }
     for (const blend of blends) blend.set(morph);
-    this.stage.enclose(this.ownBox);
+    this.#grounded = false;
     this.rig.setBox(this.ownBox);
   }
 

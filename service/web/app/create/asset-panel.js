@@ -1,9 +1,10 @@
 // @ts-check
-/** The asset of a new job: dropped, chosen, or one of the examples; seen at once. */
+/** The asset of a new job: dropped, chosen, or one of the examples, and shown at once. */
 import { announce } from "../announce.js";
 import { address } from "../api.js";
 import { Asset, FORMATS, formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
+import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
 import { ViewerBox } from "../viewer-box.js";
 
@@ -30,6 +31,7 @@ export class AssetPanel {
       accept: [...FORMATS.map((format) => "." + format), "model/gltf-binary"].join(","),
     });
     this.facts = h("p", { class: "facts", id: "asset-facts" });
+    this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.element = this._build();
@@ -57,10 +59,10 @@ export class AssetPanel {
       h(
         "div",
         { class: "asset-bar" },
-        h("div", { class: "asset-file" }, this.facts, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Drop a GLB, OBJ, PLY or STL anywhere on this page."), h("span", { class: "without-mouse" }, "GLB, OBJ, PLY or STL"))),
+        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop a GLB, OBJ, PLY or STL anywhere on this page."), h("span", { class: "without-mouse" }, "GLB, OBJ, PLY or STL"))),
         h("div", { class: "row" }, choose, this.input),
       ),
-      h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or begin with"), this.examples),
+      h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
     );
   }
 
@@ -107,11 +109,11 @@ export class AssetPanel {
   /** @param {File} file */
   async take(file) {
     if (!formatOf(file.name)) {
-      this.refuse(`${file.name} is no GLB, OBJ, PLY or STL.`, "Export it as GLB; glTF with separate files goes in as one GLB, too.");
+      this.refuse(`${file.name} isn't supported.`, "Use GLB, OBJ, PLY or STL.");
       return;
     }
     if (formatOf(file.name) === "gltf") {
-      this.refuse("A .gltf names other files, which do not come along.", "Export it as one GLB.");
+      this.refuse(`${file.name} refers to other files.`, "Export it as a single .glb.");
       return;
     }
     await this.use(new Asset(file, file.name));
@@ -125,6 +127,7 @@ export class AssetPanel {
       chip.setAttribute("aria-pressed", String(chip instanceof HTMLElement && chip.dataset.name === asset.name));
     }
     fill(this.facts, h("strong", null, asset.name), ` ${bytes(asset.size)}`);
+    this.large.hidden = asset.size <= LARGEST_BYTES;
     this.onChange(asset);
     const found = await this.box.load(await asset.bytes(), asset.format);
     if (this.scope.over || this.asset !== asset) return;

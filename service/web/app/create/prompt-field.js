@@ -1,10 +1,12 @@
 // @ts-check
-/** The prompt, what the prior knows of words, and what is wrong with the prompt. */
-import { ProblemError } from "../api.js";
+/** The prompt, the words that the model knows, and what is wrong with the prompt. */
 import { button, fill, h, icon } from "../dom.js";
+import { count } from "../format.js";
+import { showRefusal } from "../refusal.js";
 import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
 
 const EXAMPLES_SHOWN = 5;
+const LONGEST = 1000;
 
 export class PromptField {
   /** @param {() => void} onChange */
@@ -13,10 +15,11 @@ export class PromptField {
     /** @type {import("../vocabulary.js").Model | null} */
     this.model = null;
     this.input = h("textarea", {
-      id: "prompt", rows: 2, maxlength: 1000, spellcheck: "true", placeholder: "a mushroom", autocapitalize: "none",
+      id: "prompt", rows: 2, spellcheck: "true", placeholder: "a mushroom", autocapitalize: "none",
       "aria-describedby": "prompt-problem prompt-note", enterkeyhint: "go",
     });
     this.problem = h("div", { class: "field-problem", id: "prompt-problem", "aria-live": "polite", hidden: true });
+    this.length = h("p", { class: "small muted prompt-length", hidden: true });
     this.note = h("p", { class: "prior-note", id: "prompt-note" });
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Suggested prompts" });
     this.words = h("div", null);
@@ -25,6 +28,7 @@ export class PromptField {
       { class: "field" },
       h("label", { class: "field-label", for: "prompt" }, "Prompt"),
       this.input,
+      this.length,
       this.problem,
       this.chips,
       this.words,
@@ -49,7 +53,16 @@ export class PromptField {
     this._changed();
   }
 
+  /** What is wrong with its length; empty where it is fine. */
+  get problemOfLength() {
+    const { length } = this.value;
+    return length > LONGEST ? `${count(LONGEST)} characters at most; this has ${count(length)}.` : "";
+  }
+
   _changed() {
+    const { length } = this.value;
+    this.length.hidden = length <= 0.8 * LONGEST;
+    this.length.textContent = `${count(length)} of ${count(LONGEST)} characters`;
     this._press();
     this.onChange();
   }
@@ -62,8 +75,11 @@ export class PromptField {
     }
   }
 
-  /** @param {import("../vocabulary.js").Model | null} model */
-  offer(model) {
+  /**
+   * @param {import("../vocabulary.js").Model | null} model
+   * @param {boolean} others Whether there are models to choose that take free text.
+   */
+  offer(model, others) {
     this.model = model;
     const known = model?.vocabulary;
     /** @type {string[]} */
@@ -81,11 +97,7 @@ export class PromptField {
     fill(
       this.note,
       known
-        ? [
-            icon("info"),
-            h("span", null, `The builtin prior is a demonstration: it knows ${known.nouns.length} nouns and little else. `
-              + "For any other prompt, run a Stable Diffusion model behind this server."),
-          ]
+        ? [icon("info"), h("span", null, `The built-in model knows ${known.nouns.length} things and little else. ${others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model."}`)]
         : [icon("info"), h("span", null, model?.description ?? "")],
     );
     this._press();
@@ -98,44 +110,29 @@ export class PromptField {
     return h(
       "details",
       { class: "words" },
-      h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} attributes`),
+      h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} adjectives`),
       h("p", { class: "field-label" }, "Nouns"),
       h("div", { class: "chips", role: "group", "aria-label": "Nouns" }, known.nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)))),
-      h("p", { class: "field-label" }, "Attributes of the whole"),
+      h("p", { class: "field-label" }, "Adjectives"),
       h(
         "div",
-        { class: "chips", role: "group", "aria-label": "Attributes" },
+        { class: "chips", role: "group", "aria-label": "Adjectives" },
         adjectives(known).map((word) => chip(word, () => withAdjective(this.value, word, known))),
       ),
-      h("p", { class: "small muted" }, "Parts take sizes, too: “a giraffe with a long neck and short legs”. At most three attributes."),
+      h("p", { class: "small muted" }, "Parts can have sizes too: “a giraffe with a long neck and short legs”. Three adjectives at most."),
     );
   }
 
   /** @param {unknown} error Null: all is well. */
   refuse(error) {
     this.problem.hidden = !error;
+    this.chips.classList.toggle("replaced", Boolean(error));
     if (error) this.input.setAttribute("aria-invalid", "true");
     else this.input.removeAttribute("aria-invalid");
     if (!error) return void fill(this.problem);
-    const problem = error instanceof ProblemError ? error : null;
-    const suggestions = Object.entries(problem?.document.corrections ?? {}).map(([word, close]) => [word, String(close)]);
-    fill(
-      this.problem,
-      h("strong", null, problem ? problem.message : String(error)),
-      suggestions.map(([word, close]) =>
-        h("button", { type: "button", class: "chip", on: { click: () => this.set(replaceWord(this.value, word, close)) } }, `Use “${close}”`),
-      ),
-      problem?.advice ? h("p", { class: "advice", tabindex: "0" }, problem.advice) : null,
-    );
+    showRefusal(this.problem, error, this.value, this.model?.vocabulary ?? null, (text) => {
+      this.set(text);
+      this.input.focus();
+    });
   }
-}
-
-/**
- * @param {string} text
- * @param {string} word In small letters.
- * @param {string} other
- */
-function replaceWord(text, word, other) {
-  const at = text.toLowerCase().indexOf(word);
-  return at < 0 ? other : text.slice(0, at) + other + text.slice(at + word.length);
 }

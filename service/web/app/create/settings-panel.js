@@ -1,10 +1,8 @@
 // @ts-check
-/** Everything about a new job but its asset and its prompt. */
+/** The settings of a new job: everything but its asset and its prompt. */
 import { button, fill, h, uniqueId } from "../dom.js";
 import { figure } from "../format.js";
-import { fieldProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
-
-const OTHER = "\u0000other";
+import { fieldProblem, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 export class SettingsPanel {
   /**
@@ -16,19 +14,15 @@ export class SettingsPanel {
     this.onModel = onModel;
     /** @type {import("../vocabulary.js").Catalogue} */
     this.catalogue = { default: "", models: [] };
-    this.model = h("select", { id: "prior", on: { change: () => this._modelChanged() } });
-    this.otherModel = h("input", {
-      id: "other-prior", type: "text", maxlength: 500, spellcheck: "false", autocapitalize: "none",
-      placeholder: "hub id, or a folder on the worker", on: { input: onChange },
-    });
-    this.otherRow = h("div", { class: "field", hidden: true }, h("label", { class: "field-label", for: "other-prior" }, "Model id or folder"), this.otherModel);
-    this.modelRow = h("div", { class: "field" }, h("label", { class: "field-label", for: "prior" }, "Prior"), this.model);
+    this.model = h("select", { id: "model", on: { change: () => this._modelChanged() } });
+    this.modelRow = h("div", { class: "field" }, h("label", { class: "field-label", for: "model" }, "Model"), this.model);
     this.preset = radios("preset", PRESETS, "preview", onChange);
-    this.seed = h("input", { id: "seed", type: "number", min: 0, max: MAX_SEED, step: 1, inputmode: "numeric", on: { input: onChange } });
-    this.seed.value = String(randomSeed());
-    this.variations = h("input", { id: "variations", type: "number", min: 1, max: MAX_VARIATIONS, step: 1, inputmode: "numeric", on: { input: onChange } });
-    this.variations.value = "1";
+    this.seed = integerField("seed", 0, MAX_SEED, onChange);
+    this.seed.input.value = String(randomSeed());
+    this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
+    this.variations.input.value = "1";
     this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
+    this.usd = h("input", { id: "usd", type: "checkbox", on: { change: onChange } });
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
     /** @type {import("../params.js").Field[]} */
@@ -43,23 +37,22 @@ export class SettingsPanel {
   }
 
   _build() {
-    const morph = h("label", { class: "check", for: "morph" }, this.morph, h("span", null, "Also write ", h("code", null, "morph.glb"), ", with an animation from before to after"));
-    this.advanced.append(this.advancedGrid, morph);
-    const random = button("Random seed", () => {
-      this.seed.value = String(randomSeed());
+    const also = (/** @type {HTMLInputElement} */ input, /** @type {string} */ text) => h("label", { class: "check", for: input.id }, input, h("span", null, text));
+    this.advanced.append(this.advancedGrid, also(this.morph, "Also make an animated GLB, from before to after"), also(this.usd, "Also make a USDZ, for AR and USD pipelines"));
+    const random = button("Random variation", () => {
+      this.seed.input.value = String(randomSeed());
       this.onChange();
     }, { icon: "dice", quiet: true });
     return h(
       "div",
       { class: "settings" },
       this.modelRow,
-      this.otherRow,
-      h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Preset"), this.preset.element),
+      h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element),
       h(
         "div",
         { class: "pair" },
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "seed" }, "Seed"), h("div", { class: "joined" }, this.seed, random)),
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "variations" }, "Variations"), this._stepper()),
+        h("div", { class: "field" }, h("label", { class: "field-label", for: "seed" }, "Variation"), h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
+        h("div", { class: "field" }, h("label", { class: "field-label", for: "variations" }, "How many"), this._stepper(), this.variations.problem),
       ),
       this.keptRow,
       this.advanced,
@@ -68,14 +61,14 @@ export class SettingsPanel {
 
   _stepper() {
     const by = (/** @type {number} */ change) => () => {
-      this.variations.value = String(Math.min(MAX_VARIATIONS, Math.max(1, this.variationCount + change)));
+      this.variations.input.value = String(Math.min(MAX_VARIATIONS, Math.max(1, this.variationCount + change)));
       this.onChange();
     };
     return h(
       "div",
       { class: "joined stepper" },
       h("button", { type: "button", class: "button", "aria-label": "Fewer variations", on: { click: by(-1) } }, "−"),
-      this.variations,
+      this.variations.input,
       h("button", { type: "button", class: "button", "aria-label": "More variations", on: { click: by(1) } }, "+"),
     );
   }
@@ -87,8 +80,8 @@ export class SettingsPanel {
     const common = { id, "aria-describedby": `${id}-help ${id}-problem` };
     const input =
       field.type === "choice"
-        ? h("select", common, h("option", { value: "" }, "As the preset"), (field.choices ?? []).map(([value, label]) => h("option", { value }, label)))
-        : h("input", { ...common, type: "text", inputmode: field.type === "text" ? null : "decimal", placeholder: "preset", autocomplete: "off" });
+        ? h("select", common, h("option", { value: "" }, "As the quality says"), (field.choices ?? []).map(([value, label]) => h("option", { value }, label)))
+        : h("input", { ...common, type: "text", inputmode: field.type === "text" ? null : "decimal", placeholder: "automatic", autocomplete: "off" });
     input.addEventListener("input", () => {
       this._check(field);
       this.onChange();
@@ -124,15 +117,21 @@ export class SettingsPanel {
     else field.input.removeAttribute("aria-invalid");
   }
 
-  /** Whether all that was typed can be sent; what cannot is said beside it. */
+  /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
     const good = this.offered.map((field) => this._check(field)).every(Boolean);
     if (!good) this.advanced.open = true;
-    return good;
+    for (const field of [this.seed, this.variations]) this._mark(field, field.check());
+    return good && !this.seed.check() && !this.variations.check();
+  }
+
+  /** Move the focus to the first setting that cannot be sent. */
+  focusProblem() {
+    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]'))?.focus();
   }
 
   /**
-   * Say beside a parameter what the server says of it.
+   * Show what the server says of a parameter beside it.
    *
    * @param {any[]} errors Of a problem document.
    * @returns {boolean} Whether each of them has found its place.
@@ -154,7 +153,7 @@ export class SettingsPanel {
       const value = params[name];
       if (field.input.value !== "" || value === undefined || value === null) continue;
       if (field.input instanceof HTMLInputElement) field.input.placeholder = typeof value === "number" ? figure(value) : String(value) || "none";
-      else field.input.options[0].text = `As the preset: ${[...field.input.options].find((option) => option.value === value)?.text ?? value}`;
+      else field.input.options[0].text = `As the quality says: ${[...field.input.options].find((option) => option.value === value)?.text ?? value}`;
     }
   }
 
@@ -171,14 +170,14 @@ export class SettingsPanel {
     const options = catalogue.models.map((model) =>
       h("option", { value: model.id, disabled: !model.available }, model.available ? model.title : `${model.title} (not installed)`),
     );
-    fill(this.model, options, h("option", { value: OTHER }, "Another model…"));
+    fill(this.model, options);
     this.model.value = catalogue.default;
+    // The server runs no others: with one there is nothing to choose.
+    this.modelRow.hidden = options.length < 2;
     this._modelChanged();
   }
 
   _modelChanged() {
-    const other = this.model.value === OTHER;
-    this.otherRow.hidden = !other;
     const model = this.catalogue.models.find((found) => found.id === this.model.value) ?? null;
     this.onModel(model);
     this.onChange();
@@ -189,7 +188,7 @@ export class SettingsPanel {
     this.kept = kept;
     const text = keptText(kept);
     this.keptRow.hidden = !text;
-    this.keptText.textContent = text && `Also as in the job before: ${text}.`;
+    this.keptText.textContent = text && `Also kept from that job: ${text}.`;
   }
 
   _drop() {
@@ -198,7 +197,7 @@ export class SettingsPanel {
   }
 
   get variationCount() {
-    return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.value)) || 1));
+    return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.input.value)) || 1));
   }
 
   /**
@@ -206,35 +205,59 @@ export class SettingsPanel {
    * @returns {import("../params.js").Wish}
    */
   wish(prompt) {
-    const seed = Math.round(Number(this.seed.value));
     return {
       prompt,
-      model: this.model.value === OTHER ? this.otherModel.value.trim() : this.model.value,
+      model: this.model.value,
       preset: this.preset.value(),
-      seed: Number.isSafeInteger(seed) && seed >= 0 ? seed : 0,
+      seed: Number(this.seed.input.value),
       variations: this.variationCount,
       morph: this.morph.checked,
+      usd: this.usd.checked,
       advanced: Object.fromEntries([...this.fields].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
     };
   }
 
-  /** @param {import("../params.js").Wish} wish */
+  /** Set everything as at the beginning. */
+  reset() {
+    const fresh = { model: this.catalogue.default, preset: PRESETS[0][0], seed: randomSeed(), variations: 1 };
+    this.restore({ ...fresh, prompt: "", morph: false, usd: false, advanced: {}, kept: nothingKept() });
+  }
+
+  /** The settings as they were typed, right or wrong, for `restore`. @param {string} prompt */
+  draft(prompt) {
+    return { ...this.wish(prompt), seed: this.seed.input.value, variations: this.variations.input.value };
+  }
+
+  /** @param {Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}} wish */
   restore(wish) {
-    if (wish.model && this.catalogue.models.some((model) => model.id === wish.model)) this.model.value = wish.model;
-    else if (wish.model) {
-      this.model.value = OTHER;
-      this.otherModel.value = wish.model;
-    }
+    // A model that this server no longer runs gives way to its default.
+    if (this.catalogue.models.some((model) => model.id === wish.model && model.available)) this.model.value = wish.model;
     this._modelChanged();
     this.preset.set(wish.preset);
-    this.seed.value = String(wish.seed);
-    this.variations.value = String(wish.variations);
+    this.seed.input.value = String(wish.seed);
+    this.variations.input.value = String(wish.variations);
     this.morph.checked = wish.morph;
+    this.usd.checked = wish.usd;
     this._keep(wish.kept ?? nothingKept());
     for (const [name, field] of this.fields) field.input.value = wish.advanced[name] ?? "";
     this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
   }
+}
+
+/**
+ * A field for a whole number, and what is wrong with what is in it.
+ *
+ * @param {string} id
+ * @param {number} min
+ * @param {number} max
+ * @param {() => void} onChange
+ */
+function integerField(id, min, max, onChange) {
+  const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
+  // Not of the type "number": a browser hides what it does not take for one.
+  const input = h("input", { id, type: "text", inputmode: "numeric", autocomplete: "off", "aria-describedby": problem.id, on: { input: onChange } });
+  return { input, problem, check: () => integerProblem(input.value, min, max) };
 }
 
 /**

@@ -1,22 +1,21 @@
 // @ts-check
-/** The first view: an asset, a prompt, and a start. */
+/** The form for a new job. */
 import { announce, toast } from "../announce.js";
 import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
 import { fill, h } from "../dom.js";
+import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { duration, roughly } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
+import { isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
-
-/** What was typed and chosen, for whoever comes back from another view. @type {{asset: Asset, wish: import("../params.js").Wish} | null} */
-let draft = null;
 
 export class CreateView {
   /**
@@ -26,6 +25,9 @@ export class CreateView {
    */
   constructor(root, scope, from) {
     this.scope = scope;
+    this.from = from;
+    /** Whether the form is filled: what changes from then on is the user's. */
+    this.begun = false;
     this.steps = /** @type {number | null} */ (null);
     this.busy = false;
     this.checks = 0;
@@ -34,16 +36,22 @@ export class CreateView {
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
     this.prompt = new PromptField(() => this._changed());
-    this.settings = new SettingsPanel(() => this._changed(), (model) => this.prompt.offer(model));
+    this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
-    this.problem = h("div", null);
+    this.problem = h("div", { class: "problem-slot" });
+    const over = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._startOver() } }, "Start over");
+    this.restored = h("div", { class: "kept small muted", hidden: true }, h("p", null, "Your draft is back."), over);
+    /** Stops the check under way, which is out of date. */
+    this.checking = new AbortController();
+    scope.add(() => this.checking.abort());
     this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Deform");
     this.form = h(
       "form",
       { class: "create-form", "aria-label": "New job", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+      this.restored,
       this.prompt.element,
-      this.settings.element,
       this.problem,
+      this.settings.element,
       h("div", { class: "start-bar" }, this.estimate, this.start),
     );
     fill(
@@ -51,8 +59,8 @@ export class CreateView {
       h(
         "div",
         { class: "intro" },
-        h("h1", null, "Say what it ", h("em", null, "should become")),
-        h("p", { class: "lead" }, "An asset and a prompt go in. The same asset comes back in a new shape, with its materials, UVs and hierarchy as they were."),
+        h("h1", null, "Describe what it ", h("em", null, "should become")),
+        h("p", { class: "lead" }, "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
       recentJobs(scope),
@@ -64,14 +72,54 @@ export class CreateView {
   async _begin(from) {
     this.fields = this._learnFields();
     const models = requestJson("v1/models", { signal: this.scope.signal }).catch((error) => (isAbort(error) ? null : {}));
-    const first = from ? this._assetOf(from) : draft ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name);
+    const last = await lastDraft();
+    if (this.scope.over) return;
+    // The draft of another job is not the one that is asked for.
+    const draft = last && (!from || last.from === from) ? last : null;
+    this.from = from ?? draft?.from ?? null;
+    if (draft?.wish.prompt && !this.prompt.value) this.prompt.set(draft.wish.prompt);
+    const first = this._firstAsset(draft, from);
     const found = catalogue(await models);
     await this.fields;
     if (this.scope.over) return;
     if (found.models.length) this.settings.offer(found);
     else this.settings.modelRow.hidden = true;
-    if (!from && draft) this._restore(draft.wish);
-    await first;
+    if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value });
+    this.restored.hidden = !(draft?.stored && draft.wish.prompt);
+    const wish = await first;
+    if (this.scope.over) return;
+    if (wish) this._restore(wish);
+    this.begun = true;
+    this._changed();
+  }
+
+  /**
+   * @param {import("../drafts.js").Draft | null} draft
+   * @param {string | null} from
+   * @returns {Promise<import("../params.js").Wish | null>} The settings that belong to the asset.
+   */
+  async _firstAsset(draft, from) {
+    if (from && !draft) return this._assetOf(from);
+    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name));
+    return null;
+  }
+
+  async _startOver() {
+    await forgetDrafts();
+    this.restored.hidden = true;
+    this.from = null;
+    this.begun = false;
+    this.settings.reset();
+    this.prompt.set("");
+    await this.assets.example(EXAMPLES[0].name);
+    this.begun = true;
+    this.prompt.input.focus();
+  }
+
+  /** @param {import("../vocabulary.js").Model | null} model */
+  _offer(model) {
+    const others = this.settings.catalogue.models.some((found) => found.id !== model?.id && found.available && !found.vocabulary);
+    this.prompt.offer(model, others);
   }
 
   /** @returns {Promise<import("../params.js").Field[]>} */
@@ -82,17 +130,23 @@ export class CreateView {
     return fields;
   }
 
-  /** @param {string} id */
+  /**
+   * Use the asset of a job.
+   *
+   * @param {string} id
+   * @returns {Promise<import("../params.js").Wish | null>} The job's settings.
+   */
   async _assetOf(id) {
     try {
       const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
       const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
       await this.assets.use(new Asset(await response.blob(), job.asset.filename));
-      this._restore(wishOf(job, await this.fields));
+      return wishOf(job, await this.fields);
     } catch (error) {
-      if (isAbort(error)) return;
+      if (isAbort(error)) return null;
       fill(this.problem, problemBox(error));
       await this.assets.example(EXAMPLES[0].name);
+      return null;
     }
   }
 
@@ -103,10 +157,14 @@ export class CreateView {
   }
 
   _changed() {
-    const wish = this.settings.wish(this.prompt.value);
-    if (this.assets.asset) draft = { asset: this.assets.asset, wish };
-    if (!this.busy) this._label(wish.variations);
+    if (this.begun) keepDraft({ from: this.from, wish: this.settings.draft(this.prompt.input.value), asset: this.assets.asset });
+    if (!this.busy) this._label(this.settings.variationCount);
     this.check();
+  }
+
+  /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
+  _block(on) {
+    this.start.classList.toggle("button-blocked", on);
   }
 
   /** @param {number} variations */
@@ -119,21 +177,30 @@ export class CreateView {
     const wish = this.settings.wish(this.prompt.value);
     this.checks += 1;
     const turn = this.checks;
-    this.settings.check();
+    this.checking.abort();
+    this.checking = new AbortController();
+    const good = this.settings.check();
+    const long = this.prompt.problemOfLength;
+    this._block(!good || long !== "");
+    if (long) this.prompt.refuse(long);
+    if (!good || long) {
+      this.estimate.textContent = good ? "" : "Correct the marked settings.";
+      return;
+    }
     if (!asset || !wish.prompt) {
       this.prompt.refuse(null);
-      this.estimate.textContent = wish.prompt ? "" : "Write a prompt, or take one of those suggested.";
+      this.estimate.textContent = wish.prompt ? "" : "Enter a prompt, or pick one.";
       return;
     }
     // What is quick needs no word.
     const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
     try {
       const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
-      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.scope.signal, ...sent });
+      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.checking.signal, ...sent });
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
     } catch (error) {
-      if (turn === this.checks && !this.scope.over) this._bad(error);
+      if (turn === this.checks && !this.scope.over && !isAbort(error)) this._bad(error);
     } finally {
       clearTimeout(slow);
     }
@@ -162,8 +229,9 @@ export class CreateView {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
-    this.prompt.refuse(code.startsWith("prompt_") ? error : null);
-    if (code.startsWith("prompt_")) return void fill(this.problem);
+    this._block(true);
+    this.prompt.refuse(isAboutPrompt(error) ? error : null);
+    if (isAboutPrompt(error)) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof ProblemError) {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
@@ -180,11 +248,13 @@ export class CreateView {
     const asset = this.assets.asset;
     const wish = this.settings.wish(this.prompt.value);
     if (!wish.prompt) {
-      this.prompt.refuse("Say what the asset should become.");
+      this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
       return;
     }
-    if (!asset || !this.settings.check()) return;
+    if (!asset) return;
+    if (!this.settings.check()) return this.settings.focusProblem();
+    if (this.prompt.problemOfLength) return this.prompt.input.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
     this.start.textContent = "Starting…";
@@ -194,7 +264,7 @@ export class CreateView {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       this._bad(error);
-      announce("The job was not accepted");
+      announce("The job did not start");
       if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
     } finally {
       this.busy = false;
@@ -221,7 +291,7 @@ export class CreateView {
       } catch (error) {
         if (!jobs.length) throw error;
         // Some were accepted: show those, and say what became of the others.
-        toast(`${jobs.length} of ${wish.variations} jobs were accepted. ${described(error).detail || described(error).title}`);
+        toast(`${jobs.length} of ${wish.variations} jobs started. ${described(error).detail || described(error).title}`);
         break;
       }
     }
@@ -231,7 +301,7 @@ export class CreateView {
 }
 
 /**
- * Whether a prompt is refused that is not the one above: the words that are unknown are none of its own.
+ * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
  *
  * @param {ProblemError} error
  * @param {string} prompt
@@ -248,8 +318,8 @@ function aboutNegative(error, prompt) {
 function estimateWords(found, variations) {
   const { queue_s: queue, run_s: run } = found.estimate;
   const steps = `${found.params.steps.toLocaleString("en")} steps`;
-  if (run === null) return `${steps}. No job like this has run here yet, so there is no estimate.`;
+  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
   const all = run * variations;
   const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
-  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all on one worker" : ""}${wait}.`;
+  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
 }

@@ -1,28 +1,40 @@
 // @ts-check
 /** What can be done with a job. */
 import { toast } from "../announce.js";
-import { requestJson, requestOnce } from "../api.js";
+import { request, requestJson, requestOnce } from "../api.js";
+import { Asset } from "../assets.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
-import { count } from "../format.js";
+import { forgetDraftOf } from "../drafts.js";
+import { count, roughly } from "../format.js";
 import { isTerminal } from "../history.js";
-import { checkpointEvery } from "../params.js";
+import { artifactName } from "../names.js";
+import { checkpointEvery, refinement } from "../params.js";
 import { described } from "../problem-box.js";
+import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
-import { copyText, download } from "./results.js";
+import { copyText, download } from "./files.js";
+
+// A refinement that takes longer is asked about first.
+const LONG_S = 600;
 
 export class JobActions {
   /**
    * @param {any} job
    * @param {import("../scope.js").Scope} scope
    * @param {() => void} onChange
+   * @param {() => number | null} chosenStep The step that is looked at.
    */
-  constructor(job, scope, onChange) {
+  constructor(job, scope, onChange, chosenStep) {
     this.job = job;
     this.scope = scope;
     this.onChange = onChange;
+    this.chosenStep = chosenStep;
     this.element = h("div", { class: "actions", role: "group", "aria-label": "Actions" });
     this.key = "";
+    this.busy = false;
+    /** What was typed for a new version, for whoever closes the dialog by mistake. */
+    this.typed = "";
   }
 
   /**
@@ -37,18 +49,31 @@ export class JobActions {
     // What is pressed must not vanish from under the focus without another place for it.
     const focused = this.element.contains(document.activeElement);
     const over = isTerminal(state);
+    const better = state === "succeeded" ? refinement(this.job) : null;
     fill(
       this.element,
-      state === "succeeded" ? button("Download result", () => download(`v1/jobs/${this.job.id}/artifacts/result.glb`, "result.glb", true, this.scope), { icon: "download", class: "button-primary" }) : null,
+      state === "succeeded" ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null,
+      better ? button("Refine", () => this._refine(better), { icon: "spark", title: `The same variation again, at quality ${better.title}` }) : null,
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
-      checkpoints.length ? button("Branch", () => this._branch(), { icon: "branch", title: "Begin another job with the shape of a checkpoint" }) : null,
-      over ? button("Edit and run again", () => (location.hash = routeHash({ name: "create", from: this.job.id })), { icon: "edit" }) : null,
+      checkpoints.length ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
+      over ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );
     if (state === "canceling") this.element.querySelector("button")?.setAttribute("aria-disabled", "true");
     if (focused) this.element.querySelector("button")?.focus();
+  }
+
+  _download() {
+    const size = this.job.asset?.size ?? 0;
+    return download(`v1/jobs/${this.job.id}/artifacts/result.glb`, artifactName(this.job, "result.glb"), size, true, this.scope);
+  }
+
+  /** Open the form with this job's settings, not with those that were changed there before. */
+  _edit() {
+    forgetDraftOf(this.job.id);
+    location.hash = routeHash({ name: "create", from: this.job.id });
   }
 
   async _cancel() {
@@ -69,11 +94,40 @@ export class JobActions {
     }
   }
 
+  /**
+   * The same variation at the next quality.
+   *
+   * @param {{title: string, document: any}} better
+   */
+  async _refine({ title, document }) {
+    if (this.busy) return;
+    this.busy = true;
+    try {
+      const response = await request(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
+      const asset = new Asset(await response.blob(), this.job.asset.filename);
+      const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(document)) });
+      document.params.checkpoint_every_steps = checkpointEvery(checked.params.steps);
+      const start = async () => {
+        const job = await requestOnce("v1/jobs", await asset.submission(document));
+        location.hash = routeHash({ name: "job", id: job.id });
+      };
+      const seconds = checked.estimate.run_s;
+      if (seconds !== null && seconds < LONG_S) return await start();
+      const time = seconds === null ? "How long is unknown yet" : `About ${roughly(seconds)}`;
+      const body = [h("p", null, `${count(checked.params.steps)} steps. ${time}.`)];
+      ask({ title: `Refine at quality ${title}?`, body, action: "Refine", act: start }, this.scope);
+    } catch (error) {
+      if (!this.scope.over) toast(`Not refined. ${described(error).detail || described(error).title}`);
+    } finally {
+      this.busy = false;
+    }
+  }
+
   _delete() {
     ask(
       {
         title: "Delete this job?",
-        body: [h("p", null, "Its results, its checkpoints and its asset go with it. This cannot be undone.")],
+        body: [h("p", null, "Its results, steps and asset are deleted too. This can't be undone.")],
         action: "Delete",
         danger: true,
         act: async () => {
@@ -87,23 +141,32 @@ export class JobActions {
   }
 
   _branch() {
-    const prompt = h("textarea", { id: "branch-prompt", rows: 2, maxlength: 1000, required: true, ".value": this.job.prompt });
-    const step = h(
-      "select",
-      { id: "branch-step" },
-      [...(this.checkpoints ?? [])].reverse().map((found) => h("option", { value: found }, `Step ${count(found)}`)),
-    );
+    const prompt = h("textarea", { id: "branch-prompt", rows: 2, maxlength: 1000, required: true, ".value": this.typed || this.job.prompt });
+    prompt.addEventListener("input", () => (this.typed = prompt.value));
+    const kept = this.checkpoints ?? [];
+    const step = h("select", { id: "branch-step" }, [...kept].reverse().map((found) => h("option", { value: found }, `Step ${count(found)}`)));
+    const looked = this.chosenStep();
+    if (looked !== null && kept.includes(looked)) step.value = String(looked);
     ask(
       {
-        title: "Branch from a checkpoint",
+        title: "New version",
         body: [
-          h("p", { class: "muted" }, "Another job on the same asset, which begins with the shape of that step."),
-          h("label", { class: "field-label", for: "branch-step" }, "Begin at"),
+          h("p", { class: "muted" }, "A new job on the same asset that starts from this shape."),
+          h("label", { class: "field-label", for: "branch-step" }, "Start from"),
           step,
           h("label", { class: "field-label", for: "branch-prompt" }, "Prompt"),
           prompt,
         ],
-        action: "Start branch",
+        action: "Start",
+        explain: (error, place) => {
+          if (!isAboutPrompt(error)) return false;
+          showRefusal(place, error, prompt.value, null, (text) => {
+            prompt.value = this.typed = text;
+            place.replaceChildren();
+            prompt.focus();
+          });
+          return true;
+        },
         act: async () => {
           const steps = this.job.params.steps ?? this.job.progress.total_steps;
           const params = { ...this.job.params, ...(steps ? { checkpoint_every_steps: checkpointEvery(steps) } : {}) };

@@ -1,19 +1,19 @@
 // @ts-check
-/** What a job left behind: its quality in words, its files, its parameters, its log. */
-import { toast } from "../announce.js";
-import { address, isAbort, request, requestJson } from "../api.js";
+/** What a job produced: its quality in words, its files, its settings, its log. */
 import { button, h, icon } from "../dom.js";
-import { bytes, counted } from "../format.js";
-import { currentKey } from "../key.js";
-import { described } from "../problem-box.js";
+import { forgetDraftOf } from "../drafts.js";
+import { bytes, count, counted } from "../format.js";
+import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
+import { routeHash } from "../router.js";
+import { copyCurl, download } from "./files.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
-  "morph.glb": "Before to after, as an animation",
-  "result.usdz": "The same for AR viewers and USD pipelines",
-  "report.json": "Parameters, figures, versions",
+  "morph.glb": "The way from before to after, as an animation",
+  "result.usdz": "The new shape for AR viewers and USD pipelines",
+  "report.json": "Settings, measurements and versions",
   "preview.png": "Before and after from four sides",
 });
 
@@ -31,7 +31,7 @@ export function qualityPanel(report) {
         h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), h("span", { class: "small muted" }, note))),
       ),
     ),
-    left.length ? h("p", { class: "small muted" }, `In the asset that was sent: ${left.join(", ")}.`) : null,
+    left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null,
   );
 }
 
@@ -43,7 +43,7 @@ export function qualityPanel(report) {
 export function filesPanel(job, artifacts, scope) {
   const order = Object.keys(FILES);
   const sorted = [...artifacts].sort((a, b) => rank(order, a.name) - rank(order, b.name));
-  const row = (/** @type {string} */ name, /** @type {string} */ text, /** @type {number} */ size, /** @type {string} */ path, /** @type {boolean} */ signed) =>
+  const row = (/** @type {string} */ name, /** @type {string} */ saved, /** @type {string} */ text, /** @type {number} */ size, /** @type {string} */ path, /** @type {boolean} */ signed) =>
     h(
       "li",
       { class: "file" },
@@ -51,8 +51,8 @@ export function filesPanel(job, artifacts, scope) {
       h(
         "div",
         { class: "row" },
-        button(`Copy curl for ${name}`, () => copyCurl(path, name), { icon: "copy", quiet: true, class: "button-quiet" }),
-        button(`Download ${name}`, () => download(path, name, signed, scope), { icon: "download", quiet: true }),
+        button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
+        button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
     );
   return h(
@@ -62,10 +62,27 @@ export function filesPanel(job, artifacts, scope) {
     h(
       "ul",
       { class: "files" },
-      sorted.map((found) => row(found.name, FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true)),
-      row(job.asset.filename, "The asset, as it was sent", job.asset.size, `v1/jobs/${job.id}/asset`, false),
+      sorted.map((found) =>
+        row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
+      ),
+      row(job.asset.filename, job.asset.filename, "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
     ),
+    alsoWanted(job, sorted),
   );
+}
+
+/**
+ * How to get the files that a job was not asked for.
+ *
+ * @param {any} job
+ * @param {any[]} artifacts
+ */
+function alsoWanted(job, artifacts) {
+  const lacks = (/** @type {string} */ name) => !artifacts.some((found) => found.name === name);
+  const wanted = [lacks("morph.glb") ? "an animated GLB" : "", lacks("result.usdz") ? "USDZ" : ""].filter(Boolean).join(" or ");
+  if (job.state !== "succeeded" || !wanted) return null;
+  const again = h("a", { href: routeHash({ name: "create", from: job.id }), on: { click: () => forgetDraftOf(job.id) } }, "Run it again");
+  return h("p", { class: "small muted" }, `Need ${wanted}? `, again, " with the box ticked under Advanced.");
 }
 
 /**
@@ -89,15 +106,15 @@ export function parametersPanel(job, report) {
     ? h(
         "p",
         { class: "small" },
-        `${job.origin.mode === "branch" ? "Branched from" : "Retries"} `,
+        `${job.origin.mode === "branch" ? "New version of" : "Retry of"} `,
         h("a", { href: `#/jobs/${job.origin.job_id}` }, "another job"),
-        job.origin.step ? ` at step ${job.origin.step}` : "",
+        job.origin.step ? `, from step ${count(job.origin.step)}` : "",
       )
     : null;
   return h(
     "details",
     { class: "panel panel-fold" },
-    h("summary", null, h("h2", null, "Parameters")),
+    h("summary", null, h("h2", null, "Settings")),
     origin,
     h("dl", { class: "parameters" }, Object.entries(params).flatMap(([name, value]) => entry(name, value))),
     report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}, on ${report.device}`) : null,
@@ -123,70 +140,3 @@ export class LogPanel {
     this.count.textContent = counted(lines.length, "entry", "entries");
   }
 }
-
-/**
- * Save a file: by a signed address where a key would be needed, so that the browser streams it to the disk.
- *
- * @param {string} path
- * @param {string} name
- * @param {boolean} signable
- * @param {import("../scope.js").Scope} scope
- */
-export async function download(path, name, signable, scope) {
-  try {
-    if (currentKey() && signable) {
-      const { url } = await requestJson(`${path}/url`, { method: "POST", signal: scope.signal });
-      // An absolute one is the bucket's, another origin: browsers download from there without a name of ours.
-      return save(/^https?:/.test(url) ? url : address(url), name);
-    }
-    if (!currentKey()) return save(address(path), name);
-    const response = await request(path, { signal: scope.signal });
-    const url = URL.createObjectURL(await response.blob());
-    save(url, name);
-    setTimeout(() => URL.revokeObjectURL(url), 10000);
-  } catch (error) {
-    if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
-  }
-}
-
-/**
- * @param {string} url
- * @param {string} name
- */
-function save(url, name) {
-  const link = h("a", { href: url, download: name });
-  document.body.append(link);
-  link.click();
-  link.remove();
-}
-
-/**
- * @param {string} path
- * @param {string} name
- */
-function copyCurl(path, name) {
-  // A shell reads nothing in single quotes; the key stays where it is.
-  const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
-  const key = currentKey() ? '-H "Authorization: Bearer $MESHDEFORM_API_KEY" ' : "";
-  return copyText(`curl ${key}-o ${quoted(name)} ${quoted(address(path))}`, "Command copied");
-}
-
-/**
- * @param {string} text
- * @param {string} done
- */
-export async function copyText(text, done) {
-  try {
-    await navigator.clipboard.writeText(text);
-    toast(done);
-  } catch {
-    // Without TLS browsers have no clipboard.
-    const field = h("textarea", { class: "visually-hidden", ".value": text });
-    document.body.append(field);
-    field.select();
-    const copied = document.execCommand("copy");
-    field.remove();
-    toast(copied ? done : "This browser does not let the page copy.");
-  }
-}
-

@@ -1,18 +1,21 @@
 // @ts-check
-/** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe. */
-import { isAbort, OfflineError, requestBytes } from "../api.js";
+/** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
+import { toast } from "../announce.js";
+import { isAbort, OfflineError, ProblemError, requestBytes } from "../api.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
-import { count, figure } from "../format.js";
+import { percent } from "../format.js";
+import { isTerminal } from "../history.js";
+import { shapeName } from "../names.js";
 import { linkViews, ViewerBox } from "../viewer-box.js";
+import { saveBytes } from "./files.js";
+import { ShapeCache, shapesOf } from "./shapes.js";
+import { segmented, showLegend, slider, toggle } from "./stage-controls.js";
 
-/**
- * A shape that the job had.
- *
- * @typedef {{step: number, path: string, label: string}} Shape
- */
-const CACHE_BYTES = 96 << 20;
+/** @typedef {import("./shapes.js").Shape} Shape */
+
 const PLAY_MS = 450;
+const AGAIN_MS = 3000;
 const HEATMAPS = /** @type {[("none" | "displacement" | "stretch"), string][]} */ ([
   ["none", "Material"],
   ["displacement", "Displacement"],
@@ -27,36 +30,40 @@ export class JobStage {
   constructor(job, scope) {
     this.job = job;
     this.scope = scope;
+    this.cache = new ShapeCache(scope);
+    this.source = new ArrayBuffer(0);
+    this.format = formatOf(job.asset.filename) || "glb";
     /** @type {Shape[]} */
     this.shapes = [];
     this.following = true; // the newest shape is shown as it comes
     this.chosen = -1;
-    this.shown = -1;
-    this.loading = false;
+    /** Path of the shape that is shown; empty: the source. */
+    this.shown = "";
+    /** @type {Set<string>} Shapes that the server no longer has. */
+    this.gone = new Set();
+    this.busy = false;
+    this.loaded = false;
     this.comparable = false;
     this.flat = false; // nothing can be drawn here
     this.kind = /** @type {"none" | "displacement" | "stretch"} */ ("none");
-    /** @type {Map<string, ArrayBuffer>} */
-    this.cache = new Map();
     this.playing = 0;
     this.before = new ViewerBox("Before", scope);
     this.after = new ViewerBox("After", scope);
     this.legend = h("div", { class: "legend", hidden: true });
-    this.scrubber = h("input", { type: "range", min: 0, max: 0, step: 1, id: "scrubber", on: { input: () => this._scrub() } });
-    this.scrubLabel = h("output", { for: "scrubber", class: "range-value" }, "Source");
     this.play = button("Play", () => this._toggle(), { icon: "play", quiet: true, class: "button-quiet" });
-    this.scrubRow = h("div", { class: "range-row", hidden: true }, h("label", { for: "scrubber" }, "Step"), this.play, this.scrubber, this.scrubLabel);
-    this.morphInput = h("input", { type: "range", min: 0, max: 100, step: 1, id: "morph-slider", on: { input: () => this._morph() } });
-    this.morphInput.value = "100";
-    this.morphLabel = h("output", { for: "morph-slider", class: "range-value" }, "100 %");
-    this.morphRow = h("div", { class: "range-row", hidden: true }, h("label", { for: "morph-slider" }, "Morph"), this.morphInput, this.morphLabel);
+    this.step = slider("scrubber", "Step", 0, () => this._scrub(), this.play);
+    this.morph = slider("morph-slider", "Morph", 100, () => this._morph());
+    this.morph.input.value = "100";
     this.heatmaps = segmented("Colour", HEATMAPS, "none", (kind) => this._heatmap(/** @type {any} */ (kind)));
+    this.save = button("Download this shape", () => this._download(), { icon: "download" });
+    this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture);
     this.element = this._build();
+    // Until its own shape is there, the source must not pass for it.
+    if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);
+    this._tag();
     this.ready = this._load();
-    scope.add(() => {
-      clearTimeout(this.playing);
-      this.cache.clear();
-    });
+    scope.add(() => clearTimeout(this.playing));
   }
 
   _build() {
@@ -74,28 +81,29 @@ export class JobStage {
     return h(
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": "Before and after" },
-      h("div", { class: "stage pair-stage" }, this.before.element, this.after.element),
-      h("div", { class: "stage-tools" }, this.heatmaps.element, wireframe, compare, this.legend, reset),
-      this.scrubRow,
-      this.morphRow,
+      h("div", { class: "stage pair-stage" }, this.before.element, this.after.element, this.legend),
+      h("div", { class: "stage-tools" }, this.heatmaps, wireframe, compare, reset),
+      this.step.row,
+      this.morph.row,
+      this.keep,
     );
   }
 
   async _load() {
     linkViews(this.before, this.after);
     try {
-      const source = await requestBytes(`v1/jobs/${this.job.id}/asset`, this.scope.signal);
-      const format = formatOf(this.job.asset.filename) || "glb";
+      this.source = await requestBytes(`v1/jobs/${this.job.id}/asset`, this.scope.signal);
       // Each viewer has a copy: what it reads it may keep.
-      const [found] = await Promise.all([this.before.load(source.slice(0), format), this.after.load(source, format)]);
+      const load = (/** @type {ViewerBox} */ box) => box.load(this.source.slice(0), this.format);
+      const [found] = await Promise.all([load(this.before), load(this.after)]);
       this.flat = found === null;
       this.element.classList.toggle("flat", this.flat);
       this.loaded = true;
       this._next();
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
-      this.before.say("The asset could not be loaded", error instanceof Error ? error.message : "", "warn");
-      if (error instanceof OfflineError && (await this.scope.sleep(3000))) await this._load();
+      this.before.say("The asset could not be loaded", error instanceof Error ? error.message : "", "warn", true);
+      if (error instanceof OfflineError && (await this.scope.sleep(AGAIN_MS))) await this._load();
     }
   }
 
@@ -107,20 +115,21 @@ export class JobStage {
    * @param {number} lastStep
    */
   offer(checkpoints, finished, lastStep) {
-    const base = `v1/jobs/${this.job.id}`;
-    /** @type {Shape[]} */
-    const shapes = checkpoints
-      .filter((step) => !(finished && step >= lastStep))
-      .map((step) => ({ step, path: `${base}/checkpoints/${step}/mesh.glb`, label: `Step ${count(step)}` }));
-    if (finished) shapes.push({ step: lastStep, path: `${base}/artifacts/result.glb`, label: "Result" });
-    const looked = this.shapes[this.chosen]?.step;
-    this.shapes = shapes;
-    this.scrubber.max = String(shapes.length);
-    this.scrubRow.hidden = shapes.length < 1;
-    if (this.following || looked === undefined) this.chosen = shapes.length - 1;
-    else this.chosen = Math.max(0, shapes.findIndex((shape) => shape.step >= looked));
+    const looked = this.shapes[this.chosen];
+    this.shapes = shapesOf(this.job, checkpoints, finished ? lastStep : null).filter(({ path }) => !this.gone.has(path));
+    this.step.input.max = String(this.shapes.length);
+    this.step.row.hidden = this.shapes.length < 1;
+    if (this.following || !looked) this.chosen = this.shapes.length - 1;
+    else this.chosen = Math.max(0, this.shapes.findIndex((shape) => shape.step >= looked.step));
     this._position();
+    this._tag();
     this._next();
+  }
+
+  /** The step that the slider is at; null at the source and at the result. */
+  get chosenStep() {
+    const shape = this.shapes[this.chosen];
+    return shape?.name.startsWith("step") ? shape.step : null;
   }
 
   /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
@@ -130,15 +139,25 @@ export class JobStage {
   }
 
   _position() {
-    this.scrubber.value = String(this.chosen + 1);
+    this.step.input.value = String(this.chosen + 1);
     const label = this.shapes[this.chosen]?.label ?? "Source";
-    this.scrubLabel.textContent = label;
-    this.scrubber.setAttribute("aria-valuetext", label);
+    this.step.value.textContent = label;
+    this.step.input.setAttribute("aria-valuetext", label);
+  }
+
+  /** Name what the second view shows. */
+  _tag() {
+    const shape = this.shapes.find(({ path }) => path === this.shown);
+    const share = Number(this.morph.input.value);
+    const none = this.shapes.length || isTerminal(this.job.state) ? "Source" : "Source, no new shape yet";
+    const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share < 100 ? `morph ${share}%` : ""] : [none];
+    fill(this.after.tag, parts.filter(Boolean).join(" · "));
+    this.keep.hidden = !shape || this.flat;
   }
 
   _scrub() {
     this._pause();
-    this.chosen = Number(this.scrubber.value) - 1;
+    this.chosen = Number(this.step.input.value) - 1;
     this.following = this.chosen === this.shapes.length - 1;
     this._position();
     this._next();
@@ -171,61 +190,75 @@ export class JobStage {
 
   /** Show what is chosen. While one shape is loaded others may come: then only the newest of them is loaded. */
   async _next() {
-    if (this.loading || !this.loaded) return;
-    this.loading = true;
+    if (this.busy || !this.loaded || this.flat) return;
+    this.busy = true;
     try {
       while (!this.scope.over && this._differs()) {
         const shape = this.shapes[this.chosen];
         if (shape) await this._show(shape);
-        else this.after.morph(0);
-        this.shown = shape?.step ?? -1;
+        else this._showSource();
       }
     } finally {
-      this.loading = false;
+      this.busy = false;
     }
   }
 
   _differs() {
-    return this.shown !== (this.shapes[this.chosen]?.step ?? -1);
+    return this.shown !== (this.shapes[this.chosen]?.path ?? "");
+  }
+
+  _showSource() {
+    this.after.say("");
+    this.after.morph(0);
+    this.shown = "";
+    this._tag();
   }
 
   /** @param {Shape} shape */
   async _show(shape) {
     try {
-      const mesh = await this._mesh(shape.path);
+      const mesh = await this.cache.get(shape.path);
       if (this.scope.over) return;
       this.comparable = await this.after.deform(mesh.slice(0));
-      this.morphRow.hidden = !this.comparable;
-      this.heatmaps.element.hidden = !this.comparable;
+      if (this.scope.over) return;
+      this.after.say("");
+      this.shown = shape.path;
+      this.morph.row.hidden = !this.comparable;
+      this.heatmaps.hidden = !this.comparable;
       this._morph();
       this._legend();
     } catch (error) {
-      // A checkpoint gives way to newer ones: the next one will do.
-      if (!isAbort(error)) console.warn(error);
+      if (!isAbort(error)) await this._missing(shape, error);
     }
   }
 
-  /** @param {string} path */
-  async _mesh(path) {
-    const known = this.cache.get(path);
-    if (known) return known;
-    const mesh = await requestBytes(path, this.scope.signal);
-    let held = mesh.byteLength;
-    for (const buffer of this.cache.values()) held += buffer.byteLength;
-    for (const [old, buffer] of this.cache) {
-      if (held <= CACHE_BYTES) break;
-      this.cache.delete(old);
-      held -= buffer.byteLength;
+  /**
+   * @param {Shape} shape
+   * @param {unknown} error
+   */
+  async _missing(shape, error) {
+    // A checkpoint gives way to newer ones: the next one will do.
+    if (error instanceof ProblemError && error.status === 404) {
+      this.gone.add(shape.path);
+      const at = this.shapes.indexOf(shape);
+      if (at >= 0) this.shapes.splice(at, 1);
+      this.step.input.max = String(this.shapes.length);
+      this.chosen = Math.min(this.chosen, this.shapes.length - 1);
+      this._position();
+      if (this.chosen < 0 && !this.shown) this._showSource();
+      return;
     }
-    this.cache.set(path, mesh);
-    return mesh;
+    console.warn(error);
+    if (!this.shown) this.after.say("This shape could not be loaded", "Trying again…", "warn", true);
+    await this.scope.sleep(AGAIN_MS);
   }
 
   _morph() {
-    const share = Number(this.morphInput.value);
-    this.morphLabel.textContent = `${share} %`;
-    this.morphInput.setAttribute("aria-valuetext", `${share} percent`);
-    this.after.morph(this.shapes[this.chosen] ? share / 100 : 0);
+    const share = Number(this.morph.input.value);
+    this.morph.value.textContent = percent(share / 100);
+    this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
+    if (this.shown) this.after.morph(share / 100);
+    this._tag();
   }
 
   /** @param {"none" | "displacement" | "stretch"} kind */
@@ -235,57 +268,30 @@ export class JobStage {
   }
 
   _legend() {
-    const scale = this.comparable || this.kind === "none" ? this.after.heatmap(this.kind) : null;
-    this.legend.hidden = !scale;
-    if (!scale) return;
-    const ramp = h("div", { class: "ramp", "aria-hidden": "true" });
-    ramp.style.backgroundImage = scale.gradient;
-    const ticks = h("div", { class: "ramp-ticks", "aria-hidden": "true" }, scale.ticks.map(({ text, at }) => {
-      const tick = h("span", null, text);
-      tick.style.insetInlineStart = `${100 * at}%`;
-      return tick;
-    }));
-    const unit = scale.unit === "×" ? "times" : scale.unit;
-    const words = `from ${figure(scale.min)} to ${figure(scale.max)} ${unit}, 99 percent at most ${figure(scale.p99)}`;
-    fill(
-      this.legend,
-      h("span", null, h("strong", null, scale.label), scale.unit ? `, ${scale.unit}` : ""),
-      ramp,
-      ticks,
-      h("span", { class: "visually-hidden" }, words),
-    );
+    showLegend(this.legend, this.comparable || this.kind === "none" ? this.after.heatmap(this.kind) : null);
   }
-}
 
-/**
- * @param {string} label
- * @param {[string, string][]} options
- * @param {string} chosen
- * @param {(value: string) => void} onChange
- */
-function segmented(label, options, chosen, onChange) {
-  const name = `segment-${label.toLowerCase()}`;
-  const element = h(
-    "fieldset",
-    { class: "segmented" },
-    h("legend", { class: "visually-hidden" }, label),
-    options.map(([value, text]) =>
-      h("label", null, h("input", { type: "radio", name, ".checked": value === chosen, on: { change: () => onChange(value) } }), h("span", null, text)),
-    ),
-  );
-  return { element };
-}
+  /** Save the shape that is on the screen. */
+  async _download() {
+    const shape = this.shapes.find(({ path }) => path === this.shown);
+    if (!shape) return;
+    const share = this.comparable ? Number(this.morph.input.value) : 100;
+    try {
+      const mesh = await this.cache.get(shape.path);
+      const bytes = share === 100 ? mesh : await this.after.blended(this.source, this.format, mesh, share / 100);
+      saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
+    } catch (error) {
+      if (!isAbort(error)) toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
+    }
+  }
 
-/**
- * @param {string} label
- * @param {(on: boolean) => void} onChange
- */
-function toggle(label, onChange) {
-  const element = h("button", { type: "button", class: "button button-toggle", "aria-pressed": "false" }, label);
-  element.addEventListener("click", () => {
-    const on = element.getAttribute("aria-pressed") !== "true";
-    element.setAttribute("aria-pressed", String(on));
-    onChange(on);
-  });
-  return element;
+  /** Save a picture of the second view. */
+  async _picture() {
+    const shape = this.shapes.find(({ path }) => path === this.shown);
+    try {
+      saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", Number(this.morph.input.value), "png"));
+    } catch (error) {
+      toast(`No picture. ${error instanceof Error ? error.message : ""}`);
+    }
+  }
 }

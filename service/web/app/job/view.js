@@ -1,5 +1,5 @@
 // @ts-check
-/** One job: live while it runs, and the same after a reload, because everything comes from its events. */
+/** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
 import { isAbort, OfflineError, ProblemError, request, requestJson } from "../api.js";
 import { LossChart } from "../chart.js";
@@ -7,6 +7,7 @@ import { fill, h, icon } from "../dom.js";
 import { ago } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
 import { stateBadge } from "../jobs/card.js";
+import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
@@ -54,7 +55,7 @@ export class JobView {
       } catch (error) {
         if (isAbort(error) || this.scope.over) return;
         fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
-        again = error instanceof OfflineError && (await this.scope.sleep(3000));
+        again = temporary(error) && (await this.scope.sleep(3000));
       }
     }
     if (!this.job || this.scope.over) return;
@@ -66,10 +67,10 @@ export class JobView {
     const { job, scope } = this;
     this.badge = h("span", { class: "badge-slot" });
     this.error = h("div", { class: "problem-slot" });
-    this.progress = new ProgressPanel();
+    this.progress = new ProgressPanel(scope);
     this.chart = new LossChart(scope);
     this.stage = new JobStage(job, scope);
-    this.actions = new JobActions(job, scope, () => this._refresh());
+    this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
     this.log = new LogPanel();
@@ -80,18 +81,20 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : "Towards a target mesh"),
+        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : "To a target mesh"),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
       h(
         "div",
         { class: "job" },
-        h("div", { class: "job-main" }, this.stage.element),
-        h("div", { class: "job-side" }, this.error, this.progress.element, this.results, this.chart.element, this.folds, this.log.element),
+        h("div", { class: "job-main" }, this.stage.element, this.chart.element),
+        h("div", { class: "job-side" }, this.error, this.progress.element, this.results, this.folds, this.log.element),
       ),
     );
     document.title = `${job.prompt || "Job"} · Meshdeform`;
+    // A retry and a new version begin with a shape of their own.
+    if (!isTerminal(job.state)) this.stage.offer([], false, 0);
     this._show();
   }
 
@@ -99,12 +102,12 @@ export class JobView {
     try {
       await follow(this.id, {
         onEvents: (events) => this._take(events),
-        onStatus: (status) => this.progress?.reconnecting(status === "reconnecting"),
+        onStatus: (status) => this.progress?.connected(status !== "reconnecting"),
       }, this.scope.signal);
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       const gone = error instanceof ProblemError && error.status === 404;
-      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "Its results are gone." } : error));
+      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : error));
       if (gone) announce("This job was deleted");
     }
   }
@@ -135,7 +138,7 @@ export class JobView {
     if (this.error && history.error) fill(this.error, problemBox(history.error));
   }
 
-  /** Which of the shapes on the way can still be had. */
+  /** Find out which steps' shapes are still kept. */
   async _keep() {
     try {
       const { checkpoints } = await requestJson(`v1/jobs/${this.id}/checkpoints`, { signal: this.scope.signal });
@@ -155,6 +158,7 @@ export class JobView {
     try {
       const { artifacts } = await requestJson(`v1/jobs/${this.id}/artifacts`, { signal: this.scope.signal });
       const names = artifacts.map((/** @type {any} */ found) => found.name);
+      if (succeeded && this.error) fill(this.error);
       this.report = names.includes("report.json") ? await requestJson(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
@@ -170,7 +174,7 @@ export class JobView {
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
       if (this.error && succeeded) fill(this.error, problemBox(error));
-      if (error instanceof OfflineError && (await this.scope.sleep(3000))) await this._finish();
+      if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
   }
 
@@ -178,11 +182,17 @@ export class JobView {
     try {
       this.job = await requestJson(`v1/jobs/${this.id}`, { signal: this.scope.signal });
       if (this.actions) this.actions.job = this.job;
+      if (this.stage) this.stage.job = this.job;
       if (this.job.error && this.error) fill(this.error, problemBox(this.job.error));
     } catch (error) {
       if (!isAbort(error)) console.warn(error);
     }
   }
+}
+
+/** Return whether the same request may succeed a little later. @param {unknown} error */
+function temporary(error) {
+  return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
 }
 
 /** @param {any} job */
@@ -191,8 +201,8 @@ function meta(job) {
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",
-    params.preset ?? "balanced",
-    `seed ${params.seed ?? 0}`,
+    (PRESETS.find(([name]) => name === (params.preset ?? "balanced")) ?? ["", ""])[1],
+    `variation ${params.seed ?? 0}`,
     ago(job.created_at),
   ];
   return h("span", null, parts.filter(Boolean).join(" · "));

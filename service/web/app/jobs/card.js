@@ -1,8 +1,9 @@
 // @ts-check
-/** A job in a list: a picture, a state in words, a prompt. */
+/** A job in a list: its picture, state, prompt and file. */
 import { request } from "../api.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, percent, roughly, STATE_WORDS } from "../format.js";
+import { isTerminal, shareDone } from "../history.js";
 import { routeHash } from "../router.js";
 
 const GLYPHS = /** @type {Record<string, string>} */ ({
@@ -18,7 +19,7 @@ export class JobCard {
   /**
    * @param {any} job
    * @param {import("../scope.js").Scope} scope
-   * @param {{heading?: string, level?: "h2" | "h3"}} [options]
+   * @param {{heading?: string, level?: "h2" | "h3", onSelect?: () => void}} [options]
    */
   constructor(job, scope, options = {}) {
     this.scope = scope;
@@ -28,18 +29,28 @@ export class JobCard {
     this.badge = h("span", null);
     this.meta = h("span", { class: "small muted" });
     this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || (job.prompt || "Target mesh"));
-    this.element = h("li", { class: "card" }, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
+    this.name = `${job.prompt || "Target mesh"} ${job.asset?.filename ?? ""}`;
+    this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || job.prompt || "target mesh"}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
+    this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
+  }
+
+  /** Return whether the prompt and the file's name contain all words. @param {string} text */
+  matches(text) {
+    const name = this.name.toLowerCase();
+    return text.toLowerCase().split(/\s+/).every((word) => name.includes(word));
   }
 
   /** @param {any} job */
   show(job) {
     const running = job.state === "running" || job.state === "canceling";
-    const { fraction, eta_s: eta } = job.progress;
+    const fraction = shareDone(job.progress);
+    const { eta_s: eta } = job.progress;
     this.meta.textContent = running
       ? [percent(fraction), eta === null ? "" : `${roughly(eta)} left`].filter(Boolean).join(" · ")
-      : [this.heading ? "" : `seed ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
+      : [this.heading ? "" : job.asset?.filename, this.heading ? "" : `variation ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
+    this.box.disabled = !isTerminal(job.state);
     if (running) this._bar(fraction);
     if (job.state === this.state) return;
     this.state = job.state;
@@ -61,7 +72,7 @@ export class JobCard {
       const url = this.scope.url(await response.blob());
       if (!this.scope.over) fill(this.picture, h("img", { src: url, alt: "", loading: "lazy" }));
     } catch {
-      // It has none, or the view has gone.
+      // There is no picture, or the view has gone.
       if (!this.scope.over) fill(this.picture, h("span", { class: "card-glyph" }, icon("check")));
     }
   }

@@ -1,16 +1,21 @@
 // @ts-check
-/** All jobs, newest first, in pages; and those of one group as a contact sheet. */
-import { announce } from "../announce.js";
+/** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
+import { announce, toast } from "../announce.js";
 import { isAbort, requestJson } from "../api.js";
+import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { counted, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash, STATES } from "../router.js";
+import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
 
 const PAGE = 24;
 const POLL_MS = 1500;
+// A search reads older pages until it has found this many jobs, or read this many.
+const FOUND = 24;
+const SEARCHED = 500;
 
 export class ListView {
   /**
@@ -35,8 +40,19 @@ export class ListView {
     this.title = h("h1", null, group ? "Variations" : "Jobs");
     this.more = button("Older jobs", () => this._older(), { class: "more" });
     this.more.hidden = true;
-    const head = h("div", { class: "section-head" }, this.title, group ? h("a", { href: "#/jobs" }, "All jobs") : filter(state));
-    fill(root, head, this.summary, this.problem, this.grid, this.more);
+    this.search = h("input", { type: "search", id: "job-search", placeholder: "Prompt or file name", "aria-label": "Search jobs" });
+    const find = debounced(() => this._search(), 250, scope);
+    this.search.addEventListener("input", find);
+    this.selecting = false;
+    this.select = button("Select", () => this._selectMode(!this.selecting), {});
+    this.chosen = h("div", { class: "row select-bar", hidden: true });
+    this.cancelAll = button("Cancel all", () => this._cancelAll(), { icon: "stop" });
+    this.cancelAll.hidden = true;
+    const tools = group
+      ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
+      : h("div", { class: "row" }, this.search, filter(state), this.select);
+    const head = h("div", { class: "section-head" }, this.title, tools);
+    fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
     this._run();
   }
 
@@ -71,13 +87,15 @@ export class ListView {
     this._words(page.jobs.length === 0);
   }
 
-  async _older() {
+  /** @param {boolean} [focus] Move the focus to the first of them. */
+  async _older(focus = true) {
     if (!this.cursor) return;
     try {
       const page = await requestJson(`v1/jobs?${this.query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
       this.cursor = page.next_cursor;
       this._take(page.jobs, false);
       this._words(false);
+      if (!focus) return;
       this.cards.get(page.jobs[0]?.id)?.title.focus();
       announce(`${counted(page.jobs.length, "older job")} shown`);
     } catch (error) {
@@ -85,16 +103,100 @@ export class ListView {
     }
   }
 
-  /** Jobs of the first page that are not in it any more: deleted, or in another state. @param {any[]} jobs */
+  /** Show only the jobs that were searched for, and read older ones while there are few. */
+  async _search() {
+    const text = this.search.value.trim();
+    for (const card of this.cards.values()) card.element.hidden = !card.matches(text);
+    this._selection();
+    while (text && text === this.search.value.trim() && this.cursor && this.jobs.size < SEARCHED && this._shown().length < FOUND) {
+      const before = this.jobs.size;
+      await this._older(false);
+      if (this.jobs.size === before) break;
+    }
+    this._words(false);
+    if (text) announce(this._searchWords());
+  }
+
+  /** @returns {JobCard[]} */
+  _shown() {
+    return [...this.cards.values()].filter((card) => !card.element.hidden);
+  }
+
+  _searchWords() {
+    const text = this.search.value.trim();
+    if (!text) return "";
+    return `${counted(this._shown().length, "job")} found among the newest ${this.jobs.size}.`;
+  }
+
+  /** @param {boolean} on */
+  _selectMode(on) {
+    this.selecting = on;
+    this.select.setAttribute("aria-pressed", String(on));
+    this.grid.classList.toggle("selecting", on);
+    this.chosen.hidden = !on;
+    if (!on) for (const card of this.cards.values()) card.box.checked = false;
+    this._selection();
+  }
+
+  /** @returns {JobCard[]} */
+  _selected() {
+    return this._shown().filter((card) => card.box.checked && !card.box.disabled);
+  }
+
+  _selection() {
+    if (!this.selecting) return;
+    const chosen = this._selected();
+    const all = button("Select all finished", () => {
+      for (const card of this._shown()) card.box.checked = !card.box.disabled;
+      this._selection();
+    }, {});
+    const remove = button(`Delete ${counted(chosen.length, "job")}`, () => this._deleteSelected(), { icon: "trash", class: "button-danger" });
+    remove.disabled = !chosen.length;
+    const focused = this.chosen.contains(document.activeElement);
+    fill(this.chosen, all, remove, h("span", { class: "small muted" }, "Cancel a running job before you delete it."));
+    if (focused) all.focus();
+  }
+
+  _deleteSelected() {
+    const chosen = this._selected();
+    ask(
+      {
+        title: `Delete ${counted(chosen.length, "job")}?`,
+        body: [h("p", null, "Their results, steps and assets are deleted too. This can't be undone.")],
+        action: "Delete",
+        danger: true,
+        act: async () => {
+          for (const card of chosen) {
+            await requestJson(`v1/jobs/${card.id}`, { method: "DELETE" });
+            this._forget(card.id);
+          }
+          toast(`${counted(chosen.length, "job")} deleted`);
+          this._selectMode(false);
+          this._words(!this.jobs.size);
+        },
+      },
+      this.scope,
+    );
+  }
+
+  async _cancelAll() {
+    const open = [...this.jobs.values()].filter((job) => !isTerminal(job.state));
+    await Promise.allSettled(open.map((job) => requestJson(`v1/jobs/${job.id}/cancel`, { method: "POST" })));
+    await this._newest().catch(() => {});
+  }
+
+  /** @param {string} id */
+  _forget(id) {
+    this.cards.get(id)?.element.remove();
+    this.cards.delete(id);
+    this.jobs.delete(id);
+  }
+
+  /** Remove jobs of the first page that are no longer in it: deleted, or in another state. @param {any[]} jobs */
   _drop(jobs) {
     const ids = new Set(jobs.map((job) => job.id));
     const oldest = jobs.length ? jobs[jobs.length - 1].id : "";
-    for (const [id, card] of this.cards) {
-      if (ids.has(id) || id < oldest) continue;
-      card.element.remove();
-      this.cards.delete(id);
-      this.jobs.delete(id);
-    }
+    for (const id of [...this.cards.keys()]) if (!ids.has(id) && id >= oldest) this._forget(id);
   }
 
   /**
@@ -111,8 +213,9 @@ export class ListView {
         known.show(job);
         continue;
       }
-      const heading = this.group ? `Seed ${job.params?.seed ?? 0}` : undefined;
-      const card = new JobCard(job, this.scope, { heading });
+      const heading = this.group ? `Variation ${job.params?.seed ?? 0}` : undefined;
+      const card = new JobCard(job, this.scope, { heading, onSelect: () => this._selection() });
+      card.element.hidden = !card.matches(this.search.value.trim());
       this.cards.set(job.id, card);
       if (this.group || (atFront && this.grid.childElementCount)) this.grid.prepend(card.element);
       else this.grid.append(card.element);
@@ -124,10 +227,12 @@ export class ListView {
     this.more.hidden = !this.cursor;
     const jobs = [...this.jobs.values()];
     if (none && !jobs.length) {
-      fill(this.summary, this.query.has("state") ? "No jobs in this state." : "No jobs yet. ", this.query.has("state") ? null : h("a", { href: "#/" }, "Make the first one"));
+      fill(this.summary, this.query.has("state") ? "No jobs in this state." : "No jobs yet. ", this.query.has("state") ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
     }
-    if (!this.group) return void fill(this.summary);
+    this.select.hidden = !jobs.length;
+    if (!this.group) return void fill(this.summary, this._searchWords());
+    this.cancelAll.hidden = !this._active();
     const prompt = jobs[0]?.prompt ?? "";
     fill(this.title, `“${prompt}”`);
     this.title.className = "prompt-title";

@@ -1,0 +1,85 @@
+// @ts-check
+/** Save files to the user's disk, and copy text. */
+import { toast } from "../announce.js";
+import { address, isAbort, request, requestJson } from "../api.js";
+import { h } from "../dom.js";
+import { currentKey } from "../key.js";
+import { described } from "../problem-box.js";
+
+// Smaller files go through the page, which names them; larger ones are streamed to the disk under the server's name.
+const NAMED_BYTES = 256 << 20;
+
+/**
+ * Save a file of the server.
+ *
+ * @param {string} path
+ * @param {string} name
+ * @param {number} size
+ * @param {boolean} signable Whether the server signs addresses of it, which need no key.
+ * @param {import("../scope.js").Scope} scope
+ */
+export async function download(path, name, size, signable, scope) {
+  try {
+    if (size <= NAMED_BYTES || (currentKey() && !signable)) {
+      const response = await request(path, { signal: scope.signal });
+      return saveBytes(await response.blob(), name);
+    }
+    if (!currentKey()) return save(address(path), name);
+    const { url } = await requestJson(`${path}/url`, { method: "POST", signal: scope.signal });
+    // An absolute one is the bucket's, another origin.
+    save(/^https?:/.test(url) ? url : address(url), name);
+  } catch (error) {
+    if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
+  }
+}
+
+/**
+ * @param {Blob} blob
+ * @param {string} name
+ */
+export function saveBytes(blob, name) {
+  const url = URL.createObjectURL(blob);
+  save(url, name);
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}
+
+/**
+ * @param {string} url
+ * @param {string} name
+ */
+function save(url, name) {
+  const link = h("a", { href: url, download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+}
+
+/**
+ * @param {string} path
+ * @param {string} name
+ */
+export function copyCurl(path, name) {
+  // A shell reads nothing in single quotes; the key stays where it is.
+  const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
+  const key = currentKey() ? '-H "Authorization: Bearer $MESHDEFORM_API_KEY" ' : "";
+  return copyText(`curl ${key}-o ${quoted(name)} ${quoted(address(path))}`, "Command copied");
+}
+
+/**
+ * @param {string} text
+ * @param {string} done
+ */
+export async function copyText(text, done) {
+  try {
+    await navigator.clipboard.writeText(text);
+    toast(done);
+  } catch {
+    // Without TLS browsers have no clipboard.
+    const field = h("textarea", { class: "visually-hidden", ".value": text });
+    document.body.append(field);
+    field.select();
+    const copied = document.execCommand("copy");
+    field.remove();
+    toast(copied ? done : "This browser does not let the page copy.");
+  }
+}

@@ -1,0 +1,67 @@
+// @ts-check
+/** A prompt that the model does not understand: what it did not, and prompts near it that it does. */
+import { ProblemError } from "./api.js";
+import { fill, h } from "./dom.js";
+import { described } from "./problem-box.js";
+import { nearby } from "./vocabulary.js";
+
+/** @param {unknown} error */
+export function isAboutPrompt(error) {
+  return error instanceof ProblemError && error.code.startsWith("prompt_");
+}
+
+/**
+ * What was not understood, in one line.
+ *
+ * @param {ProblemError} error
+ */
+export function refusalText(error) {
+  const unknown = unknownWords(error);
+  if (unknown.length) return `Not understood: ${unknown.map((word) => `“${word}”`).join(", ")}.`;
+  // The first sentence says what is wrong.
+  return error.message.split(/(?<=[.!?])\s/)[0];
+}
+
+/** @param {ProblemError} error @returns {string[]} */
+function unknownWords(error) {
+  return Array.isArray(error.document.unknown) ? error.document.unknown.map(String) : [];
+}
+
+/**
+ * Prompts that would be understood: those that the server names, or those that the page finds.
+ *
+ * @param {ProblemError} error
+ * @param {string} prompt
+ * @param {import("./vocabulary.js").Vocabulary | null} known
+ * @returns {string[]}
+ */
+export function repairs(error, prompt, known) {
+  const { suggestions, nouns, attributes } = error.document;
+  if (Array.isArray(suggestions) && suggestions.length) return suggestions.slice(0, 3).map(String);
+  if (error.code !== "prompt_unknown_words") return [];
+  const words = known ?? (Array.isArray(nouns) ? { nouns, attributes: attributes ?? [], examples: [] } : null);
+  return words ? nearby(prompt, suggestions ?? {}, words) : [];
+}
+
+/**
+ * Say what is wrong with a prompt, with buttons that repair it.
+ *
+ * @param {HTMLElement} place
+ * @param {unknown} error A problem of the server, or a sentence.
+ * @param {string} prompt
+ * @param {import("./vocabulary.js").Vocabulary | null} known
+ * @param {(prompt: string) => void} use
+ */
+export function showRefusal(place, error, prompt, known, use) {
+  const found = error instanceof ProblemError ? error : null;
+  const text = found ? refusalText(found) : typeof error === "string" ? error : described(error).title;
+  const offers = found ? repairs(found, prompt, known) : [];
+  fill(
+    place,
+    h("strong", null, text),
+    offers.length
+      ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that work" }, offers.map((offer) =>
+          h("button", { type: "button", class: "chip", on: { click: () => use(offer) } }, `Use “${offer}”`)))
+      : null,
+  );
+}

@@ -1,0 +1,134 @@
+// @ts-check
+/** A GLB between a source and its result: the result's file with blended positions and normals. */
+import { readJson, withJson } from "./glb.js";
+
+/** @typedef {{ POSITION: Float32Array, NORMAL?: Float32Array, TANGENT?: Float32Array }} Vertices attributes of one primitive */
+
+const SIZES = /** @type {Record<string, number>} */ ({ VEC3: 3, VEC4: 4 });
+const BYTES = /** @type {Record<number, number>} */ ({ 5120: 1, 5121: 1, 5122: 2, 5123: 2, 5126: 4 });
+const LARGEST = /** @type {Record<number, number>} */ ({ 5120: 127, 5121: 255, 5122: 32767, 5123: 65535 });
+
+/**
+ * Blend the vertices of a result with those of its source.
+ * @param {ArrayBuffer} result a GLB whose vertices are plain floats
+ * @param {Vertices[]} source one for each primitive of the result, in the order of its meshes
+ * @param {number} share 0 is the source, 1 the result
+ * @returns {ArrayBuffer} a GLB
+ * @throws {Error} the two do not fit, or the file is compressed; the message is for people
+ */
+export function blendGlb(result, source, share) {
+  const json = readJson(result);
+  const found = primitivesOf(json);
+  if (found.length !== source.length) throw new Error("The result has other meshes than the source.");
+  const bytes = result.slice(0);
+  /** @type {Set<number>} */
+  const done = new Set();
+  found.forEach((primitive, i) => {
+    for (const name of /** @type {(keyof Vertices)[]} */ (["POSITION", "NORMAL", "TANGENT"])) {
+      const index = primitive.attributes[name];
+      const before = source[i][name];
+      if (index === undefined || !before || done.has(index)) continue;
+      done.add(index);
+      blend(bytes, json, index, before, share, name);
+    }
+  });
+  return withJson(bytes, json);
+}
+
+/**
+ * The vertices of a GLB, a member for each primitive.
+ * @param {ArrayBuffer} buffer
+ * @returns {Vertices[]}
+ * @throws {Error} they are compressed
+ */
+export function verticesOf(buffer) {
+  const json = readJson(buffer);
+  return primitivesOf(json).map(({ attributes }) => {
+    const names = ["POSITION", "NORMAL", "TANGENT"].filter((name) => attributes[name] !== undefined);
+    return /** @type {Vertices} */ (Object.fromEntries(names.map((name) => [name, values(buffer, json, attributes[name])])));
+  });
+}
+
+/** @param {Record<string, any>} json @returns {{ attributes: Record<string, number> }[]} */
+function primitivesOf(json) {
+  return (json.meshes ?? []).flatMap((/** @type {any} */ mesh) => mesh.primitives);
+}
+
+/**
+ * @param {ArrayBuffer} bytes changed in place
+ * @param {Record<string, any>} json its `min` and `max` of positions are changed in place
+ * @param {number} index
+ * @param {Float32Array} before
+ * @param {number} share
+ * @param {string} name
+ */
+function blend(bytes, json, index, before, share, name) {
+  const accessor = json.accessors[index];
+  if (accessor.componentType !== 5126) throw new Error("The result's vertices are not plain floats.");
+  const after = values(bytes, json, index);
+  if (after.length !== before.length) throw new Error("The result has other vertices than the source.");
+  const size = SIZES[accessor.type];
+  for (let i = 0; i < after.length; i++) {
+    if (size === 3 || i % 4 !== 3) after[i] = before[i] + share * (after[i] - before[i]);
+  }
+  if (name !== "POSITION") normalize(after, size);
+  const { start, stride, view } = place(bytes, json, index);
+  for (let i = 0; i < after.length; i++) view.setFloat32(start + Math.floor(i / size) * stride + 4 * (i % size), after[i], true);
+  if (name !== "POSITION") return;
+  accessor.min = [Infinity, Infinity, Infinity];
+  accessor.max = [-Infinity, -Infinity, -Infinity];
+  for (let i = 0; i < after.length; i++) {
+    accessor.min[i % 3] = Math.min(accessor.min[i % 3], after[i]);
+    accessor.max[i % 3] = Math.max(accessor.max[i % 3], after[i]);
+  }
+}
+
+/** @param {Float32Array} vectors @param {number} size of each; only its first three numbers have a length */
+function normalize(vectors, size) {
+  for (let i = 0; i < vectors.length; i += size) {
+    const length = Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]) || 1;
+    for (let c = 0; c < 3; c++) vectors[i + c] /= length;
+  }
+}
+
+/**
+ * An accessor's numbers as floats.
+ * @param {ArrayBuffer} buffer
+ * @param {Record<string, any>} json
+ * @param {number} index
+ * @returns {Float32Array}
+ */
+function values(buffer, json, index) {
+  const { count, type, componentType, normalized } = json.accessors[index];
+  const { start, stride, view } = place(buffer, json, index);
+  const size = SIZES[type];
+  const read = reader(view, componentType, normalized === true);
+  const out = new Float32Array(size * count);
+  for (let i = 0; i < out.length; i++) out[i] = read(start + Math.floor(i / size) * stride + BYTES[componentType] * (i % size));
+  return out;
+}
+
+/** @param {DataView} view @param {number} type @param {boolean} normalized @returns {(at: number) => number} */
+function reader(view, type, normalized) {
+  const plain = /** @type {Record<number, (at: number) => number>} */ ({
+    5120: (at) => view.getInt8(at),
+    5121: (at) => view.getUint8(at),
+    5122: (at) => view.getInt16(at, true),
+    5123: (at) => view.getUint16(at, true),
+    5126: (at) => view.getFloat32(at, true),
+  })[type];
+  return normalized ? (at) => Math.max(plain(at) / LARGEST[type], -1) : plain;
+}
+
+/** @param {ArrayBuffer} buffer @param {Record<string, any>} json @param {number} index where an accessor's bytes are */
+function place(buffer, json, index) {
+  const { bufferView, byteOffset = 0, componentType, type, sparse } = json.accessors[index];
+  const held = json.bufferViews?.[bufferView];
+  if (!held || sparse || held.buffer !== 0 || Object.keys(held.extensions ?? {}).length || !BYTES[componentType] || !SIZES[type]) {
+    throw new Error("The file is compressed: only whole steps of it can be downloaded.");
+  }
+  const view = new DataView(buffer);
+  const chunk = 20 + view.getUint32(12, true) + 8;
+  const stride = held.byteStride ?? BYTES[componentType] * SIZES[type];
+  return { start: chunk + (held.byteOffset ?? 0) + byteOffset, stride, view };
+}
