@@ -148,7 +148,8 @@ def test_variations_are_compared_on_one_sheet(page: Page, service: Service, smal
     cards = page.locator(".contact-sheet .card")
     expect(cards).to_have_count(3)
     expect(page.locator(".contact-sheet .card img")).to_have_count(3)
-    assert [card.inner_text().splitlines()[0] for card in cards.all()] == ["Variation 100", "Variation 101", "Variation 102"]
+    names = [card.inner_text().splitlines()[0] for card in cards.all()]
+    assert names == ["Variation 100", "Variation 101", "Variation 102"]
     group = page.url.rpartition("/")[2]
     jobs = service.http.get("/v1/jobs", params={"metadata[group]": group}).json()["jobs"]
     assert sorted(job["params"]["seed"] for job in jobs) == [100, 101, 102]
