@@ -30,7 +30,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.geometry.weld import weld
 
-__all__ = ["SOURCES", "mesh_sha256", "source_mesh"]
+__all__ = ["SOURCES", "mesh_sha256", "quadruped", "source_mesh"]
 
 _FREQUENCY = 10
 _Point = tuple[float, float, float]
@@ -65,13 +65,14 @@ def _armchair() -> TriangleMesh:
     return relaxed_surface(smooth_union(seat, back, blend=0.03), _FREQUENCY)
 
 
-def _quadruped() -> TriangleMesh:
+def quadruped(frequency: int = _FREQUENCY) -> TriangleMesh:
+    """Return an animal in one piece, of 20 * frequency^2 triangles."""
     legs = [
         capsule((0.05 * x, -0.05, 0.1 * z), (0.25 * x, -0.55, 0.42 * z), 0.18, 0.14) for x in (-1, 1) for z in (-1, 1)
     ]
     trunk = capsule((0, 0, -0.42), (0, 0, 0.42), 0.27, 0.27)
     head, tail = capsule((0, 0, 0.2), (0, 0.42, 0.62), 0.18, 0.2), capsule((0, 0, -0.2), (0, 0.28, -0.72), 0.13, 0.08)
-    return relaxed_surface(smooth_union(trunk, *legs, head, tail, blend=0.08), _FREQUENCY)
+    return relaxed_surface(smooth_union(trunk, *legs, head, tail, blend=0.08), frequency)
 
 
 def _toy() -> TriangleMesh:
@@ -93,7 +94,7 @@ SOURCES: dict[str, Callable[[], TriangleMesh]] = {
     "torus": lambda: torus(0.6, 0.25, 44, 24),
     "vase": _vase,
     "armchair": _armchair,
-    "quadruped": _quadruped,
+    "quadruped": quadruped,
     "toy": _toy,
 }
 """Every source by name."""

@@ -1,0 +1,66 @@
+"""Make the animated picture at the top of the README: a painted animal becomes a giraffe and goes back.
+
+    python bench/hero.py -o docs/pictures/hero.webp
+
+The animal is the quadruped of the benchmark in 9,680 triangles, painted by formula with vertex colours, which a deformation
+keeps. The builtin prior deforms it with the preset `balanced` and seed 0.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from meshdeform.assets import build_glb
+from meshdeform.evaluation.sources import quadruped
+
+PROMPT = "a giraffe"
+COAT, PATCH, MUZZLE, HOOF = (0.80, 0.52, 0.22), (0.30, 0.10, 0.03), (0.86, 0.66, 0.42), (0.07, 0.04, 0.03)
+"""Linear colours."""
+
+
+def painted_animal() -> bytes:
+    """Return the GLB of a quadruped with patches, hooves and a muzzle."""
+    mesh = quadruped(22)
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    normals = trimesh.Trimesh(verts, faces, process=False).vertex_normals
+    return build_glb(verts, faces, normals=normals, colors=_colors(verts))
+
+
+def _colors(verts: NDArray[np.float64]) -> NDArray[np.float32]:
+    centres = np.random.default_rng(3).uniform(verts.min(0), verts.max(0), (420, 3))
+    nearest = np.sort(np.linalg.norm(verts[:, None] - centres, axis=2), axis=1)[:, :2]
+    # Between two cells the coat shows; the wider the gap, the nearer both centres are.
+    patch = np.clip((nearest[:, 1] - nearest[:, 0] - 0.016) / 0.012, 0, 1)[:, None]
+    colors = (1 - patch) * np.array(COAT) + patch * np.array(PATCH)
+    low, high = verts[:, 1].min(), verts[:, 1].max()
+    height = ((verts[:, 1] - low) / (high - low))[:, None]
+    colors = np.where(height < 0.09, np.array(HOOF), colors)
+    front = verts[:, 2].max()
+    muzzle = np.clip((verts[:, 2] - front + 0.14) / 0.05, 0, 1)[:, None]
+    colors = (1 - muzzle) * colors + muzzle * np.array(MUZZLE)
+    colors = np.where((verts[:, 2] > front - 0.012)[:, None], np.array(HOOF), colors)
+    return colors.astype(np.float32)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, default=Path("docs/pictures/hero.webp"))
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        asset, result = Path(folder) / "animal.glb", Path(folder) / "giraffe.glb"
+        asset.write_bytes(painted_animal())
+        meshdeform = [sys.executable, "-m", "meshdeform"]
+        subprocess.run([*meshdeform, "run", str(asset), PROMPT, "-o", str(result), "--seed", "0"], check=True)
+        subprocess.run([*meshdeform, "animate", str(asset), str(result), "-o", str(arguments.output)], check=True)
+
+
+if __name__ == "__main__":
+    main()
