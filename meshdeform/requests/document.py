@@ -118,7 +118,8 @@ class JobRequest(StrictModel):
         0,
         ge=-MAX_PRIORITY,
         le=MAX_PRIORITY,
-        description="Workers take the job with the greatest priority first, and of equal ones the oldest.",
+        description="Jobs with a higher priority run first. Among equal ones, owners take turns, each with its oldest "
+        "job. API keys have a limit.",
         examples=[0],
     )
     deadline_s: float | None = Field(

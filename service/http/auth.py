@@ -16,6 +16,7 @@ from fastapi.security.http import HTTPAuthorizationCredentials
 
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.keys import ApiKey, KeyRing
+from meshdeform.requests.document import MAX_PRIORITY
 from meshdeform.serving.access import is_foreign, needs_keys
 from meshdeform.settings import Settings
 from service.http.middleware import add_header
@@ -44,12 +45,15 @@ class Principal:
         Unfinished jobs that they may have; 0: any number.
     requests_per_minute : int
         Requests that they may make; 0: any number.
+    max_priority : int
+        The highest priority of their jobs.
     """
 
     owner_id: str = ""
     key_id: str | None = None
     max_active_jobs: int = 0
     requests_per_minute: int = 0
+    max_priority: int = MAX_PRIORITY
 
 
 class Gate:
@@ -104,6 +108,7 @@ class Gate:
             key_id=key.id,
             max_active_jobs=_first(key.max_active_jobs, self._settings.max_active_jobs),
             requests_per_minute=_first(key.requests_per_minute, self._settings.requests_per_minute),
+            max_priority=_first(key.max_priority, self._settings.max_priority),
         )
 
     async def _verified(self, text: str, peer: str) -> ApiKey:
