@@ -74,21 +74,17 @@ class Leases:
         Owners with jobs of that priority take turns, each with its oldest job, so that a job waits for one job of every
         other owner and not for all that were queued before.
         """
-        first = sa.select(jobs.c.id).where(_queued).order_by(jobs.c.priority.desc(), jobs.c.id)
-        # The second one for when other workers hold those of the owner whose turn it is.
-        job = self._claim(self._next_of_turn(), first, worker_id=worker_id, lease_s=lease_s)
+        queued = sa.select(jobs.c.id).where(_queued)
+        by_urgency = queued.order_by(jobs.c.priority.desc(), jobs.c.id)
+        top = by_urgency.with_only_columns(jobs.c.priority).limit(1).scalar_subquery()
+        # In the order of an index (ix_jobs_share), so that each is one look-up in it.
+        in_turn = queued.where(jobs.c.priority == top).order_by(jobs.c.owner_id, jobs.c.id)
+        after = in_turn.where(jobs.c.owner_id > self._last_served())
+        # After the last owner comes the first; the last choice is for when other workers hold all of that priority.
+        job = self._claim(after, in_turn, by_urgency, worker_id=worker_id, lease_s=lease_s)
         if job is not None:
             self._served = job.owner_id
         return job
-
-    def _next_of_turn(self) -> sa.Select[tuple[str]]:
-        """Return the query for the next job, of which every part is one look-up in an index."""
-        top = sa.select(jobs.c.priority).where(_queued).order_by(jobs.c.priority.desc()).limit(1).scalar_subquery()
-        # An expression of its own for each owner: the next one by name after the one served last, else the first.
-        owners = sa.select(sa.func.min(jobs.c.owner_id)).where(_queued, jobs.c.priority == top)
-        after = owners.where(jobs.c.owner_id > self._last_served()).scalar_subquery()
-        turn = sa.func.coalesce(after, owners.scalar_subquery())
-        return sa.select(jobs.c.id).where(_queued, jobs.c.priority == top, jobs.c.owner_id == turn).order_by(jobs.c.id)
 
     def _last_served(self) -> Any:
         """Return the owner whom this process served last, else the one whom any worker did."""
