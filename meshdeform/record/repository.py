@@ -41,6 +41,8 @@ class JobRecord:
     ----------
     url : str
         The database; its tables are created and migrated here.
+    idle_connections : int
+        Number of unused connections to PostgreSQL that stay open.
 
     Attributes
     ----------
@@ -70,8 +72,8 @@ class JobRecord:
         Here and in every method: the database does not answer.
     """
 
-    def __init__(self, url: str) -> None:
-        self.database = self._database = Database(url)
+    def __init__(self, url: str, idle_connections: int = 5) -> None:
+        self.database = self._database = Database(url, idle_connections)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
