@@ -105,6 +105,13 @@ class Settings(BaseSettings):
     max_active_jobs: int = Field(
         1000, ge=0, description="Unfinished jobs of an API key that sets no limit itself. 0: unlimited."
     )
+    max_priority: int = Field(
+        0,
+        ge=-100,
+        le=100,
+        description="Highest job priority of an API key that sets no limit itself. Above 0, its jobs can delay "
+        "those of all others. Without keys, any priority is allowed.",
+    )
     upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
     webhook_networks: _Networks = Field(

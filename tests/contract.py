@@ -41,6 +41,7 @@ def service_under_test(folder: Path, redis_url: str) -> Iterator[tuple[str, str]
         auth="on",
         requests_per_minute=0,
         max_active_jobs=0,
+        max_priority=100,
         max_upload_bytes=2**20,
         webhook_networks=["127.0.0.0/8"],
     )

@@ -43,12 +43,15 @@ def create(
     max_active_jobs: Annotated[
         int | None, typer.Option(min=0, help="Unfinished jobs; 0: no limit. Default: MESHDEFORM_MAX_ACTIVE_JOBS.")
     ] = None,
+    max_priority: Annotated[
+        int | None, typer.Option(min=-100, max=100, help="Highest priority of jobs. Default: MESHDEFORM_MAX_PRIORITY.")
+    ] = None,
     data_dir: _DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Create a key and print it, once."""
     with _ring(data_dir) as ring:
-        key, text = ring.create(owner, name, requests_per_minute, max_active_jobs)
+        key, text = ring.create(owner, name, requests_per_minute, max_active_jobs, max_priority)
     if as_json:
         emit({**_document(key), "key": text})
         return
@@ -122,4 +125,5 @@ def _document(key: ApiKey) -> dict[str, Any]:
         "revoked_at": instant("revoked_at"),
         "requests_per_minute": key.requests_per_minute,
         "max_active_jobs": key.max_active_jobs,
+        "max_priority": key.max_priority,
     }

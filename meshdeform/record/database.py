@@ -29,12 +29,16 @@ RECORD_FILE = "meshdeform.sqlite"
 
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
+_MAX_CONNECTIONS = 15
+"""Of one process to PostgreSQL; docs/operations.md has the sum."""
 _IDLE_IN_TRANSACTION_S = 10.0
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _READ_ONLY = "meshdeform_read_only"
 _AWAY = frozenset({"08", "40", "53", "57", "58"})
 """PostgreSQL's classes of temporary errors: connection, rollback (deadlock), resources, operator, system."""
+_UNKNOWN_STATEMENT = "26000"
+"""PostgreSQL's code if a statement was prepared on another connection, which only a pooler brings about."""
 
 
 class Database:
@@ -44,6 +48,8 @@ class Database:
     ----------
     url : str
         An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
+    idle_connections : int
+        Number of unused connections to PostgreSQL that stay open.
 
     Raises
     ------
@@ -51,8 +57,8 @@ class Database:
         The database does not answer, or was created by a newer Meshdeform.
     """
 
-    def __init__(self, url: str) -> None:
-        self._engine = make_engine(url)
+    def __init__(self, url: str, idle_connections: int = 5) -> None:
+        self._engine = make_engine(url, idle_connections)
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
             if self.is_sqlite:
@@ -122,13 +128,15 @@ class Database:
                 _upgrade(connection)
 
 
-def make_engine(url: str) -> sa.Engine:
+def make_engine(url: str, idle_connections: int = 5) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
     Parameters
     ----------
     url : str
         As in MESHDEFORM_DATABASE_URL.
+    idle_connections : int
+        As of `Database`.
 
     Raises
     ------
@@ -157,7 +165,13 @@ def make_engine(url: str) -> sa.Engine:
             if context := _ssl_context(str(mode)):
                 arguments["ssl_context"] = context
     try:
-        engine = sa.create_engine(parsed, connect_args=arguments, pool_pre_ping=True)
+        engine = sa.create_engine(
+            parsed,
+            connect_args=arguments,
+            pool_pre_ping=True,
+            pool_size=idle_connections,
+            max_overflow=_MAX_CONNECTIONS - idle_connections,
+        )
     except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
         raise DependencyError(
             f"The database driver {parsed.drivername} is not installed.",
@@ -253,6 +267,11 @@ def _answers() -> Iterator[None]:
         _log.warning("the record does not answer: %s", error)
         raise UnavailableError("The record does not answer.") from error
     except sqlalchemy.exc.DBAPIError as error:
+        if _sql_state(error) == _UNKNOWN_STATEMENT:
+            raise UnavailableError(
+                "The record is behind a connection pooler that shares connections between transactions.",
+                advice="Set pool_mode = session in PgBouncer, or connect to PostgreSQL directly (docs/operations.md).",
+            ) from error
         if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise
         _log.warning("the record is temporarily unavailable: %s", error)

@@ -42,7 +42,7 @@ class DueDelivery:
 
     Attributes
     ----------
-    id, webhook_id : str
+    id, webhook_id, owner_id : str
     message_id : str
         The `webhook-id` of the message: the same for every attempt and every replay.
     url : str
@@ -55,6 +55,7 @@ class DueDelivery:
 
     id: str
     webhook_id: str
+    owner_id: str
     message_id: str
     url: str
     payload: dict[str, Any]
@@ -104,17 +105,25 @@ class Deliveries:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def due(self, limit: int, *, without: Collection[str] = (), each: int = 4) -> list[DueDelivery]:
-        """Take due deliveries, oldest first.
+    def due(
+        self,
+        limit: int,
+        *,
+        without: Collection[str] = (),
+        without_owners: Collection[str] = (),
+        each: int = 4,
+        each_owner: int = 4,
+    ) -> list[DueDelivery]:
+        """Take due deliveries: the first of each owner, then the second, and so on, each time the oldest first.
 
         Parameters
         ----------
         limit : int
             Maximum number.
-        without : collection of str
-            Webhooks to skip.
-        each : int
-            Maximum number for one webhook, so that a slow one does not block the others.
+        without, without_owners : collection of str
+            Webhooks and owners to skip.
+        each, each_owner : int
+            Maximum numbers for one webhook and for one owner, so that slow ones do not block the others.
         """
         now = self._database.now()
         is_due = sa.and_(deliveries.c.state == "pending", deliveries.c.next_at <= now)
@@ -123,14 +132,19 @@ class Deliveries:
             if connection.execute(sa.select(deliveries.c.id).where(is_due).limit(1)).first() is None:
                 return []
         enabled = sa.select(webhooks.c.id).where(webhooks.c.disabled_at.is_(None))
-        place = sa.func.row_number().over(partition_by=deliveries.c.webhook_id, order_by=deliveries.c.id)
-        wanted = sa.and_(is_due, deliveries.c.webhook_id.in_(enabled), deliveries.c.webhook_id.not_in(sorted(without)))
-        placed = sa.select(deliveries.c.id, place.label("place")).where(wanted).subquery()
-        chosen = sa.select(placed.c.id).where(placed.c.place <= each)
+        wanted = sa.and_(
+            is_due,
+            webhooks.c.disabled_at.is_(None),
+            deliveries.c.webhook_id.not_in(sorted(without)),
+            webhooks.c.owner_id.not_in(sorted(without_owners)),
+        )
+        placed = _placed(wanted, each)
         # Of two senders that choose the same rows, the second one skips those locked by the first one; those already
         # taken are no longer due.
-        free = sa.select(deliveries.c.id).where(deliveries.c.id.in_(chosen), is_due).order_by(deliveries.c.next_at)
-        free_now = free.limit(limit).with_for_update(skip_locked=True).cte("free_now")
+        free = sa.select(deliveries.c.id).join(placed, placed.c.id == deliveries.c.id)
+        free = free.where(placed.c.owner_place <= each_owner, is_due)
+        free = free.order_by(placed.c.owner_place, deliveries.c.next_at, deliveries.c.id).limit(limit)
+        free_now = free.with_for_update(skip_locked=True, of=deliveries).cte("free_now")
         take = sa.update(deliveries).where(deliveries.c.id.in_(sa.select(free_now.c.id)), is_due)
         take = take.values(next_at=self._database.now(_TAKEN_S)).returning(deliveries)
         with self._database.write() as connection:
@@ -249,6 +263,17 @@ class Deliveries:
         counters.write()
 
 
+def _placed(wanted: sa.ColumnElement[bool], each: int) -> sa.Subquery:
+    """Return the first deliveries of each webhook, with their places (1, 2, 3 ...) among those of their owner."""
+    place = sa.func.row_number().over(partition_by=deliveries.c.webhook_id, order_by=deliveries.c.id)
+    query = sa.select(deliveries.c.id, webhooks.c.owner_id, place.label("place"))
+    first = query.join(webhooks, webhooks.c.id == deliveries.c.webhook_id).where(wanted).subquery()
+    # An owner's webhooks in turn, so that a slow one does not take the places of the others.
+    order = (first.c.place, first.c.id)
+    owner_place = sa.func.row_number().over(partition_by=first.c.owner_id, order_by=order)
+    return sa.select(first.c.id, owner_place.label("owner_place")).where(first.c.place <= each).subquery()
+
+
 def _still(taken: DueDelivery) -> sa.ColumnElement[bool]:
     """Return the condition that no other sender has tried the delivery since it was taken."""
     return sa.and_(
@@ -260,6 +285,7 @@ def _due(row: sa.Row[Any], webhook: sa.Row[Any]) -> DueDelivery:
     return DueDelivery(
         id=row.id,
         webhook_id=row.webhook_id,
+        owner_id=webhook.owner_id,
         message_id=row.replay_of or row.id,
         url=webhook.url,
         payload=row.payload,

@@ -16,6 +16,7 @@ from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError, 
 from meshdeform.record.database import Database
 from meshdeform.record.ids import id_pattern, new_id
 from meshdeform.record.schema import api_keys
+from meshdeform.requests.document import MAX_PRIORITY
 
 __all__ = ["ApiKey", "KeyRing"]
 
@@ -44,6 +45,8 @@ class ApiKey:
         `last_used_at` is accurate to a minute. None: not yet.
     requests_per_minute, max_active_jobs : int or None
         0: no limit. None: the deployment's setting.
+    max_priority : int or None
+        Highest priority of its jobs. None: the deployment's setting.
     """
 
     id: str
@@ -54,6 +57,7 @@ class ApiKey:
     revoked_at: datetime | None = None
     requests_per_minute: int | None = None
     max_active_jobs: int | None = None
+    max_priority: int | None = None
 
 
 class KeyRing:
@@ -78,6 +82,7 @@ class KeyRing:
         name: str = "",
         requests_per_minute: int | None = None,
         max_active_jobs: int | None = None,
+        max_priority: int | None = None,
     ) -> tuple[ApiKey, str]:
         """Create a key.
 
@@ -89,6 +94,8 @@ class KeyRing:
             At most 100 characters.
         requests_per_minute, max_active_jobs : int, optional
             Limits of this key; 0: no limit. Default: the deployment's settings.
+        max_priority : int, optional
+            Highest priority of its jobs, -100 to 100. Default: the deployment's setting.
 
         Returns
         -------
@@ -112,6 +119,10 @@ class KeyRing:
                 raise ParameterError(
                     f"{limit} cannot be a limit.", advice=f"Give a number from 0 (no limit) to {_MAX_LIMIT}."
                 )
+        if max_priority is not None and abs(max_priority) > MAX_PRIORITY:
+            raise ParameterError(
+                f"{max_priority} cannot be a priority.", advice=f"Give a number from -{MAX_PRIORITY} to {MAX_PRIORITY}."
+            )
         key_id, secret = new_id(_PREFIX), secrets.token_urlsafe(_SECRET_BYTES)
         values = {
             "id": key_id,
@@ -121,6 +132,7 @@ class KeyRing:
             "created_at": self._database.now(),
             "requests_per_minute": requests_per_minute,
             "max_active_jobs": max_active_jobs,
+            "max_priority": max_priority,
         }
         with self._database.write() as connection:
             row = connection.execute(sa.insert(api_keys).values(values).returning(api_keys)).one()
@@ -206,4 +218,5 @@ def _key(row: Any) -> ApiKey:
         revoked_at=row.revoked_at,
         requests_per_minute=row.requests_per_minute,
         max_active_jobs=row.max_active_jobs,
+        max_priority=row.max_priority,
     )

@@ -56,6 +56,7 @@ class Leases:
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self._served: str | None = None
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
         """Claim a queued job as a new attempt.
@@ -65,21 +66,35 @@ class Leases:
         Job or None
             None if the job is not queued, is over, or was deleted.
         """
-        return self._claim(jobs.c.id == job_id, worker_id, lease_s)
+        return self._claim(sa.select(jobs.c.id).where(jobs.c.id == job_id), worker_id=worker_id, lease_s=lease_s)
 
     def claim_next(self, worker_id: str, lease_s: float) -> Job | None:
-        """Claim the queued job with the highest priority, among equals the oldest; return None if none is queued."""
-        next_id = (
-            sa.select(jobs.c.id)
-            .where(jobs.c.state == JobState.QUEUED)
-            .order_by(jobs.c.priority.desc(), jobs.c.id)
-            .limit(1)
-            .with_for_update(skip_locked=True)
-            .scalar_subquery()
-        )
-        return self._claim(jobs.c.id == next_id, worker_id, lease_s)
+        """Claim a queued job of the highest priority; return None if none is queued.
 
-    def _claim(self, which: sa.ColumnElement[bool], worker_id: str, lease_s: float) -> Job | None:
+        Owners with jobs of that priority take turns, each with its oldest job, so that a job waits for one job of every
+        other owner and not for all that were queued before.
+        """
+        queued = sa.select(jobs.c.id).where(_queued)
+        by_urgency = queued.order_by(jobs.c.priority.desc(), jobs.c.id)
+        top = by_urgency.with_only_columns(jobs.c.priority).limit(1).scalar_subquery()
+        # In the order of an index (ix_jobs_share), so that each is one look-up in it.
+        in_turn = queued.where(jobs.c.priority == top).order_by(jobs.c.owner_id, jobs.c.id)
+        after = in_turn.where(jobs.c.owner_id > self._last_served())
+        # After the last owner comes the first; the last choice is for when other workers hold all of that priority.
+        job = self._claim(after, in_turn, by_urgency, worker_id=worker_id, lease_s=lease_s)
+        if job is not None:
+            self._served = job.owner_id
+        return job
+
+    def _last_served(self) -> Any:
+        """Return the owner whom this process served last, else the one whom any worker did."""
+        if self._served is not None:
+            return self._served
+        running = sa.select(jobs.c.owner_id).where(jobs.c.state == JobState.RUNNING)
+        newest = running.order_by(jobs.c.started_at.desc()).limit(1).scalar_subquery()
+        return sa.func.coalesce(newest, "")
+
+    def _claim(self, *choices: Any, worker_id: str, lease_s: float) -> Job | None:
         now = self._database.now()
         values = {
             "state": JobState.RUNNING,
@@ -90,8 +105,11 @@ class Leases:
             "phase": "loading",
         }
         with changing(self._database) as change:
-            taken = change.update(sa.and_(which, jobs.c.state == JobState.QUEUED), values, EventType.STARTED)
-            if not taken:
+            for choice in choices:
+                free = choice.limit(1).with_for_update(skip_locked=True).scalar_subquery()
+                if taken := change.update(sa.and_(jobs.c.id == free, _queued), values, EventType.STARTED):
+                    break
+            else:
                 return None
             row = taken[0]
             if row.attempt == 1:
@@ -321,6 +339,9 @@ class Leases:
         with changing(self._database) as change:
             if not change.update(rows.fenced(job_id, attempt), values, happened, data):
                 raise stale(change.connection, job_id, attempt)
+
+
+_queued = jobs.c.state == JobState.QUEUED
 
 
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.requests.document import DeformParams, JobKind, JobRequest
+from meshdeform.requests.document import MAX_PRIORITY, DeformParams, JobKind, JobRequest
 
 __all__ = [
     "TERMINAL_STATES",
@@ -274,6 +274,8 @@ class NewJob:
         The retention if the request has none.
     max_active : int
         Maximum number of unfinished jobs of the owner, including this one; 0: no limit.
+    max_priority : int
+        Highest priority that its key allows.
     request_id, traceparent : str, optional
         The HTTP request that created it, for logs and traces.
     resolved : BaseModel, optional
@@ -289,6 +291,7 @@ class NewJob:
     origin: Origin | None = None
     retention_s: float | None = None
     max_active: int = 0
+    max_priority: int = MAX_PRIORITY
     request_id: str | None = None
     traceparent: str | None = None
     resolved: BaseModel | None = None

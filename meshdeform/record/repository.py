@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import sqlalchemy as sa
 
 from meshdeform.api.jobs import accepted
-from meshdeform.errors import ConflictError, TooManyJobsError
+from meshdeform.errors import ConflictError, ParameterError, TooManyJobsError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
 from meshdeform.record.counters import read_counters
@@ -41,6 +41,8 @@ class JobRecord:
     ----------
     url : str
         The database; its tables are created and migrated here.
+    idle_connections : int
+        Number of unused connections to PostgreSQL that stay open.
 
     Attributes
     ----------
@@ -70,8 +72,8 @@ class JobRecord:
         Here and in every method: the database does not answer.
     """
 
-    def __init__(self, url: str) -> None:
-        self.database = self._database = Database(url)
+    def __init__(self, url: str, idle_connections: int = 5) -> None:
+        self.database = self._database = Database(url, idle_connections)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
@@ -100,7 +102,10 @@ class JobRecord:
             Another request has taken over the key of `new.claim`.
         TooManyJobsError
             The owner has the maximum number of unfinished jobs.
+        ParameterError
+            The priority is higher than the key allows.
         """
+        _check_priority(new)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
         keys = {values["asset_key"], values["target_key"], values["origin_key"]} - {None}
@@ -271,6 +276,17 @@ _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 def _owned(owner: str | None) -> sa.ColumnElement[bool]:
     return sa.true() if owner is None else jobs.c.owner_id == owner
+
+
+def _check_priority(new: NewJob) -> None:
+    if new.request.priority > new.max_priority:
+        detail = f"The priority {new.request.priority} is higher than this API key allows: {new.max_priority}."
+        raise ParameterError(
+            detail,
+            advice="Set a lower priority. The service's operator can raise MESHDEFORM_MAX_PRIORITY or the key's limit.",
+            errors=[{"loc": ["priority"], "msg": detail, "type": "less_than_equal"}],
+            limit=new.max_priority,
+        )
 
 
 def _beginning(new: NewJob) -> dict[str, object]:

@@ -30,7 +30,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0003"
+HEAD = "0004"
 """The newest migration. A record at this version is opened without Alembic."""
 
 
@@ -127,8 +127,9 @@ jobs = sa.Table(
     sa.Index(None, "retain_until"),
     sa.Index(None, "worker_id"),
 )
-# The order in which workers claim jobs.
+# The order in which workers claim jobs: by priority, and within one the owners in turn.
 sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
+sa.Index("ix_jobs_share", jobs.c.state, jobs.c.priority, jobs.c.owner_id, jobs.c.id)
 
 # A job's metadata, for searches: the databases have no common way to index JSON.
 labels = sa.Table(
@@ -244,6 +245,7 @@ api_keys = sa.Table(
     # Null: the deployment's setting.
     sa.Column("requests_per_minute", sa.Integer),
     sa.Column("max_active_jobs", sa.Integer),
+    sa.Column("max_priority", sa.Integer),
 )
 
 webhooks = sa.Table(

@@ -117,7 +117,8 @@ class JobRequest(StrictModel):
         0,
         ge=-MAX_PRIORITY,
         le=MAX_PRIORITY,
-        description="Workers take the job with the highest priority first, and the oldest of equal ones.",
+        description="Jobs with a higher priority run first. Among equal ones, owners take turns, each with its oldest "
+        "job. API keys have a limit.",
         examples=[0],
     )
     deadline_s: float | None = Field(

@@ -10,6 +10,7 @@ import logging
 import threading
 import time
 from collections import Counter
+from collections.abc import Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
 
 __all__ = ["AT_ONCE", "WebhookDelivery"]
 
-AT_ONCE = 8
+AT_ONCE = 16
 """Number of messages that one process sends at a time."""
 
 _EACH = 4
-"""Number of these to one webhook, so that a slow one does not block the others."""
+"""Number of these to one webhook, and to all webhooks of one owner, so that slow ones do not block the others."""
 _LOOKUPS_AT_ONCE = 32  # more than AT_ONCE: one that has exceeded its deadline still occupies a thread
 _LOOK_EVERY_S = 1.0
 _CLEAN_EVERY_S = 600.0
@@ -73,7 +74,7 @@ class WebhookDelivery:
             self._clean_at = time.monotonic() + _CLEAN_EVERY_S
             while self._deliveries.delete_old_deliveries() and not self._done.is_set():
                 pass
-        first = self._deliveries.due(AT_ONCE, each=_EACH)
+        first = self._deliveries.due(AT_ONCE, each=_EACH, each_owner=_EACH)
         return self._send_all(first) if first else 0
 
     def __enter__(self) -> Self:
@@ -108,9 +109,13 @@ class WebhookDelivery:
     def _more(self, under_way: list[DueDelivery]) -> list[DueDelivery]:
         if len(under_way) >= AT_ONCE:
             return []
-        counts = Counter(delivery.webhook_id for delivery in under_way)
-        busy = [webhook_id for webhook_id, count in counts.items() if count > _EACH // 2]
-        return self._deliveries.due(AT_ONCE - len(under_way), without=busy, each=_EACH // 2)
+        return self._deliveries.due(
+            AT_ONCE - len(under_way),
+            without=_busy(delivery.webhook_id for delivery in under_way),
+            without_owners=_busy(delivery.owner_id for delivery in under_way),
+            each=_EACH // 2,
+            each_owner=_EACH // 2,
+        )
 
     def _send(self, sender: Sender, due: DueDelivery) -> None:
         outcome = sender.send(due.url, due.message_id, due.payload, due.secrets)
@@ -147,3 +152,8 @@ class WebhookDelivery:
                 # Without this thread no message is sent, so that it must survive any error.
                 _log.exception("unexpected error while sending webhooks")
             self._done.wait(_LOOK_EVERY_S)
+
+
+def _busy(names: Iterable[str]) -> list[str]:
+    """Return the webhooks or owners that have no room for another `_EACH // 2` messages."""
+    return [name for name, count in Counter(names).items() if count > _EACH // 2]

@@ -16,6 +16,7 @@ from fastapi.security.http import HTTPAuthorizationCredentials
 
 from meshdeform.errors import LimitError, UnauthorizedError, UnavailableError
 from meshdeform.record.keys import ApiKey, KeyRing
+from meshdeform.requests.document import MAX_PRIORITY
 from meshdeform.serving.access import is_foreign, is_forwarded, is_loopback, needs_keys
 from meshdeform.settings import Settings
 from service.http.middleware import add_header
@@ -45,12 +46,15 @@ class Principal:
         Maximum number of unfinished jobs; 0: unlimited.
     requests_per_minute : int
         Maximum number of requests per minute; 0: unlimited.
+    max_priority : int
+        The highest priority of their jobs.
     """
 
     owner_id: str = ""
     key_id: str | None = None
     max_active_jobs: int = 0
     requests_per_minute: int = 0
+    max_priority: int = MAX_PRIORITY
 
 
 class Gate:
@@ -100,6 +104,7 @@ class Gate:
             key_id=key.id,
             max_active_jobs=_first(key.max_active_jobs, self._settings.max_active_jobs),
             requests_per_minute=_first(key.requests_per_minute, self._settings.requests_per_minute),
+            max_priority=_first(key.max_priority, self._settings.max_priority),
         )
 
     async def is_still_valid(self, request: Request) -> bool:

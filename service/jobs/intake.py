@@ -162,6 +162,7 @@ def new_job(
         owner_id=caller.owner_id,
         retention_s=app.settings.retention_s or None,
         max_active=caller.principal.max_active_jobs,
+        max_priority=caller.principal.max_priority,
         request_id=caller.request_id,
         traceparent=caller.traceparent,
         **more,

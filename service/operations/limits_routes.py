@@ -64,7 +64,7 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             max_metadata_name_characters=MAX_METADATA_NAME,
             max_metadata_value_characters=MAX_METADATA_VALUE,
             min_priority=-MAX_PRIORITY,
-            max_priority=MAX_PRIORITY,
+            max_priority=principal.max_priority,
             max_deadline_s=MAX_DEADLINE_S,
             max_retention_s=MAX_RETENTION_S,
             default_retention_s=settings.retention_s or None,

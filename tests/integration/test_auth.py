@@ -236,6 +236,20 @@ def test_a_key_may_have_so_many_unfinished_jobs(start: Start, record: JobRecord,
     assert len(record.list_jobs().jobs) == 1
 
 
+def test_a_key_sets_priorities_up_to_its_limit(start: Start, record: JobRecord, repository: Path) -> None:
+    http = start(auth="on")
+    asset = ("sphere.glb", (repository / "examples" / "sphere.glb").read_bytes())
+    for limit, accepted, refused in ((None, (0, -100), 1), (7, (7,), 8), (-5, (-5,), 0)):
+        _, text = record.keys.create("studio", max_priority=limit)
+        for priority in (*accepted, refused):
+            document = json.dumps({"prompt": "a mushroom", "priority": priority})
+            files = {"asset": asset, "request": (None, document)}
+            answer = http.post("/v1/jobs", files=files, headers=bearer(text))
+            assert answer.status_code == (422 if priority == refused else 202), answer.text
+        assert answer.json()["errors"][0]["loc"] == ["priority"]
+        assert http.get("/v1/limits", headers=bearer(text)).json()["jobs"]["max_priority"] == accepted[0]
+
+
 def test_every_answer_names_its_request(start: Start) -> None:
     http = start()
     for path, status in (("/healthz", 200), ("/v1/jobs", 200), ("/docs", 200), ("/nothing", 404)):

@@ -61,6 +61,14 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
         record.close()
 
 
+def test_a_pooler_that_loses_prepared_statements_is_named(postgres_url: str) -> None:
+    database = module.Database(postgres_url)
+    with pytest.raises(UnavailableError, match="pooler") as raised, database.write() as connection:
+        connection.exec_driver_sql("EXECUTE prepared_elsewhere")
+    assert "pool_mode = session" in raised.value.advice_text
+    database.close()
+
+
 # pg8000 leaves such a socket to the garbage collector, which is asked here so that no other test gets the blame.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("manner", ["reset", "closed", "nonsense"])

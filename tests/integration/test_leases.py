@@ -6,12 +6,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, StaleAttemptError
 from meshdeform.record.models import Job, JobError, JobState, Progress
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs as jobs_table
 from tests.integration.conftest import new_job
-from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, posted
+from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, ids, posted
 
 pytestmark = pytest.mark.both_databases
 
@@ -202,6 +204,35 @@ def test_an_attempt_that_is_over_writes_nothing(record: JobRecord) -> None:
     assert record.leases.checkpoints(old.id) == []
     assert record.artifacts(old.id) == []
     assert len(record.events.after(old.id)) == new.event_seq
+
+
+def test_owners_take_turns_within_a_priority(record: JobRecord) -> None:
+    busy = [posted(record, "busy") for _ in range(4)]
+    one, other = posted(record, "one"), [posted(record, "other") for _ in range(2)]
+    urgent = posted(record, "busy", priority=1)
+    taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(8)]
+    expected = [urgent, one, other[0], busy[0], other[1], busy[1], busy[2], busy[3]]
+    assert [job.id for job in taken if job] == ids(expected)
+
+
+def test_workers_that_just_started_go_on_with_the_next_owner(record: JobRecord, database_url: str) -> None:
+    jobs = {owner: [posted(record, owner) for _ in range(9)] for owner in ("a", "b", "c")}
+    workers = [JobRecord(database_url) for _ in range(6)]
+    taken = [worker.leases.claim_next("worker", LEASE_S) for worker in workers]
+    for worker in workers:
+        worker.close()
+    assert sorted(job.id for job in taken if job) == sorted(id_ for owned in jobs.values() for id_ in ids(owned[:2]))
+
+
+def test_a_worker_takes_another_job_while_that_of_the_owner_whose_turn_it_is_is_held(record: JobRecord) -> None:
+    if record.database.is_sqlite:
+        return  # there nobody holds a row without holding all
+    held, free = posted(record, "a"), posted(record, "b")
+    with record.database.write() as connection:
+        connection.execute(sa.select(jobs_table.c.id).where(jobs_table.c.id == held.id).with_for_update())
+        taken = record.leases.claim_next("worker", LEASE_S)
+    assert taken is not None
+    assert taken.id == free.id
 
 
 def test_workers_take_the_most_urgent_job_and_of_equal_ones_the_oldest(record: JobRecord) -> None:

@@ -31,6 +31,19 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     assert len(record.deliveries.due(3)) == 3
 
 
+def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
+    many = {record.webhooks.create("many", f"https://slow-{number}.example/")[0].id for number in range(10)}
+    one, _ = record.webhooks.create("one", "https://quick.example/")
+    for owner in ["many"] * 3 + ["one"] * 3:
+        record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
+    first = record.deliveries.due(3, each_owner=2)
+    assert sorted(found.owner_id for found in first) == ["many", "many", "one"]
+    rest = record.deliveries.due(50, without_owners=["one"])
+    assert [found.owner_id for found in rest] == ["many"] * 4
+    assert len({found.webhook_id for found in rest}) == 4 <= len(many)
+    assert {found.webhook_id for found in record.deliveries.due(50, without_owners=["many"])} == {one.id}
+
+
 def test_owners_see_only_their_own(record: JobRecord, delivery: WebhookDelivery) -> None:
     book = record.webhooks
     with receiving() as ones, receiving() as others:
