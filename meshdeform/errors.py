@@ -316,7 +316,7 @@ class IdempotencyBusyError(ConflictError):
     """The first request with this Idempotency-Key is still in progress."""
 
     code = "idempotency_in_flight"
-    advice = "Wait a moment and send the request again with the same key."
+    advice = "Send the request again with the same key after the number of seconds in Retry-After."
 
 
 class StaleAttemptError(ConflictError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import cache
 
 from fastapi import FastAPI
 from fastapi.responses import HTMLResponse
@@ -78,17 +79,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(health_routes.router)
     app.include_router(metrics_routes.router, responses=refusals)
     app.router.routes += page_routes.routes
-    app.add_api_route("/docs", lambda: _page(app), include_in_schema=False)
+    page = cache(lambda: reference_page(app.openapi()))
+    app.add_api_route("/docs", lambda: HTMLResponse(page(), headers=_PAGE_POLICY), include_in_schema=False)
     add_error_handlers(app)
     describe(app)
     _put_in_frame(app)
     # A malformed form is the client's mistake and reported in the response, not in the log.
     logging.getLogger("python_multipart").setLevel(logging.ERROR)
     return app
-
-
-def _page(app: FastAPI) -> HTMLResponse:
-    return HTMLResponse(reference_page(app.openapi()), headers=_PAGE_POLICY)
 
 
 def _put_in_frame(app: FastAPI) -> None:

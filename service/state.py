@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, TypeVar, TypeVarTuple
+from typing import Annotated, Generic, TypeVar, TypeVarTuple
 
 from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
@@ -18,6 +20,7 @@ from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.lookups import LookupPool
 from service.events.broker import JobWaiters
 from service.http.slots import FairSlots
+from service.schemas import PartHealth
 
 __all__ = ["AppState", "AppStateDep"]
 
@@ -25,9 +28,39 @@ __all__ = ["AppState", "AppStateDep"]
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _LOOKUPS_AT_ONCE = 16
+_STORE_HEALTH_S = 2.0
 
+
+_Value = TypeVar("_Value")
 _Result = TypeVar("_Result")
 _Arguments = TypeVarTuple("_Arguments")
+
+
+class Recent(Generic[_Value]):
+    """The latest result of a call, reused for some seconds. Thread-safe.
+
+    Parameters
+    ----------
+    kept_s : float
+        How long a result is reused.
+    """
+
+    def __init__(self, kept_s: float) -> None:
+        self._kept_s = kept_s
+        self._found: tuple[_Value, float] | None = None
+        self._lock = threading.Lock()
+
+    def get(self, call: Callable[[], _Value]) -> _Value:
+        """Return the latest result, or call again if it is too old. Meanwhile, other threads get the old result."""
+        found = self._found
+        if found is not None and (time.monotonic() < found[1] or self._lock.locked()):
+            return found[0]
+        with self._lock:
+            if self._found is not None and time.monotonic() < self._found[1]:
+                return self._found[0]
+            value = call()
+            self._found = value, time.monotonic() + self._kept_s
+        return value
 
 
 @dataclass(frozen=True)
@@ -49,6 +82,8 @@ class AppState:
         wait for a decoder.
     bodies : FairSlots
         Files that are received at the same time. Each takes its size on disk.
+    store_health : Recent of PartHealth
+        The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
     lookups : LookupPool
         Threads that resolve the hosts of webhooks.
     """
@@ -69,6 +104,7 @@ class AppState:
             _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
         )
     )
+    store_health: Recent[PartHealth] = field(default_factory=lambda: Recent(_STORE_HEALTH_S))
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 

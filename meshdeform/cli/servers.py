@@ -158,16 +158,7 @@ def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
 
     if not needs_keys(settings.auth, host):
         return settings
-    require("sqlalchemy", "service")
-    from meshdeform.record.database import Database
-    from meshdeform.record.keys import KeyRing
-
-    database = Database(settings.resolved_database_url)
-    try:
-        found = KeyRing(database).any_active()
-    finally:
-        database.close()
-    if not found:
+    if not _has_key(settings):
         place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
         reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"
         raise ParameterError(
@@ -177,6 +168,21 @@ def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
         )
     # Required on every connection, loopback included.
     return settings.model_copy(update={"auth": "on"})
+
+
+def _has_key(settings: Settings) -> bool:
+    require("sqlalchemy", "service")
+    from meshdeform.record.database import Database
+    from meshdeform.record.keys import KeyRing
+
+    url = settings.resolved_database_url
+    if not settings.database_url and not Path(url.removeprefix("sqlite:///")).exists():
+        return False  # opening the record would create it
+    database = Database(url)
+    try:
+        return KeyRing(database).any_active()
+    finally:
+        database.close()
 
 
 def _open_in_browser(url: str) -> None:

@@ -5,7 +5,9 @@ Source: the IETF draft "The Idempotency-Key HTTP Header Field", with its three r
 
 from __future__ import annotations
 
+import math
 import secrets
+from datetime import UTC, datetime
 from typing import Any
 
 import sqlalchemy as sa
@@ -17,8 +19,10 @@ from meshdeform.record.schema import idempotency
 
 __all__ = ["IdempotencyLedger"]
 
-_HELD_S = 120.0
-"""Longer than any request takes; after that, the key of a request whose process died is free again."""
+_HELD_S = 30.0
+"""How long a request holds its key, for the case that its process dies. A slower request may lose its key to a
+repetition; it is then undone, so that nothing happens twice."""
+_MOST_RETRY_S = 5  # the first request may finish at any moment
 
 
 class IdempotencyLedger:
@@ -59,7 +63,11 @@ class IdempotencyLedger:
             abandoned = sa.and_(_is(owner_id, key), idempotency.c.locked_until < now)
             take = sa.update(idempotency).where(abandoned).values(values).returning(idempotency.c.key)
             if connection.execute(take).first() is None:
-                raise IdempotencyBusyError("The first request with this Idempotency-Key is still in progress.")
+                left_s = math.ceil((row.locked_until - datetime.now(UTC)).total_seconds())
+                raise IdempotencyBusyError(
+                    "The first request with this Idempotency-Key is still in progress, or its server has stopped.",
+                    retry_after_s=min(max(1, left_s), _MOST_RETRY_S),
+                )
         return Claim(owner_id, key, token)
 
     def complete(self, claim: Claim, response: dict[str, Any], connection: sa.Connection) -> None:

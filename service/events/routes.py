@@ -7,7 +7,7 @@ Source: the HTML standard, "Server-sent events". A client that reconnects sends 
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -22,7 +22,7 @@ from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
 from service.events.broker import JobWaiters
 from service.events.waiting import Prefer, applied, preferred_wait, wait_here
-from service.http.auth import PrincipalDep
+from service.http.auth import Gate, PrincipalDep
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
 
@@ -126,7 +126,8 @@ async def get_events(
     if over:
         # Browsers reconnect after the end of a stream, until they get this.
         return Response(status_code=204, headers=_HEADERS)
-    return _EventStream(waiters, owner, _stream(app, id, after, found))
+    gate: Gate = request.app.state.gate
+    return _EventStream(waiters, owner, _stream(app, id, after, found, lambda: gate.is_still_valid(request)))
 
 
 async def _page(request: Request, app: AppState, job_id: str, owner: str, after: int, limit: int) -> Response:
@@ -140,7 +141,9 @@ async def _page(request: Request, app: AppState, job_id: str, owner: str, after:
     return JSONResponse(page.model_dump(mode="json"), headers={**_HEADERS, **applied(wait_s), "Vary": "Accept"})
 
 
-async def _stream(app: AppState, job_id: str, after: int, found: list[Event]) -> AsyncIterator[str]:
+async def _stream(
+    app: AppState, job_id: str, after: int, found: list[Event], may_continue: Callable[[], Awaitable[bool]]
+) -> AsyncIterator[str]:
     waiters, over = app.waiters, False
     yield f"retry: {_RETRY_MS}\n\n"
     while True:
@@ -150,7 +153,10 @@ async def _stream(app: AppState, job_id: str, after: int, found: list[Event]) ->
         # If the process is ending, the client reconnects to another one, or to the next.
         if over or waiters.closing:
             return
-        if len(found) < _BATCH and not await waiters.until(job_id, _more(after), _SILENCE_S):
+        changed = len(found) == _BATCH or await waiters.until(job_id, _more(after), _SILENCE_S)
+        if not await may_continue():
+            return  # the key was revoked
+        if not changed:
             found = []
             yield ": keep-alive\n\n"
             continue

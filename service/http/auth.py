@@ -175,10 +175,13 @@ class Gate:
         if not per_minute:
             return
         verdict = await to_thread.run_sync(self._rates.take, key.id, per_minute)
-        add_header(request.scope, "RateLimit-Policy", f'"minute";q={per_minute};w=60')
-        add_header(request.scope, "RateLimit", f'"minute";r={verdict.remaining};t={verdict.reset_s}')
+        rate = Rate.of(per_minute)
+        window_s = math.ceil(rate.burst * rate.interval_s)
+        add_header(request.scope, "RateLimit-Policy", f'"burst";q={rate.burst};w={window_s}')
+        add_header(request.scope, "RateLimit", f'"burst";r={verdict.remaining};t={verdict.reset_s}')
         if verdict.wait_s:
-            raise _limit(f"This API key is limited to {per_minute} requests per minute.", verdict)
+            at_once = f", {rate.burst} of them at once" if rate.burst < per_minute else ""
+            raise _limit(f"This API key is limited to {per_minute} requests per minute{at_once}.", verdict)
 
 
 _BEARER = HTTPBearer(
@@ -209,7 +212,9 @@ def _first(own: int | None, general: int) -> int:
 
 
 def _limit(detail: str, verdict: Verdict) -> LimitError:
-    return LimitError(detail, retry_after_s=max(1, math.ceil(verdict.wait_s)))
+    seconds = max(1, math.ceil(verdict.wait_s))
+    advice = f"Try again in {seconds} second{'s' if seconds > 1 else ''}."
+    return LimitError(detail, advice=advice, retry_after_s=seconds)
 
 
 def _peer(request: Request) -> str:

@@ -91,7 +91,7 @@ def _answer(
     if isinstance(error, UnavailableError):
         headers["Retry-After"] = "2"
     if isinstance(error, IdempotencyBusyError | JobNotFinishedError):
-        headers["Retry-After"] = "1"
+        headers["Retry-After"] = str(error.extra.get("retry_after_s", 1))
     if isinstance(error, LimitError):
         headers["Retry-After"] = str(error.extra.get("retry_after_s", _BUSY_S))
     if isinstance(error, RangeError):
@@ -105,7 +105,9 @@ def _answer(
 
 async def _on_ours(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, MeshdeformError)
-    if error.status >= 500:
+    if isinstance(error, UnavailableError):
+        _log.warning("%s %s: %s", request.method, request.url.path, error.detail)
+    elif error.status >= 500:
         _log.error("%s %s: %s", request.method, request.url.path, error.detail, exc_info=error)
     return _answer(request, error)
 

@@ -148,14 +148,20 @@ def test_a_key_has_a_rate_that_all_processes_count_together(start: Start, record
     _, other = record.keys.create("studio", requests_per_minute=0)
     answers = [servers[number % 2].get("/v1/jobs", headers=bearer(text)) for number in range(4)]
     assert [answer.status_code for answer in answers] == [200] * 4
-    assert [answer.headers["ratelimit-policy"] for answer in answers] == ['"minute";q=4;w=60'] * 4
+    assert [answer.headers["ratelimit-policy"] for answer in answers] == ['"burst";q=4;w=60'] * 4
     assert [answer.headers["ratelimit"].partition(";t=")[0] for answer in answers] == [
-        f'"minute";r={left}' for left in (3, 2, 1, 0)
+        f'"burst";r={left}' for left in (3, 2, 1, 0)
     ]
     refused = servers[0].get("/v1/jobs", headers=bearer(text))
     assert (refused.status_code, refused.json()["code"]) == (429, "rate_limited")
     assert 1 <= int(refused.headers["retry-after"]) <= 15
-    assert refused.json()["retry_after_s"] == int(refused.headers["retry-after"])
+    seconds = refused.headers["retry-after"]
+    assert refused.json()["retry_after_s"] == int(seconds)
+    assert refused.json()["advice"].startswith(f"Try again in {seconds} second")
+    assert refused.json()["detail"] == "This API key is limited to 4 requests per minute."
+    _, burst = record.keys.create("studio", requests_per_minute=20)
+    told = servers[0].get("/v1/jobs", headers=bearer(burst)).headers
+    assert (told["ratelimit-policy"], told["ratelimit"]) == ('"burst";q=10;w=30', '"burst";r=9;t=3')
     unlimited = servers[0].get("/v1/jobs", headers=bearer(other))
     assert unlimited.status_code == 200
     assert "ratelimit" not in unlimited.headers

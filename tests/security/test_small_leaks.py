@@ -1,0 +1,102 @@
+"""Revoked keys, probes without a key, and work that anybody may ask for."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app as commands
+from meshdeform.errors import UnavailableError
+from meshdeform.record.idempotency import IdempotencyLedger
+from meshdeform.record.models import NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import JobRequest
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from service import app as application
+from service.events import routes as event_routes
+from service.http import auth
+from tests.integration.conftest import DEADLINE_S, serving, serving_app, stored_file
+from tests.servers import free_port
+
+
+def test_the_event_stream_of_a_revoked_key_ends(
+    redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_routes, "_SILENCE_S", 0.1)
+    monkeypatch.setattr(auth, "_KNOWN_FOR_S", 0.0)
+    settings = Settings(data_dir=tmp_path, redis_url=redis_url, auth="on")
+    record = JobRecord(settings.resolved_database_url)
+    key, text = record.keys.create("studio")
+    job = record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id="studio"))
+    headers = {"Authorization": f"Bearer {text}", "Accept": "text/event-stream"}
+    with (
+        serving(settings) as url,
+        httpx.stream("GET", f"{url}/v1/jobs/{job.id}/events", headers=headers, timeout=DEADLINE_S) as stream,
+    ):
+        lines = stream.iter_lines()
+        while next(lines) != ": keep-alive":
+            pass
+        record.keys.revoke(key.id)
+        for _ in lines:
+            pass
+        assert httpx.get(f"{url}/v1/jobs", headers=headers).status_code == 401
+    record.close()
+
+
+def test_what_anybody_may_ask_for_is_done_once(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """/docs is rendered once, and /readyz asks the store every few seconds at most."""
+    done = []
+    ping, render = ObjectStore.ping, application.reference_page
+    monkeypatch.setattr(ObjectStore, "ping", lambda *given: (done.append("ping"), ping(*given))[1])
+    monkeypatch.setattr(application, "reference_page", lambda *given: (done.append("render"), render(*given))[1])
+    monkeypatch.setattr("service.state._STORE_HEALTH_S", 1e9)
+    with serving(Settings(data_dir=tmp_path, redis_url=redis_url)) as url:
+        for _ in range(3):
+            assert httpx.get(f"{url}/readyz").status_code == httpx.get(f"{url}/docs").status_code == 200
+    assert sorted(done) == ["ping", "render"]
+
+
+def test_an_outage_is_one_line_in_the_log(
+    redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def away(*_: object, **__: object) -> None:
+        raise UnavailableError("The record does not answer.")
+
+    with serving_app(Settings(data_dir=tmp_path, redis_url=redis_url)) as (url, _):
+        monkeypatch.setattr(JobRecord, "list_jobs", away)
+        assert httpx.get(f"{url}/v1/jobs").status_code == 503
+    (line,) = [record for record in caplog.records if record.name == "service.http.errors"]
+    assert (line.levelno, line.exc_info) == (logging.WARNING, None)
+
+
+def test_a_key_whose_request_died_says_when_to_try_again(
+    redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, repository: Path
+) -> None:
+    settings = Settings(data_dir=tmp_path, redis_url=redis_url)
+    monkeypatch.setattr(IdempotencyLedger, "abandon", lambda *_: None)
+    monkeypatch.setattr(JobRecord, "create", lambda *_, **__: 1 / 0)
+    files = {
+        "asset": ("sphere.glb", (repository / "examples" / "sphere.glb").read_bytes()),
+        "request": (None, '{"prompt": "a vase"}'),
+    }
+    with serving(settings) as url:
+        codes = []
+        for _ in range(2):
+            answer = httpx.post(f"{url}/v1/jobs", files=files, headers={"Idempotency-Key": "a"}, timeout=DEADLINE_S)
+            codes.append(answer.status_code)
+        assert codes == [500, 409]
+        assert 1 <= int(answer.headers["retry-after"]) <= 5
+
+
+def test_serve_without_a_key_leaves_no_folder(tmp_path: Path) -> None:
+    result = CliRunner().invoke(
+        commands, ["serve", "--host", "0.0.0.0", "--port", str(free_port()), "--data-dir", str(tmp_path / "z")]
+    )
+    assert result.exit_code == 3
+    assert "keys create" in result.output
+    assert not (tmp_path / "z").exists()
