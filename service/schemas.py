@@ -183,6 +183,10 @@ class UploadLimits(BaseModel):
     """What uploads may do."""
 
     max_bytes: int = Field(description="Size.", examples=[104857600])
+    max_uploads: int | None = Field(
+        description="Uploads of one owner that no job has used; null: any.", examples=[1000]
+    )
+    max_uploads_bytes: int | None = Field(description="Bytes of these altogether; null: any.", examples=[21474836480])
     ttl_s: float = Field(description="How long one is kept that no job has used.", examples=[86400])
     signed_url_ttl_s: float = Field(description="How long its signed URL is valid.", examples=[3600])
 
