@@ -17,6 +17,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.events.broker import JobWaiters
 from service.http.slots import FairSlots
+from service.workspace import Workspace
 
 __all__ = ["AppState", "AppStateDep"]
 
@@ -41,7 +42,9 @@ class AppState:
     waiters : JobWaiters
         Who waits for a job.
     assets : CheckedAssets
-        What is known of files.
+        Files that passed the check.
+    workspace : Workspace
+        Temporary folders for the files of requests.
     intake : FairSlots
         Requests whose files are checked and stored at the same time, in threads of their own: other requests never
         wait for a decoder.
@@ -55,6 +58,7 @@ class AppState:
     store: ObjectStore
     waiters: JobWaiters
     assets: CheckedAssets
+    workspace: Workspace
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
             _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
@@ -84,6 +88,7 @@ class AppState:
             store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
+            workspace=Workspace(),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
@@ -98,7 +103,8 @@ class AppState:
             return await to_thread.run_sync(work, *arguments, limiter=self._intake_threads)
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Remove the temporary folders and close the connections."""
+        self.workspace.close()
         self.queue.close()
         self.record.close()
 

@@ -278,7 +278,8 @@ def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
 
 
 def _authorized(app: AppState, request: Request, upload_id: str) -> Upload:
-    return authorize(app, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
+    # Not `request.url`, which older versions of Starlette build from the Host header.
+    return authorize(app, upload_id, request.scope["path"], request.scope["query_string"].decode("latin-1"))
 
 
 def _shown(found: UploadView) -> Response:
