@@ -30,7 +30,8 @@
     │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request with this key is still running
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
-    │   └── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key is allowed
+    │   ├── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key is allowed
+    │   └── TooManyUploadsError        429  too_many_uploads       more unused uploads than the key is allowed
     ├── CheckpointError                500  checkpoint_invalid     damaged, or made with other parameters
     ├── StoredFileError                500  file_damaged           a stored file differs from what was stored
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
@@ -79,6 +80,7 @@ __all__ = [
     "StaleAttemptError",
     "StoredFileError",
     "TooManyJobsError",
+    "TooManyUploadsError",
     "UnauthorizedError",
     "UnavailableError",
     "VocabularyError",
@@ -339,6 +341,13 @@ class TooManyJobsError(LimitError):
 
     code = "too_many_jobs"
     advice = "Wait until a job has finished, or cancel one."
+
+
+class TooManyUploadsError(LimitError):
+    """The API key has too many unused uploads, or too large ones."""
+
+    code = "too_many_uploads"
+    advice = "Delete uploads that you do not need, use them in jobs, or wait until they expire."
 
 
 class CheckpointError(MeshdeformError):

@@ -112,6 +112,10 @@ class Settings(BaseSettings):
         description="Highest job priority of an API key that sets no limit itself. Above 0, its jobs can delay "
         "those of all others. Without keys, any priority is allowed.",
     )
+    max_uploads: int = Field(1000, ge=0, description="Uploads of one owner that no job has used. 0: unlimited.")
+    max_uploads_bytes: int = Field(
+        20 * 2**30, ge=0, description="Bytes of these uploads altogether, as announced. 0: unlimited."
+    )
     upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
     webhook_networks: _Networks = Field(

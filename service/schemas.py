@@ -194,6 +194,12 @@ class UploadLimits(BaseModel):
     """Limits on uploads."""
 
     max_bytes: int = Field(description="Bytes.", examples=[104857600])
+    max_uploads: int | None = Field(
+        description="Uploads of one owner that no job has used; null: unlimited.", examples=[1000]
+    )
+    max_uploads_bytes: int | None = Field(
+        description="Bytes of these altogether; null: unlimited.", examples=[21474836480]
+    )
     ttl_s: float = Field(description="Seconds for which an upload that no job uses is kept.", examples=[86400])
     signed_url_ttl_s: float = Field(description="Seconds for which a signed URL is valid.", examples=[3600])
 

@@ -21,6 +21,7 @@ from meshdeform.webhooks.lookups import LookupPool
 from service.events.broker import JobWaiters
 from service.http.slots import FairSlots
 from service.schemas import PartHealth
+from service.workspace import Workspace
 
 __all__ = ["AppState", "AppStateDep"]
 
@@ -76,7 +77,9 @@ class AppState:
     waiters : JobWaiters
         Requests that wait for jobs.
     assets : CheckedAssets
-        Results of checks of assets.
+        Files that passed the check.
+    workspace : Workspace
+        Temporary folders for the files of requests.
     intake : FairSlots
         Requests whose files are checked and stored at the same time, in separate threads: other requests never
         wait for a decoder.
@@ -94,6 +97,7 @@ class AppState:
     store: ObjectStore
     waiters: JobWaiters
     assets: CheckedAssets
+    workspace: Workspace
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
             _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
@@ -125,6 +129,7 @@ class AppState:
             store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
+            workspace=Workspace(),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
@@ -139,7 +144,8 @@ class AppState:
             return await to_thread.run_sync(work, *arguments, limiter=self._intake_threads)
 
     def close(self) -> None:
-        """Close the connections."""
+        """Remove the temporary folders and close the connections."""
+        self.workspace.close()
         self.queue.close()
         self.record.close()
 

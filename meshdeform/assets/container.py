@@ -37,6 +37,8 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
     ------
     AssetFormatError
         Not a GLB, or not version 2.
+    AssetError
+        Bytes follow the end, or the first chunk is not JSON.
     AssetTruncatedError
         A length disagrees with the file's size.
     AssetTooLargeError
@@ -52,7 +54,12 @@ def glb_layout(data: Data, limits: Limits) -> Layout:
         raise AssetFormatError(
             f"The GLB has version {version}; only version 2 is supported.", advice="Export it again as glTF 2.0."
         )
-    if total != size:
+    if total < size:
+        raise AssetError(
+            f"The file has {size - total} bytes after the end of the GLB, which its header puts at {total}.",
+            advice="Remove the bytes after the end, or export the file again.",
+        )
+    if total > size:
         raise AssetTruncatedError(f"The GLB's header declares {total} bytes, but the file has {size}.")
 
     chunks: list[tuple[int, int, int]] = []

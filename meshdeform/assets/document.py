@@ -98,11 +98,14 @@ class Document:
         return offset
 
     def _own_buffer_zero(self) -> None:
-        """Make buffer 0 the binary chunk; an embedded buffer 0 moves there with its bytes unchanged."""
+        """Make buffer 0 the binary chunk; an embedded buffer 0 moves there with its bytes unchanged.
+
+        It replaces a binary chunk beside it, which no buffer refers to.
+        """
         buffers = self.items("buffers")
         if not buffers:
             buffers.append({"byteLength": 0})
-        if self._binary is None:
+        if self._binary is None or "uri" in buffers[0]:
             self._binary = self.buffer_bytes(0) if "uri" in buffers[0] else memoryview(b"")
             buffers[0].pop("uri", None)
             self._end = len(self._binary)

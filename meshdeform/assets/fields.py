@@ -1,4 +1,7 @@
-"""Read typed fields of glTF's JSON; a wrong type or an index out of range raises an `AssetError` naming the field."""
+"""Read typed fields of glTF's JSON; a wrong type or an index out of range raises an `AssetError` naming the field.
+
+An integer written as a float, such as `0.0`, is replaced in the document by the integer.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ def integer(
     parent: Json, key: str, where: str, *, default: int | None = None, minimum: int = 0, maximum: int = 2**53
 ) -> int:
     """Return an integer within bounds; without a default it is required."""
-    value: Any = parent.get(key, default)
+    value: Any = _integral(parent, key) if key in parent else default
     if not isinstance(value, int) or isinstance(value, bool) or not minimum <= value <= maximum:
         bounds = f"at least {minimum}" if maximum == 2**53 else f"{minimum} to {maximum}"
         raise AssetError(f"{where}.{key} must be an integer, {bounds}.")
@@ -47,7 +50,7 @@ def index(parent: Json, key: str, count: int, where: str) -> int | None:
     """Return an index into an array of `count` elements, or None if absent."""
     if key not in parent:
         return None
-    value = parent[key]
+    value = _integral(parent, key)
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < count:
         raise AssetError(f"{where}.{key} must be an index below {count}.")
     return value
@@ -58,8 +61,17 @@ def indices(parent: Json, key: str, count: int, where: str) -> list[int]:
     value = parent.get(key, [])
     if not isinstance(value, list):
         raise AssetError(f"{where}.{key} must be an array of indices.")
-    for item in value:
-        index({key: item}, key, count, where)
+    for at, item in enumerate(value):
+        checked = index({key: item}, key, count, where)
+        if checked is not item:
+            value[at] = checked
+    return value
+
+
+def _integral(parent: Json, key: str) -> Any:
+    value = parent[key]
+    if isinstance(value, float) and value.is_integer():
+        value = parent[key] = int(value)
     return value
 
 

@@ -166,9 +166,22 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(MESHDEFORM_MAX_TRIANGLES; each instance of a mesh counts)."
             )
     if triangles == 0:
-        reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
-        raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
+        raise _empty(skipped, primitives > 0)
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped))
+
+
+def _empty(skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
+    """Return the error of an asset without triangles, with advice that fits the reason."""
+    if not has_meshes:
+        return AssetEmptyError(
+            "The default scene shows no mesh.",
+            advice="Add the nodes with meshes to the default scene, and export again.",
+        )
+    reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
+    advice = "Turn the instances into meshes of their own, and export again." if GPU_INSTANCING in reasons else None
+    return AssetEmptyError(
+        "The default scene shows no triangles" + (f": {reasons}." if reasons else "."), advice=advice
+    )
 
 
 def _weight(mesh: Json) -> int:

@@ -11,6 +11,7 @@ from meshdeform.errors import (
     AssetFormatError,
     AssetTooLargeError,
     AssetTruncatedError,
+    AssetUnsupportedError,
 )
 
 __all__ = ["inspect_foreign", "is_ascii_stl"]
@@ -56,6 +57,10 @@ def _ply_counts(data: Data) -> tuple[int, int]:
             counts[words[1].decode("ascii", "replace")] = int(words[2])
     if declared > len(data):  # an element takes at least one byte in every PLY encoding
         raise AssetTruncatedError(f"The PLY header declares {declared} elements, but the file has {len(data)} bytes.")
+    if not counts["face"] and counts.get("tristrips"):
+        raise AssetUnsupportedError(
+            "The PLY file has triangle strips in place of faces.", advice="Export it with faces (element face)."
+        )
     return counts["vertex"], counts["face"]
 
 

@@ -231,6 +231,8 @@ class UploadLimits(_Open):
     """Limits on uploads."""
 
     max_bytes: int
+    max_uploads: int | None = None
+    max_uploads_bytes: int | None = None
     ttl_s: float
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import NotFoundError
+from meshdeform.errors import NotFoundError, TooManyUploadsError
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger
 from meshdeform.record.ids import new_id
-from meshdeform.record.schema import uploads
+from meshdeform.record.schema import jobs, uploads
 
 __all__ = ["Upload", "UploadLedger"]
 
@@ -66,6 +66,8 @@ class UploadLedger:
         ttl_s: float,
         *,
         sha256: str | None = None,
+        max_uploads: int = 0,
+        max_bytes: int = 0,
         also: Callable[[sa.Connection, Upload], None] | None = None,
     ) -> Upload:
         """Announce an upload.
@@ -80,8 +82,15 @@ class UploadLedger:
             Seconds until it expires.
         sha256 : str, optional
             SHA-256 of its bytes, as announced by the sender.
+        max_uploads, max_bytes : int
+            Limits on the number and the bytes of the owner's unused uploads, with this one. 0: unlimited.
         also : callable, optional
             Called in the same transaction, which its exceptions roll back.
+
+        Raises
+        ------
+        TooManyUploadsError
+            The upload would exceed a limit.
         """
         values = {
             "id": new_id("upl"),
@@ -93,10 +102,34 @@ class UploadLedger:
             "expires_at": self._database.now(ttl_s),
         }
         with self._database.write() as connection:
+            if max_uploads or max_bytes:
+                self._check_limits(connection, owner_id, size, max_uploads, max_bytes)
             made = _upload(connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
             if also is not None:
                 also(connection, made)
         return made
+
+    def _check_limits(
+        self, connection: sa.Connection, owner_id: str, size: int, max_uploads: int, max_bytes: int
+    ) -> None:
+        """Count the uploads of an owner that no job uses, and refuse one more if it exceeds a limit."""
+        if not self._database.is_sqlite:
+            # Concurrent transactions would each find room for one more.
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"uploads {owner_id}"))))
+        used = sa.exists().where(sa.or_(jobs.c.asset_key == uploads.c.key, jobs.c.target_key == uploads.c.key))
+        mine = sa.and_(uploads.c.owner_id == owner_id, uploads.c.expires_at > self._database.now(), sa.not_(used))
+        counts = sa.select(sa.func.count(), sa.func.coalesce(sa.func.sum(uploads.c.size), 0)).where(mine)
+        count, stored = (int(value) for value in connection.execute(counts).one())
+        if max_uploads and count >= max_uploads:
+            raise TooManyUploadsError(
+                f"{count} uploads of this key are unused; it may have {max_uploads}.", limit=max_uploads, stored=count
+            )
+        if max_bytes and stored + size > max_bytes:
+            raise TooManyUploadsError(
+                f"The unused uploads of this key have {stored} bytes; with this one they may have {max_bytes}.",
+                limit=max_bytes,
+                stored=stored,
+            )
 
     def get(self, upload_id: str, owner: str | None = None) -> Upload:
         """Return an upload; with an owner, only an upload of that owner.

@@ -81,7 +81,7 @@ def get_artifact(
     """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
     artifact = _find(app, id, owner, name)
     found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, app, found, conditions)
+    return download(request, app, found, conditions, signed=owner is None)
 
 
 @router.post(

@@ -154,8 +154,19 @@ def _disposition(name: str) -> str:
     return header if plain == name else f"{header}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
-def download(request: Request, app: AppState, found: Download, conditions: Conditions) -> Response:
+def download(
+    request: Request, app: AppState, found: Download, conditions: Conditions, *, signed: bool = False
+) -> Response:
     """Return the answer to a request for stored bytes: all of them, a range, or 304.
+
+    Parameters
+    ----------
+    request : Request
+    app : AppState
+    found : Download
+    conditions : Conditions
+    signed : bool
+        Whether the request has a signed URL that has been verified.
 
     Raises
     ------
@@ -166,7 +177,7 @@ def download(request: Request, app: AppState, found: Download, conditions: Condi
         first byte is sent.
     """
     headers = found.headers
-    if "signature" in request.query_params:
+    if signed:
         # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
         headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Path, Request, Response
@@ -233,8 +231,8 @@ async def branch_job(
     """Creates a new job on the same asset that starts with the shape of that step. The job may be in any state."""
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
-    with tempfile.TemporaryDirectory(prefix="meshdeform-branch-") as folder:
-        answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, FilePath(folder))
+    with app.workspace.temporary_folder() as folder:
+        answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, folder)
     return answer.response()
 
 
@@ -244,20 +242,20 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
         document = parse_document(JobDocument, await receive_document(request))
-        with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
-            yield Submission(document, {}, FilePath(folder))
+        with app.workspace.temporary_folder() as folder:
+            yield Submission(document, {}, folder)
         return
     # The slot is held until the files are checked and stored, which bounds the number of temporary files.
     async with app.bodies.slot(owner_id):
-        with tempfile.TemporaryDirectory(prefix="meshdeform-upload-") as folder:
+        with app.workspace.temporary_folder() as folder:
             text, files = await receive_form(
                 request.headers.get("content-type", ""),
                 request.headers.get("content-length", ""),
                 body_of(request),
-                FilePath(folder),
+                folder,
                 app.settings.max_upload_bytes,
             )
             document = parse_document(JobDocument, text, "The part `request`")
             for name in missing_files(document, files):
                 raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
-            yield Submission(document, files, FilePath(folder))
+            yield Submission(document, files, folder)

@@ -83,6 +83,8 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
         ),
         uploads=UploadLimits(
             max_bytes=settings.max_upload_bytes,
+            max_uploads=settings.max_uploads or None,
+            max_uploads_bytes=settings.max_uploads_bytes or None,
             ttl_s=settings.upload_ttl_s,
             signed_url_ttl_s=settings.signed_url_ttl_s,
         ),

@@ -17,6 +17,7 @@ from meshdeform.errors import (
     ParameterError,
     RequestError,
     RequestTimeoutError,
+    TooManyUploadsError,
     UnavailableError,
 )
 from meshdeform.record.cleanup import remove_upload
@@ -89,7 +90,13 @@ _OFFSET = {
             },
         },
         **problem_responses(
-            AssetTooLargeError, RequestError, ParameterError, RequestTimeoutError, *ONCE_ERRORS, *CALLER_ERRORS
+            AssetTooLargeError,
+            RequestError,
+            ParameterError,
+            RequestTimeoutError,
+            TooManyUploadsError,
+            *ONCE_ERRORS,
+            *CALLER_ERRORS,
         ),
     },
     openapi_extra=json_body("UploadDocument", {"filename": "knight.glb", "size": 30720, "sha256": _SHA256}),
@@ -263,13 +270,16 @@ def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
             document.size,
             app.settings.upload_ttl_s,
             sha256=document.sha256,
+            max_uploads=app.settings.max_uploads,
+            max_bytes=app.settings.max_uploads_bytes,
             also=record_answer,
         )
         return answers[0]
 
 
 def _authorized(app: AppState, request: Request, upload_id: str) -> Upload:
-    return authorize(app, upload_id, request.url.path, request.scope["query_string"].decode("latin-1"))
+    # Not `request.url`, which older versions of Starlette build from the Host header.
+    return authorize(app, upload_id, request.scope["path"], request.scope["query_string"].decode("latin-1"))
 
 
 def _shown(found: UploadView) -> Response:

@@ -11,10 +11,9 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.record.models import JobState
 from meshdeform.storage import ObjectStore
 from tests.cases import each_case
-from tests.integration.conftest import Api, new_job
+from tests.integration.conftest import Api
 from tests.integration.http_calls import PROMPT, check_problem
 from tests.integration.test_api_continuing import interrupted_job
 
@@ -72,15 +71,15 @@ def test_two_at_the_same_time_make_one_job(api: Api, sphere: bytes, monkeypatch:
     """The first one is held within its check until the second one has its answer."""
     headers, before = key(), count(api)
     begun, go_on = threading.Event(), threading.Event()
-    exists = ObjectStore.exists
+    holds = ObjectStore.holds
 
-    def held(store: ObjectStore, name: str) -> bool:
+    def held(store: ObjectStore, name: str, sha256: str) -> bool:
         begun.set()
         assert go_on.wait(30.0)
-        return exists(store, name)
+        return holds(store, name, sha256)
 
     with ThreadPoolExecutor(1) as pool, monkeypatch.context() as patch:
-        patch.setattr("meshdeform.storage.ObjectStore.exists", held)
+        patch.setattr("meshdeform.storage.ObjectStore.holds", held)
         first = pool.submit(create, api, sphere, headers)
         assert begun.wait(30.0)
         second = create(api, sphere, headers)
@@ -121,11 +120,7 @@ def test_keys_of_two_owners_are_two_keys(api: Api) -> None:
 
 
 def test_a_retry_with_a_key_is_one_retry(api: Api) -> None:
-    job = new_job(api.record)
-    api.record.leases.claim(job.id, "worker", 60.0)
-    api.record.leases.finish(job.id, 1, JobState.FAILED)
-    api.store.put(job.asset.key, b"abc")
-    headers = key()
-    first, again = (api.http.post(f"/v1/jobs/{job.id}/retry", headers=headers) for _ in range(2))
+    job_id, headers = interrupted_job(api), key()
+    first, again = (api.http.post(f"/v1/jobs/{job_id}/retry", headers=headers) for _ in range(2))
     assert first.status_code == 202, first.text
     assert again.json() == first.json()

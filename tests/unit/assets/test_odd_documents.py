@@ -1,0 +1,71 @@
+"""Documents that are valid but unusual, and errors that name the right reason."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import load_asset
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTruncatedError, AssetUnsupportedError
+from tests.unit.assets.builders import Builder, pack, quad, unpack
+
+
+def test_a_data_uri_in_buffer_0_beside_a_binary_chunk_is_written_correctly() -> None:
+    root, binary, _ = unpack(quad())
+    root["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
+    asset = load_asset(pack(root, b"nobody refers to these bytes"), "quad.glb")
+    moved = asset.surface.positions + np.array([1.0, 2.0, 3.0])
+    again = load_asset(asset.replace(moved), "quad.glb")
+    np.testing.assert_allclose(again.surface.positions, moved, atol=1e-6)
+    np.testing.assert_array_equal(again.surface.triangles, asset.surface.triangles)
+
+
+def test_integers_may_be_written_as_floats() -> None:
+    def as_floats(value: object) -> object:
+        if isinstance(value, dict):
+            return {key: as_floats(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [as_floats(item) for item in value]
+        return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+    root, binary, _ = unpack(quad())
+    floats = as_floats(root)
+    assert isinstance(floats, dict)
+    expected, asset = load_asset(quad(), "quad.glb"), load_asset(pack(floats, binary), "quad.glb")
+    np.testing.assert_array_equal(asset.surface.positions, expected.surface.positions)
+    moved = asset.surface.positions + 1.0
+    assert load_asset(asset.replace(moved), "quad.glb").summary.triangles == 2
+    floats["nodes"][0]["mesh"] = 0.5
+    with pytest.raises(AssetError, match="must be an index"):
+        load_asset(pack(floats, binary), "quad.glb")
+
+
+def test_a_scene_without_meshes_is_not_blamed_on_points_and_lines() -> None:
+    root, binary, _ = unpack(quad())
+    root["scenes"], root["scene"] = [{"nodes": []}], 0
+    with pytest.raises(AssetEmptyError, match="shows no mesh") as raised:
+        load_asset(pack(root, binary), "quad.glb")
+    assert "scene" in raised.value.advice_text
+
+
+def test_an_asset_of_instances_only_says_what_to_do_about_them() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(builder.primitive()), extensions={"EXT_mesh_gpu_instancing": {"attributes": {}}})
+    with pytest.raises(AssetEmptyError, match="EXT_mesh_gpu_instancing") as raised:
+        load_asset(builder.glb(), "quad.glb")
+    assert "instanc" in raised.value.advice_text
+
+
+def test_bytes_after_the_end_are_not_a_truncated_file() -> None:
+    with pytest.raises(AssetError, match="4 bytes after the end") as raised:
+        load_asset(quad() + b"more", "quad.glb")
+    assert not isinstance(raised.value, AssetTruncatedError)
+
+
+def test_triangle_strips_of_a_ply_are_named() -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    with pytest.raises(AssetUnsupportedError, match="triangle strips"):
+        load_asset(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode(), "strips.ply")
