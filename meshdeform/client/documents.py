@@ -109,6 +109,12 @@ class _OriginView(views.OriginView):
     model_config = _OPEN
 
 
+class ArtifactView(views.ArtifactView):
+    """A result of a job."""
+
+    model_config = _OPEN
+
+
 class JobView(views.JobView):
     """A job."""
 
@@ -123,6 +129,7 @@ class JobView(views.JobView):
     origin: _OriginView | None = None
     error: _JobError | None = None
     progress: _Progress
+    artifacts: list[ArtifactView] = Field(default_factory=list)  # type: ignore[assignment]
 
 
 class JobList(_Open):
@@ -138,12 +145,6 @@ class EventView(views.EventView):
     model_config = _OPEN
 
     type: Annotated[EventType, _named(EventType)]
-
-
-class ArtifactView(views.ArtifactView):
-    """A result of a job."""
-
-    model_config = _OPEN
 
 
 class ArtifactList(_Open):

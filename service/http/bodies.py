@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import TypeVar
@@ -16,6 +17,7 @@ from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
 from meshdeform.errors import PromptError, RequestError, RequestTimeoutError, UnavailableError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from service.http.errors import parameter_error
+from service.http.wording import in_plain_words
 
 __all__ = ["body_of", "body_slot", "parse_document", "receive_document"]
 
@@ -121,4 +123,4 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
             raise RequestError(f"{name} is no JSON document: {reason}.") from error
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
-        raise parameter_error(findings) from error
+        raise parameter_error(in_plain_words(findings, model, json.loads(document))) from error

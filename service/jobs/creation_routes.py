@@ -32,6 +32,7 @@ from service.http.bodies import body_of, body_slot, parse_document, receive_docu
 from service.http.errors import problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.http.multipart import receive_form
+from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import take_in, try_out
@@ -42,7 +43,7 @@ from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}
 _DOCUMENT = {"prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}}

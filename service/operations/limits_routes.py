@@ -20,12 +20,13 @@ from meshdeform.requests.document import (
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
 from service.state import AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/limits", tags=["limits"])
+router = APIRouter(prefix="/v1/limits", tags=["limits"], dependencies=KNOWN_QUERY)
 _FORMATS = ["glb", "obj", "ply", "stl"]
 
 

@@ -32,11 +32,12 @@ from meshdeform.record.ids import id_pattern
 from meshdeform.webhooks.addresses import find_destination, parse_networks
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 __all__ = ["messages", "router"]
 
-router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"])
+router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"], dependencies=KNOWN_QUERY)
 messages = APIRouter()
 """What receivers get: OpenAPI's `webhooks`. Nothing here is called."""
 
