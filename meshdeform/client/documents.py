@@ -29,6 +29,7 @@ __all__ = [
     "JobEstimate",
     "JobList",
     "JobView",
+    "KindInfo",
     "Limits",
     "ModelList",
     "ModelView",
@@ -235,6 +236,16 @@ class UploadLimits(_Open):
     ttl_s: float
 
 
+class KindInfo(_Open):
+    """A kind of job: its files, the JSON schema of its parameters, and its artifacts."""
+
+    name: str
+    summary: str = ""
+    reads: list[dict[str, Any]] = Field(default_factory=list)
+    params: dict[str, Any] = Field(default_factory=dict)
+    artifacts: list[dict[str, Any]] = Field(default_factory=list)
+
+
 class Limits(_Open):
     """All limits of a service. Those without a field here are in `model_extra`."""
 
@@ -242,6 +253,7 @@ class Limits(_Open):
     jobs: JobLimits
     requests: RequestLimits
     uploads: UploadLimits
+    kinds: list[KindInfo] = Field(default_factory=list)
 
 
 class Vocabulary(_Open):

@@ -36,7 +36,8 @@ pre { background: var(--sunken); border-radius: var(--radius-small); padding: .7
 .method { color: var(--good); font-weight: 600 }
 .scroll { overflow-x: auto } table { border-collapse: collapse; width: 100% }
 td, th { text-align: left; vertical-align: top; padding: .35rem .6rem .35rem 0 }
-td:first-child code { white-space: nowrap } tr { border-bottom: 1px solid var(--line) } th { color: var(--muted); font-weight: 500 } summary { cursor: pointer }
+td:first-child code { white-space: nowrap }
+tr { border-bottom: 1px solid var(--line) } th { color: var(--muted); font-weight: 500 } summary { cursor: pointer }
 @media (max-width: 60rem) { .page { display: block } nav.contents { position: static; max-height: none } }
 """
 _CURL = """curl -i -F asset=@sphere.glb -F 'request={"prompt": "a mushroom", "params": {"preset": "preview"}}' \\
