@@ -10,11 +10,14 @@ from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidatio
 from meshdeform.requests.document import ResolvedParams
 
 __all__ = [
+    "ArtifactKindView",
     "AssetFound",
     "FileLimits",
+    "FilePartView",
     "Health",
     "JobEstimate",
     "JobLimits",
+    "KindView",
     "LimitList",
     "ModelList",
     "ModelView",
@@ -204,6 +207,38 @@ class UploadLimits(BaseModel):
     signed_url_ttl_s: float = Field(description="Seconds for which a signed URL is valid.", examples=[3600])
 
 
+class FilePartView(BaseModel):
+    """A file that a kind of job reads."""
+
+    name: str = Field(description="Its part in a form, or its member in a document.", examples=["asset"])
+    summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY or STL."])
+    required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
+    media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
+
+
+class ArtifactKindView(BaseModel):
+    """A result that a kind of job may write."""
+
+    name: str = Field(description="Its name within the job.", examples=["result.glb"])
+    media_type: str = Field(description="Its media type.", examples=["model/gltf-binary"])
+    summary: str = Field(description="What it is.", examples=["The asset with its new shape."])
+
+
+class KindView(BaseModel):
+    """A kind of job."""
+
+    name: str = Field(description="The value for `kind`.", examples=["text_deform"])
+    summary: str = Field(
+        description="What it does.",
+        examples=["Deforms an asset until its pictures show what a prompt says, or until it looks like a second mesh."],
+    )
+    reads: list[FilePartView] = Field(description="The files that it reads.")
+    params: dict[str, Any] = Field(
+        description="JSON schema of its `params`.", examples=[{"type": "object", "properties": {}}]
+    )
+    artifacts: list[ArtifactKindView] = Field(description="The results that it may write.")
+
+
 class LimitList(BaseModel):
     """All limits on requests."""
 
@@ -211,6 +246,7 @@ class LimitList(BaseModel):
     jobs: JobLimits = Field(description="Limits on the request document.")
     requests: RequestLimits = Field(description="Limits on HTTP requests.")
     uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
+    kinds: list[KindView] = Field(description="The kinds of job.")
 
 
 class VocabularyView(BaseModel):

@@ -80,6 +80,22 @@ class OriginView(_Document):
         return cls(job_id=origin.job_id, step=origin.step, mode=origin.mode)
 
 
+class ArtifactView(_Document):
+    """A result of a job."""
+
+    name: str = Field(description="Its name within the job.", examples=["result.glb"])
+    content_type: str = Field(description="Its media type.", examples=["model/gltf-binary"])
+    size: int = Field(ge=0, description="Bytes.", examples=[30720])
+    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
+    created_at: datetime = Field(description="UTC.", examples=[_TIME])
+    href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
+
+    @classmethod
+    def of(cls, artifact: Artifact, job_id: str) -> Self:
+        """Return the document of an artifact."""
+        return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
+
+
 class JobView(_Document):
     """A job."""
 
@@ -110,6 +126,9 @@ class JobView(_Document):
         None, description="When it is deleted with its artifacts, UTC; null: never, or not finished.", examples=[_TIME]
     )
     progress: Progress = Field(description="The job's progress.")
+    artifacts: list[ArtifactView] = Field(
+        default_factory=list, description="The results, sorted by name; empty unless the job has succeeded."
+    )
 
     @classmethod
     def of(cls, job: Job) -> Self:
@@ -133,6 +152,7 @@ class JobView(_Document):
             deadline_at=job.deadline_at,
             retain_until=job.retain_until,
             progress=job.progress,
+            artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -154,22 +174,6 @@ class JobList(_Document):
     def as_json(self) -> dict[str, Any]:
         """Return the JSON document."""
         return {"jobs": [job.as_json() for job in self.jobs], "next_cursor": self.next_cursor}
-
-
-class ArtifactView(_Document):
-    """A result of a job."""
-
-    name: str = Field(description="Its name within the job.", examples=["result.glb"])
-    content_type: str = Field(description="Its media type.", examples=["model/gltf-binary"])
-    size: int = Field(ge=0, description="Bytes.", examples=[30720])
-    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
-    created_at: datetime = Field(description="UTC.", examples=[_TIME])
-    href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
-
-    @classmethod
-    def of(cls, artifact: Artifact, job_id: str) -> Self:
-        """Return the document of an artifact."""
-        return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
 
 
 class ArtifactList(_Document):

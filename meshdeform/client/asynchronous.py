@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -264,10 +265,15 @@ class AsyncClient:
         return await self._driver.run(reading.got(job, self._policy))
 
     def jobs(
-        self, *, state: JobState | str | None = None, metadata: Mapping[str, str] | None = None, limit: int = 50
+        self,
+        *,
+        state: JobState | str | None = None,
+        metadata: Mapping[str, str] | None = None,
+        created_after: datetime | None = None,
+        limit: int = 50,
     ) -> AsyncIterator[JobView]:
-        """Iterate over the jobs, newest first, requesting pages of `limit`."""
-        return self._driver.iterate(reading.listed(state, dict(metadata or {}), limit, self._policy))
+        """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time."""
+        return self._driver.iterate(reading.listed(state, dict(metadata or {}), created_after, limit, self._policy))
 
     def watch(self, job: JobLike, *, after: int | None = None) -> AsyncIterator[EventView]:
         """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.

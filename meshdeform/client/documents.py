@@ -29,6 +29,7 @@ __all__ = [
     "JobEstimate",
     "JobList",
     "JobView",
+    "KindInfo",
     "Limits",
     "ModelList",
     "ModelView",
@@ -109,6 +110,12 @@ class _OriginView(views.OriginView):
     model_config = _OPEN
 
 
+class ArtifactView(views.ArtifactView):
+    """A result of a job."""
+
+    model_config = _OPEN
+
+
 class JobView(views.JobView):
     """A job."""
 
@@ -123,6 +130,7 @@ class JobView(views.JobView):
     origin: _OriginView | None = None
     error: _JobError | None = None
     progress: _Progress
+    artifacts: list[ArtifactView] = Field(default_factory=list)  # type: ignore[assignment]
 
 
 class JobList(_Open):
@@ -138,12 +146,6 @@ class EventView(views.EventView):
     model_config = _OPEN
 
     type: Annotated[EventType, _named(EventType)]
-
-
-class ArtifactView(views.ArtifactView):
-    """A result of a job."""
-
-    model_config = _OPEN
 
 
 class ArtifactList(_Open):
@@ -236,6 +238,16 @@ class UploadLimits(_Open):
     ttl_s: float
 
 
+class KindInfo(_Open):
+    """A kind of job: its files, the JSON schema of its parameters, and its artifacts."""
+
+    name: str
+    summary: str = ""
+    reads: list[dict[str, Any]] = Field(default_factory=list)
+    params: dict[str, Any] = Field(default_factory=dict)
+    artifacts: list[dict[str, Any]] = Field(default_factory=list)
+
+
 class Limits(_Open):
     """All limits of a service. Those without a field here are in `model_extra`."""
 
@@ -243,6 +255,7 @@ class Limits(_Open):
     jobs: JobLimits
     requests: RequestLimits
     uploads: UploadLimits
+    kinds: list[KindInfo] = Field(default_factory=list)
 
 
 class Vocabulary(_Open):

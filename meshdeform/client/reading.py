@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from datetime import datetime
 from typing import Any
 
 from meshdeform.client.commands import Answer, Call, Callback, Emit, Operation, Pause
@@ -53,11 +54,15 @@ def got(job: JobLike, policy: Policy) -> Operation[JobView]:
     return read(JobView, answer.json(), answer.url)
 
 
-def listed(state: str | None, metadata: dict[str, str], limit: int, policy: Policy) -> Operation[None]:
+def listed(
+    state: str | None, metadata: dict[str, str], created_after: datetime | None, limit: int, policy: Policy
+) -> Operation[None]:
     """Emit jobs, newest first, requesting a page at a time."""
     query: dict[str, str | int] = {"limit": limit} | {f"metadata[{name}]": text for name, text in metadata.items()}
     if state is not None:
         query["state"] = str(state)
+    if created_after is not None:
+        query["created_after"] = created_after.astimezone().isoformat()
     while True:
         answer = yield from answered(Call("GET", "/v1/jobs", query=query), policy)
         page = read(JobList, answer.json(), answer.url)

@@ -65,10 +65,13 @@ class DueDelivery:
 
 def payload_of(job: Job, event: Event) -> dict[str, Any]:
     """Return the message of an event as the Standard Webhooks specification defines it: `type`, `timestamp`, `data`."""
+    document = JobView.of(job).as_json()
+    # The artifacts are recorded after this event, which names them.
+    del document["artifacts"]
     return {
         "type": f"job.{event.type}",
         "timestamp": event.at.isoformat().replace("+00:00", "Z"),
-        "data": {"seq": event.seq, "job": JobView.of(job).as_json(), **event.data},
+        "data": {"seq": event.seq, "job": document, **event.data},
     }
 
 

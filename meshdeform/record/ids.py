@@ -7,10 +7,11 @@ import re
 import secrets
 import threading
 import time
+from datetime import datetime
 
 from meshdeform.errors import ParameterError
 
-__all__ = ["JOB_ID_PATTERN", "decode_cursor", "encode_cursor", "id_pattern", "new_id", "new_job_id"]
+__all__ = ["JOB_ID_PATTERN", "decode_cursor", "encode_cursor", "id_pattern", "least_id", "new_id", "new_job_id"]
 
 # Crockford's alphabet preserves the order of numbers and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
@@ -44,7 +45,16 @@ def new_id(prefix: str) -> str:
         # 48 bits of milliseconds above a counter of 12 bits; on overflow, the counter increments the milliseconds.
         _last = max(_last + 1, (time.time_ns() // 1_000_000) << 12 | secrets.randbits(11))
         moment = _last
-    number = moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62)
+    return _written(prefix, moment >> 12 << 80 | 0x7 << 76 | (moment & 0xFFF) << 64 | 0b10 << 62 | secrets.randbits(62))
+
+
+def least_id(prefix: str, moment: datetime) -> str:
+    """Return a lower bound of the ids that are made at an instant or later."""
+    milliseconds = min(max(int(moment.timestamp() * 1000), 0), 2**48 - 1)
+    return _written(prefix, milliseconds << 80)
+
+
+def _written(prefix: str, number: int) -> str:
     return f"{prefix}_" + "".join(_ALPHABET[number >> shift & 31] for shift in range(125, -1, -5))
 
 

@@ -226,6 +226,8 @@ class Job(_Frozen):
     event_seq: int = 0
     request_id: str | None = None
     traceparent: str | None = None
+    artifacts: tuple[Artifact, ...] = ()
+    """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
 
     @property
     def kind(self) -> JobKind:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import secrets as random
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 
 import sqlalchemy as sa
 
@@ -22,7 +23,7 @@ from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger
 from meshdeform.record.idempotency import IdempotencyLedger
-from meshdeform.record.ids import decode_cursor, encode_cursor, new_job_id
+from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
@@ -131,7 +132,7 @@ class JobRecord:
             There is no such job.
         """
         with self._database.read() as connection:
-            return find_job(connection, job_id, owner)
+            return _with_artifacts(connection, [find_job(connection, job_id, owner)])[0]
 
     def list_jobs(
         self,
@@ -141,6 +142,7 @@ class JobRecord:
         *,
         owner: str | None = None,
         metadata: Mapping[str, str] | None = None,
+        created_after: datetime | None = None,
     ) -> Page:
         """Return a page of jobs, newest first.
 
@@ -156,6 +158,8 @@ class JobRecord:
             Only jobs of this owner.
         metadata : mapping, optional
             Only jobs with all of these labels.
+        created_after : datetime, optional
+            Only jobs created later than this instant.
 
         Raises
         ------
@@ -170,10 +174,14 @@ class JobRecord:
         for name, value in (metadata or {}).items():
             labelled = sa.select(labels.c.job_id).where(labels.c.name == name, labels.c.value == value)
             query = query.where(jobs.c.id.in_(labelled))
+        if created_after is not None:
+            # The bound on the id is what the indexes find. Its clock may differ from that of the database.
+            earliest = least_id("job", created_after.astimezone(UTC) - min(_CLOCKS_DIFFER, created_after - _BEGINNING))
+            query = query.where(jobs.c.id >= earliest, jobs.c.created_at > created_after)
         if cursor is not None:
             query = query.where(jobs.c.id < decode_cursor(cursor))
         with self._database.read() as connection:
-            found = [rows.job(row) for row in connection.execute(query)]
+            found = _with_artifacts(connection, [rows.job(row) for row in connection.execute(query)])
         more = len(found) > limit
         return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
@@ -270,8 +278,22 @@ class JobRecord:
             )
 
 
+_CLOCKS_DIFFER = timedelta(hours=1)
+_BEGINNING = datetime.min.replace(tzinfo=UTC)
 _FILES = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key)
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
+
+
+def _with_artifacts(connection: sa.Connection, found: list[Job]) -> list[Job]:
+    """Return the jobs with their results."""
+    succeeded = [job.id for job in found if job.state is JobState.SUCCEEDED]
+    if not succeeded:
+        return found
+    query = sa.select(artifacts).where(artifacts.c.job_id.in_(succeeded)).order_by(artifacts.c.name)
+    results: dict[str, list[Artifact]] = {}
+    for row in connection.execute(query):
+        results.setdefault(row.job_id, []).append(rows.artifact(row))
+    return [job.model_copy(update={"artifacts": tuple(results.get(job.id, ()))}) for job in found]
 
 
 def _owned(owner: str | None) -> sa.ColumnElement[bool]:

@@ -22,11 +22,12 @@ from service.downloads.responses import (
 )
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"])
+router = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)
 
 _Name = Annotated[
     str,
@@ -55,7 +56,7 @@ def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Resp
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 
 
-@router.head("/{name}", include_in_schema=False)
+@router.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
 @router.get(
     "/{name}",
     operation_id="get_artifact",

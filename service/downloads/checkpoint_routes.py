@@ -14,12 +14,13 @@ from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
 _GLB = "model/gltf-binary"
-router = APIRouter(prefix="/v1/jobs/{id}/checkpoints", tags=["checkpoints"])
+router = APIRouter(prefix="/v1/jobs/{id}/checkpoints", tags=["checkpoints"], dependencies=KNOWN_QUERY)
 
 _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
 

@@ -13,11 +13,12 @@ from meshdeform.record.models import StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"])
+router = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _OTHER = "application/octet-stream"
 # PLY has no registered type.

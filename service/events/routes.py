@@ -24,6 +24,7 @@ from service.events.broker import JobWaiters
 from service.events.waiting import Prefer, applied, preferred_wait, wait_here
 from service.http.auth import Gate, PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ _EXAMPLE = (
     'data: {"seq":1,"job_id":"job_01kg9zqk2xf3v8c5m7n9p1r4t6","type":"queued","at":"2026-01-31T12:00:00Z",'
     '"attempt":0,"data":{"reason":"created"}}\n\n'
 )
-router = APIRouter(prefix="/v1/jobs/{id}/events", tags=["events"])
+router = APIRouter(prefix="/v1/jobs/{id}/events", tags=["events"], dependencies=KNOWN_QUERY)
 
 
 class _EventStream(StreamingResponse):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncIterator
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MIN_BODY_RATE
 from meshdeform.errors import PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from service.http.errors import parameter_error
+from service.http.wording import in_plain_words
 
 __all__ = ["body_of", "parse_document", "receive_document"]
 
@@ -107,4 +109,4 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
             raise RequestError(f"{name} is not valid JSON: {reason}.") from error
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
-        raise parameter_error(findings) from error
+        raise parameter_error(in_plain_words(findings, model, json.loads(document))) from error

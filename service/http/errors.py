@@ -45,11 +45,15 @@ def add_error_handlers(app: FastAPI) -> None:
 
 def parameter_error(errors: Sequence[Any]) -> ParameterError:
     """Convert pydantic's errors to a ParameterError, without the input, which may be long or secret."""
-    found = [{"loc": list(error["loc"]), "msg": error["msg"], "type": error["type"]} for error in errors]
+    found = [{"loc": list(error["loc"]), "msg": _message(error), "type": error["type"]} for error in errors]
     first = found[0]
     place = ".".join(str(part) for part in first["loc"])
     more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
     return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=found)
+
+
+def _message(error: Any) -> str:
+    return "there is no such member." if error["msg"].startswith("Extra inputs") else str(error["msg"])
 
 
 def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:

@@ -29,6 +29,7 @@ from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.http.multipart import receive_form
+from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import accept_job, validate
@@ -39,7 +40,7 @@ from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}
 _DOCUMENT = {"prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}}

@@ -10,6 +10,7 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
+from pydantic import AwareDatetime
 
 from meshdeform.api.jobs import JobList, JobView, job_headers
 from meshdeform.api.limits import MAX_PAGE
@@ -21,6 +22,7 @@ from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WA
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.http.ranges import matches
 from service.state import AppStateDep
 
@@ -43,7 +45,7 @@ _METADATA = {
     },
     "example": {"shot": "sc010"},
 }
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 
 @router.get(
@@ -63,6 +65,14 @@ def list_jobs(
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
+    created_after: Annotated[
+        AwareDatetime | None,
+        Query(
+            description="Only jobs created after this time, with its offset from UTC. Default: all.",
+            examples=["2026-01-31T12:00:00Z"],
+            json_schema_extra={"maxLength": 64},
+        ),
+    ] = None,
     limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
     cursor: Annotated[
         str | None,
@@ -75,7 +85,9 @@ def list_jobs(
 ) -> Response:
     """Jobs that are created while you page through the list do not shift later pages."""
     labels = _labels(request)
-    page = app.record.list_jobs(state, cursor, limit, owner=principal.owner_id, metadata=labels)
+    page = app.record.list_jobs(
+        state, cursor, limit, owner=principal.owner_id, metadata=labels, created_after=created_after
+    )
     return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 
 

@@ -17,15 +17,27 @@ from meshdeform.requests.document import (
     MAX_PROMPT_LENGTH,
     MAX_RETENTION_S,
 )
+from meshdeform.runs import kinds
+from meshdeform.runs.base import Kind
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
-from service.schemas import FileLimits, JobLimits, LimitList, RequestLimits, UploadLimits
+from service.http.queries import KNOWN_QUERY
+from service.schemas import (
+    ArtifactKindView,
+    FileLimits,
+    FilePartView,
+    JobLimits,
+    KindView,
+    LimitList,
+    RequestLimits,
+    UploadLimits,
+)
 from service.state import AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/limits", tags=["limits"])
+router = APIRouter(prefix="/v1/limits", tags=["limits"], dependencies=KNOWN_QUERY)
 _FORMATS = ["glb", "obj", "ply", "stl"]
 
 
@@ -88,5 +100,24 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             ttl_s=settings.upload_ttl_s,
             signed_url_ttl_s=settings.signed_url_ttl_s,
         ),
+        kinds=[_described(kind) for kind in kinds()],
     )
     return JSONResponse(found.model_dump(mode="json"))
+
+
+def _described(kind: Kind) -> KindView:
+    return KindView(
+        name=kind.name,
+        summary=kind.summary,
+        reads=[
+            FilePartView(
+                name=each.name, summary=each.summary, required=each.required, media_types=list(each.media_types)
+            )
+            for each in kind.reads
+        ],
+        params=kind.params.model_json_schema(),
+        artifacts=[
+            ArtifactKindView(name=each.name, media_type=each.media_type, summary=each.summary)
+            for each in kind.artifacts
+        ],
+    )

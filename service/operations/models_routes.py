@@ -11,12 +11,13 @@ from meshdeform.priors.catalogue import list_models
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.schemas import ModelList, ModelView
 from service.state import AppStateDep
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/v1/models", tags=["models"])
+router = APIRouter(prefix="/v1/models", tags=["models"], dependencies=KNOWN_QUERY)
 
 
 @router.get(

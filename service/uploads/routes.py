@@ -28,6 +28,7 @@ from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
 from service.http.multipart import clean_filename
+from service.http.queries import KNOWN_QUERY
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.schemas import UploadView
 from service.state import AppState, AppStateDep
@@ -35,7 +36,7 @@ from service.uploads.receiving import authorize, complete, parse_content_range, 
 
 __all__ = ["content", "router"]
 
-router = APIRouter(prefix="/v1/uploads", tags=["uploads"])
+router = APIRouter(prefix="/v1/uploads", tags=["uploads"], dependencies=KNOWN_QUERY)
 content = APIRouter(prefix="/v1/uploads", tags=["uploads"])
 """The routes of signed URLs, which need no API key."""
 

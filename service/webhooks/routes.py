@@ -37,11 +37,12 @@ from meshdeform.webhooks.addresses import find_destination, parse_networks
 from meshdeform.webhooks.lookups import LOOKUP_S
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
 __all__ = ["messages", "router"]
 
-router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"])
+router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"], dependencies=KNOWN_QUERY)
 messages = APIRouter()
 """The messages that receivers get, for OpenAPI's `webhooks`. These routes are never called."""
 

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError
 
 from meshdeform import runs
 from meshdeform.api.jobs import JobView
+from meshdeform.client import Client
 from meshdeform.errors import ParameterError
 from meshdeform.record.ids import new_job_id
 from meshdeform.record.models import JobState, NewJob, StoredFile
@@ -24,7 +25,8 @@ from service.http.multipart import ReceivedFile
 from service.jobs.documents import JobDocument
 from service.jobs.intake import check_params
 from service.jobs.sources import Submission, missing_files
-from tests.worker_world import new_world
+from tests.integration.conftest import DEADLINE_S, serving
+from tests.worker_world import new_world, working
 
 TEXT = "text/plain"
 
@@ -171,6 +173,29 @@ def test_a_worker_runs_it_from_a_checkpoint_to_its_artifacts(tmp_path: Path, kin
         assert (artifact.name, artifact.content_type) == (kind.artifacts[0].name, kind.artifacts[0].media_type)
         assert world.store.get(artifact.key) == b"2"
         assert JobView.of(done).as_json()["params"] == {"letter": "s"}
+
+
+def test_it_is_described_posted_and_downloaded_over_http(tmp_path: Path, redis_url: str, repository: Path) -> None:
+    settings = Settings(data_dir=tmp_path, redis_url=redis_url, queue="test-kinds")
+    asset = (repository / "service/web/examples/cube.glb").read_bytes()
+    with serving(settings) as url, working(settings, start_run), Client(url) as client:
+        described = {kind.name: kind for kind in client.limits().kinds}
+        assert set(described) == {"text_deform", "count"}
+        count = described["count"]
+        assert count.reads == [
+            {"name": "asset", "summary": "Any file.", "required": True, "media_types": [TEXT]},
+        ]
+        assert set(count.params["properties"]) == {"letter", "checkpoint_every_steps"}
+        assert [artifact["name"] for artifact in count.artifacts] == ["count.txt"]
+        checked = client.validate(asset, kind="count", params={"letter": "e"})
+        assert checked.params.letter == "e"  # type: ignore[attr-defined]
+        params = {"letter": "e", "checkpoint_every_steps": len(asset)}
+        result = client.deform(asset, kind="count", params=params, timeout_s=DEADLINE_S)
+        assert (str(result.job.kind), [each.name for each in result.job.artifacts]) == ("count", ["count.txt"])
+        assert int(result.read("count.txt")) == asset.count(b"e")
+        assert [path.read_bytes() for path in result.save(tmp_path / "results")] == [result.read("count.txt")]
+        with pytest.raises(ParameterError, match="Nobody counts z"):
+            client.submit(asset, kind="count", params={"letter": "z"})
 
 
 def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(

@@ -1,0 +1,56 @@
+"""Refuse query parameters that a route does not have, instead of ignoring a misspelt one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fastapi import Depends, Request
+from fastapi.dependencies.models import Dependant
+from fastapi.routing import APIRoute
+
+from service.http.errors import parameter_error
+from service.http.wording import did_you_mean
+
+__all__ = ["KNOWN_QUERY"]
+
+_SHOWN = 64
+
+
+async def _known_query(request: Request) -> None:
+    """Refuse an unknown query parameter.
+
+    Raises
+    ------
+    ParameterError
+        It names the parameter, and the one that was probably meant.
+    """
+    if not request.query_params or "signature" in request.query_params:
+        return  # a signature covers the whole query, and opens nothing else
+    known = set(_names(request.scope["route"]))
+    errors = [
+        {
+            "loc": ["query", name[:_SHOWN]],
+            "msg": did_you_mean(name[:_SHOWN], known, known, "parameter"),
+            "type": "extra_forbidden",
+        }
+        for name in list(request.query_params)[:_SHOWN]
+        if name.partition("[")[0] not in known
+    ]
+    if errors:
+        raise parameter_error(errors)
+
+
+def _names(route: APIRoute) -> Iterator[str]:
+    """Yield the names of a route's query parameters."""
+    todo: list[Dependant] = [route.dependant]
+    while todo:
+        dependant = todo.pop()
+        yield from (parameter.alias for parameter in dependant.query_params)
+        todo += dependant.dependencies
+    for parameter in (route.openapi_extra or {}).get("parameters", []):
+        if parameter["in"] == "query":
+            yield parameter["name"]
+
+
+KNOWN_QUERY = [Depends(_known_query)]
+"""The dependencies of every router under `/v1`."""

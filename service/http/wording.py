@@ -1,0 +1,67 @@
+"""Describe invalid members of a request in plain words, with the name that was probably meant."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+__all__ = ["did_you_mean", "in_plain_words"]
+
+_CLOSE = 0.6
+
+
+def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (), what: str = "member") -> str:
+    """Return what is wrong with an unknown name, and the known name that it resembles or else all of them.
+
+    Parameters
+    ----------
+    name : str
+    known : collection of str
+        The names that are allowed.
+    given : collection of str
+        The names in the request; a suggested name that is not among them is called missing.
+    what : str
+        What the name is of.
+    """
+    sentence = f"there is no such {what}."
+    if found := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
+        missing = "" if found[0] in given else ", which is missing"
+        return f"{sentence} Did you mean {found[0]!r}{missing}?"
+    return f"{sentence} There are: {', '.join(sorted(known)) or 'none'}."
+
+
+def in_plain_words(findings: Sequence[Any], model: type[BaseModel], document: Any) -> list[dict[str, Any]]:
+    """Return pydantic's findings about a document, with a suggestion for each unknown member.
+
+    Parameters
+    ----------
+    findings : sequence
+        The errors of a `ValidationError`.
+    model : type
+        The model of the document.
+    document : JSON value
+        The document itself.
+    """
+    return [
+        {**found, "msg": _unknown(found["loc"], model, document)} if found["type"] == "extra_forbidden" else dict(found)
+        for found in findings
+    ]
+
+
+def _unknown(place: Sequence[Any], model: type[BaseModel], document: Any) -> str:
+    inner: type[BaseModel] | None = model
+    for step in place[:-1]:
+        inner = _model_of(inner, step) if inner is not None else None
+        document = document.get(step) if isinstance(document, dict) else None
+    given = document if isinstance(document, dict) else {}
+    return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else (), given)
+
+
+def _model_of(model: type[BaseModel], name: Any) -> type[BaseModel] | None:
+    """Return the model of a member, or None if it has none."""
+    field = model.model_fields.get(name)
+    choices = [field.annotation, *get_args(field.annotation)] if field is not None else []
+    return next((each for each in choices if isinstance(each, type) and issubclass(each, BaseModel)), None)

@@ -1,0 +1,109 @@
+"""Misspelt names in queries and documents are refused, with the name that was probably meant."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from meshdeform.client import Client
+from tests.cases import each_case
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import check_document, check_problem, finished_job, post
+
+
+def messages(problem: dict[str, Any]) -> dict[str, str]:
+    return {".".join(map(str, error["loc"])): error["msg"] for error in problem["errors"]}
+
+
+@each_case(
+    "url, place, message",
+    [
+        ("/v1/jobs?stat=queued", "query.stat", "there is no such parameter. Did you mean 'state'?"),
+        ("/v1/jobs?prompt=vase", "query.prompt", None),
+        ("/v1/jobs?state=queued&metdata[shot]=1", "query.metdata[shot]", None),
+        ("/v1/jobs/{id}?limit=3", "query.limit", "there is no such parameter. There are: none."),
+        ("/v1/jobs/{id}/events?aftr=3", "query.aftr", "there is no such parameter. Did you mean 'after'?"),
+        ("/v1/jobs/{id}/artifacts/result.glb?expire=3", "query.expire", None),
+        ("/v1/limits?x=", "query.x", None),
+        ("/v1/webhooks?x=1", "query.x", None),
+        ("/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6?x=1", "query.x", None),
+    ],
+)
+def test_unknown_query_parameters_are_refused(url: str, place: str, message: str | None, api: Api) -> None:
+    answer = api.http.get(url.replace("{id}", new_job(api.record).id))
+    problem = check_problem(answer, 422, "parameter_invalid")
+    assert list(messages(problem)) == [place]
+    assert message is None or problem["detail"] == f"{place}: {message}"
+
+
+def test_known_query_parameters_are_accepted(api: Api) -> None:
+    job_id = finished_job(api)
+    for url in ("/v1/jobs?state=queued&limit=1&metadata[shot]=1", f"/v1/jobs/{job_id}/events?after=0&format=json"):
+        assert api.http.get(url).status_code == 200, url
+    signed = api.http.post(f"/v1/jobs/{job_id}/artifacts/result.glb/url").json()["url"]
+    assert [api.http.get(signed).status_code, api.http.head(signed).status_code] == [200, 200]
+
+
+@each_case(
+    "document, expected",
+    [
+        ({"promt": "a vase"}, {"promt": "there is no such member. Did you mean 'prompt', which is missing?"}),
+        (
+            {"prompt": "a vase", "params": {"step": 3}},
+            {"params.step": "there is no such member. Did you mean 'steps', which is missing?"},
+        ),
+        ({"prompt": "a vase", "prompts": ""}, {"prompts": "there is no such member. Did you mean 'prompt'?"}),
+        (
+            {"prompt": "a vase", "asset": {"upload": "x"}},
+            {"asset.upload": "there is no such member. Did you mean 'upload_id', which is missing?"},
+        ),
+        (
+            {"prompt": "a vase", "output": {"xyz": True}},
+            {"output.xyz": "there is no such member. There are: morph, usd."},
+        ),
+    ],
+)
+def test_a_misspelt_member_is_answered_with_the_right_one(
+    document: dict[str, Any], expected: dict[str, str], api: Api, sphere: bytes
+) -> None:
+    problem = check_problem(post(api, sphere, document), 422, "parameter_invalid")
+    assert messages(problem) == expected
+
+
+def test_other_documents_say_it_in_plain_words(api: Api) -> None:
+    problem = check_problem(
+        api.http.post("/v1/webhooks", json={"uri": "https://example.com"}), 422, "parameter_invalid"
+    )
+    assert "there is no such member." in messages(problem).values()
+
+
+def test_a_job_lists_its_artifacts(api: Api, openapi: dict[str, Any]) -> None:
+    content = b"result" * 50
+    queued, job_id = new_job(api.record).id, finished_job(api, content)
+    job = api.http.get(f"/v1/jobs/{job_id}").json()
+    check_document(job, "JobView", openapi)
+    assert job["artifacts"] == api.http.get(f"/v1/jobs/{job_id}/artifacts").json()["artifacts"]
+    (artifact,) = job["artifacts"]
+    assert (artifact["name"], artifact["size"]) == ("result.glb", len(content))
+    assert api.http.get(artifact["href"]).content == content
+    listed = {each["id"]: each["artifacts"] for each in api.http.get("/v1/jobs?limit=2").json()["jobs"]}
+    assert listed == {job_id: [artifact], queued: []}
+    with Client(api.url) as client:
+        assert [each.size for each in client.get(job_id).artifacts] == [len(content)]
+
+
+@pytest.mark.both_databases
+def test_jobs_created_after_a_time(api: Api) -> None:
+    first, second = new_job(api.record), new_job(api.record)
+    with Client(api.url) as client:
+        assert [job.id for job in client.jobs(created_after=first.created_at)] == [second.id]
+        assert list(client.jobs(created_after=datetime.now(UTC) + timedelta(hours=2))) == []
+        early = [job.id for job in client.jobs(created_after=first.created_at - timedelta(milliseconds=1))]
+        assert early[:2] == [second.id, first.id]
+    for text in ("2026-01-31T12:00:00", "yesterday", ""):
+        problem = check_problem(api.http.get("/v1/jobs", params={"created_after": text}), 422, "parameter_invalid")
+        assert "query.created_after" in messages(problem)
+    assert api.http.get("/v1/jobs", params={"created_after": "0001-01-01T00:00:00Z", "limit": 1}).json()["jobs"]
+    assert api.http.get("/v1/jobs", params={"created_after": "9999-12-31T23:59:59Z"}).json()["jobs"] == []
