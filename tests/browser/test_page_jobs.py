@@ -56,6 +56,7 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
 
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
     expect(page.get_by_label("Morph")).to_be_visible()
+    expect(after.locator(".viewer-tag")).to_have_text("After")  # the result, no step on the way
     until_drawn(before)
     deformed = until_drawn(after)
     assert difference(picture(before), deformed) > 0.02
