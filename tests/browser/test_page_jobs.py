@@ -56,6 +56,7 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
 
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
     expect(page.get_by_label("Morph")).to_be_visible()
+    expect(after.locator(".viewer-tag")).to_have_text("After")  # the result, no step on the way
     until_drawn(before)
     deformed = until_drawn(after)
     assert difference(picture(before), deformed) > 0.02
@@ -135,6 +136,68 @@ def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
     assert watch.posted() == ["POST /v1/jobs"]
 
 
+def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Service, small_sphere: Path) -> None:
+    params = {"preset": "preview", "steps": 40, "checkpoint_every_steps": 2, "seed": 7}
+    job_id = service.submit(small_sphere, {"prompt": "a tall vase", "params": params})
+    page.goto(f"/#/jobs/{job_id}")
+    with held_jobs(service):
+        step = service.at_step(job_id, 1)["progress"]["step"]
+        numbers = page.get_by_label("Progress").locator(".progress-numbers")
+        expect(numbers).to_contain_text(f"Step {step} of 40 · {100 * step // 40}%")
+        service.part("-m", "worker.process").kill()
+        expect(page.locator(".notice")).to_have_text(
+            f"The worker was lost at step {step}. The job continues by itself from its last checkpoint."
+        )
+        expect(numbers).to_contain_text("attempt 2")
+    expect(badge(page)).to_have_text("Succeeded")
+    expect(page.locator(".notice")).to_be_hidden()
+
+    # The same variation at the next quality, in one click.
+    with held_jobs(service):
+        page.get_by_role("button", name="Refine").click()
+        # How long it takes is known only where one like it has run.
+        if (ask := page.get_by_role("dialog", name="Refine at quality Balanced?")).is_visible():
+            ask.get_by_role("button", name="Refine").click()
+        page.wait_for_url(lambda url: job_id not in url)
+        better = service.job(shown_job(page))
+        assert (better["prompt"], better["params"]["preset"], better["params"]["seed"]) == (
+            "a tall vase",
+            "balanced",
+            7,
+        )
+        assert "steps" not in better["params"]
+        assert better["asset"]["sha256"] == service.job(job_id)["asset"]["sha256"]
+
+
+def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service, small_sphere: Path) -> None:
+    params = {"preset": "preview", "steps": 2}
+    other = small_sphere.with_name("crate.obj")
+    other.write_bytes(small_sphere.read_bytes())
+    jobs = [
+        service.submit(asset, {"prompt": prompt, "params": params})
+        for asset, prompt in ((small_sphere, "a small turtle"), (other, "a small turtle"), (other, "a bell"))
+    ]
+    for job in jobs:
+        service.finished(job)
+    page.goto("/#/jobs")
+    search, shown = page.get_by_label("Search jobs"), page.locator(".card:visible")
+    expect(page.get_by_role("link", name="a bell")).to_be_visible()
+    search.fill("turtle crate")
+    expect(shown).to_have_count(1)
+    expect(shown).to_contain_text("crate.obj")
+    search.fill("crate")
+    expect(shown).to_have_count(2)
+    page.get_by_role("button", name="Select", exact=True).click()
+    page.get_by_role("button", name="Select all finished").click()
+    page.get_by_role("button", name="Delete 2 jobs").click()
+    dialog = page.get_by_role("dialog", name="Delete 2 jobs?")
+    dialog.get_by_role("button", name="Delete").click()
+    expect(dialog).to_have_count(0)
+    expect(shown).to_have_count(0)
+    # Those that the search hid are still there.
+    assert [service.http.get(f"/v1/jobs/{job}").status_code for job in jobs] == [200, 404, 404]
+
+
 def test_variations_are_compared_on_one_sheet(page: Page, service: Service, small_sphere: Path) -> None:
     open_form(page)
     choose(page, small_sphere)
@@ -148,8 +211,11 @@ def test_variations_are_compared_on_one_sheet(page: Page, service: Service, smal
     cards = page.locator(".contact-sheet .card")
     expect(cards).to_have_count(3)
     expect(page.locator(".contact-sheet .card img")).to_have_count(3)
-    names = [card.inner_text().splitlines()[0] for card in cards.all()]
-    assert names == ["Variation 100", "Variation 101", "Variation 102"]
+    assert [card.inner_text().splitlines()[0] for card in cards.all()] == [
+        "Variation 100",
+        "Variation 101",
+        "Variation 102",
+    ]
     group = page.url.rpartition("/")[2]
     jobs = service.http.get("/v1/jobs", params={"metadata[group]": group}).json()["jobs"]
     assert sorted(job["params"]["seed"] for job in jobs) == [100, 101, 102]

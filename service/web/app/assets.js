@@ -1,5 +1,5 @@
 // @ts-check
-/** The file that jobs are made of, and how it gets to the server: once, however often it is asked about. */
+/** The file that a job deforms, and its upload: once, however many requests use it. */
 import { address, requestJson } from "./api.js";
 
 // Smaller files go along with each request; larger ones are uploaded once and then named.
@@ -45,12 +45,12 @@ export class Asset {
     return { body };
   }
 
-  /** The server may have deleted an upload that lay unused: the next request sends it anew. */
+  /** Upload the file again with the next request: the server may have deleted an unused upload. */
   forgetUpload() {
     this._upload = null;
   }
 
-  /** @returns {Promise<string>} The upload's id; empty where this browser or server cannot do it. */
+  /** @returns {Promise<string>} The upload's id; empty if this browser or server does not support uploads. */
   _uploaded() {
     this._upload ??= upload(this).catch((error) => {
       this._upload = null;

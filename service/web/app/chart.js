@@ -1,5 +1,5 @@
 // @ts-check
-/** A line of one loss over the steps: what was measured, thin, and its smoothed course. */
+/** The curve of one loss over the steps: its values, thin, and smoothed. */
 import { fill, h, svg } from "./dom.js";
 import { count, figure } from "./format.js";
 import { curveWords, seriesNames, smoothed, ticks } from "./series.js";
@@ -109,8 +109,20 @@ export class LossChart {
   }
 }
 
+const LABELS = /** @type {Record<string, string>} */ ({
+  total: "Total",
+  guidance: "Prompt",
+  jacobian: "Change of the asset",
+  normal: "Creases",
+  laplacian: "Roughness",
+  attachment: "Loose parts",
+  sds_mse: "Noise error of the model",
+  sds_gradient_norm: "Pull of the prompt",
+});
+
 /** @param {string} name */
 function label(name) {
+  if (LABELS[name]) return LABELS[name];
   const words = name.replaceAll("_", " ");
   return words[0].toUpperCase() + words.slice(1);
 }

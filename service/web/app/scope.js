@@ -1,5 +1,5 @@
 // @ts-check
-/** What a view holds and must give back when it goes: requests, timers, listeners, object URLs, viewers. */
+/** What a view holds and releases when it goes: requests, timers, listeners, object URLs, viewers. */
 
 export class Scope {
   constructor() {

@@ -1,5 +1,5 @@
 // @ts-check
-/** A loss over its steps, made ready to be drawn. */
+/** Prepare the values of a loss for drawing. */
 
 /**
  * Exponential smoothing that begins without a bias: early values are means of what there was.
@@ -36,7 +36,7 @@ export function ticks(low, high, wanted = 4) {
 }
 
 /**
- * Which losses can be drawn, those that say most first.
+ * Return the names of the losses that can be drawn, the most useful first.
  *
  * @param {{losses: Record<string, number>}[]} points
  */
@@ -63,18 +63,18 @@ export function reportPoints(report) {
 }
 
 /**
- * All that is known of a curve: a report begins where the last attempt did, the events before it tell of earlier ones.
+ * Join the points of events and report: a report begins with the last attempt, events also cover the earlier ones.
  *
- * @param {import("./history.js").Point[]} told By the events.
+ * @param {import("./history.js").Point[]} seen In the events.
  * @param {import("./history.js").Point[]} reported
  */
-export function allPoints(told, reported) {
-  if (!reported.length) return told;
-  return [...told.filter((point) => point.step < reported[0].step), ...reported];
+export function allPoints(seen, reported) {
+  if (!reported.length) return seen;
+  return [...seen.filter((point) => point.step < reported[0].step), ...reported];
 }
 
 /**
- * What a curve does, in a sentence for those who do not see it.
+ * Describe a curve in a sentence, for those who cannot see it.
  *
  * @param {string} name
  * @param {number[]} steps

@@ -1,5 +1,5 @@
 // @ts-check
-/** A job's events, read live by `fetch`; a broken connection goes on by itself where it stopped. */
+/** A job's events, read live by `fetch`; after a broken connection they continue where they stopped. */
 import { isAbort, OfflineError, ProblemError, request } from "./api.js";
 import { isTerminal } from "./history.js";
 import { backoff, EventParser } from "./sse.js";
@@ -19,7 +19,7 @@ const SILENCE_MS = 40000;
  * @param {string} id
  * @param {Listener} listener
  * @param {AbortSignal} signal
- * @returns {Promise<void>} Rejects where going on is of no use: the job is gone, the key is refused.
+ * @returns {Promise<void>} Rejects if trying again is of no use: the job is gone, or the key refused.
  */
 export async function follow(id, listener, signal) {
   let last = "";
@@ -56,7 +56,7 @@ export async function follow(id, listener, signal) {
  * @param {(events: import("./history.js").JobEvent[]) => void} onEvents
  * @param {() => void} onOpen
  * @param {AbortSignal} signal
- * @returns {Promise<boolean>} Whether nothing is left to come.
+ * @returns {Promise<boolean>} False if more events may come.
  */
 async function read(id, parser, onEvents, onOpen, signal) {
   const silence = new AbortController();
@@ -87,7 +87,7 @@ async function read(id, parser, onEvents, onOpen, signal) {
       if (isTerminal(events[events.length - 1].type)) return true;
     }
   } catch (error) {
-    // Silence looks like a page that was left, but is a server that went.
+    // Aborted by the timer, not by the page: the server is silent.
     if (isAbort(error) && !signal.aborted) throw new OfflineError();
     throw error;
   } finally {

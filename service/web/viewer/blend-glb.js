@@ -10,8 +10,8 @@ const LARGEST = /** @type {Record<number, number>} */ ({ 5120: 127, 5121: 255, 5
 
 /**
  * Blend the vertices of a result with those of its source.
- * @param {ArrayBuffer} result a GLB whose vertices are plain floats
- * @param {Vertices[]} source one for each primitive of the result, in the order of its meshes
+ * @param {ArrayBuffer} result a GLB
+ * @param {Vertices[]} source one for each primitive of the result, in the order of its nodes
  * @param {number} share 0 is the source, 1 the result
  * @returns {ArrayBuffer} a GLB
  * @throws {Error} the two do not fit, or the file is compressed; the message is for people
@@ -49,9 +49,18 @@ export function verticesOf(buffer) {
   });
 }
 
-/** @param {Record<string, any>} json @returns {{ attributes: Record<string, number> }[]} */
+/**
+ * The primitives of the scene's nodes, depth first: a mesh of several nodes comes several times, as some results have it.
+ * @param {Record<string, any>} json
+ * @returns {{ attributes: Record<string, number> }[]}
+ */
 function primitivesOf(json) {
-  return (json.meshes ?? []).flatMap((/** @type {any} */ mesh) => mesh.primitives);
+  const visit = (/** @type {number} */ index) => {
+    const { mesh, children = [] } = json.nodes[index];
+    const own = mesh === undefined ? [] : json.meshes[mesh].primitives;
+    return [...own, ...children.flatMap(visit)];
+  };
+  return (json.scenes?.[json.scene ?? 0]?.nodes ?? []).flatMap(visit);
 }
 
 /**
@@ -64,7 +73,6 @@ function primitivesOf(json) {
  */
 function blend(bytes, json, index, before, share, name) {
   const accessor = json.accessors[index];
-  if (accessor.componentType !== 5126) throw new Error("The result's vertices are not plain floats.");
   const after = values(bytes, json, index);
   if (after.length !== before.length) throw new Error("The result has other vertices than the source.");
   const size = SIZES[accessor.type];
@@ -73,14 +81,29 @@ function blend(bytes, json, index, before, share, name) {
   }
   if (name !== "POSITION") normalize(after, size);
   const { start, stride, view } = place(bytes, json, index);
-  for (let i = 0; i < after.length; i++) view.setFloat32(start + Math.floor(i / size) * stride + 4 * (i % size), after[i], true);
+  const { componentType: kind, normalized } = accessor;
+  const largest = normalized ? LARGEST[kind] : 1;
+  const stored = kind === 5126 ? after : after.map((value) => Math.round(value * largest));
+  const write = writer(view, kind);
+  for (let i = 0; i < stored.length; i++) write(start + Math.floor(i / size) * stride + BYTES[kind] * (i % size), stored[i]);
   if (name !== "POSITION") return;
   accessor.min = [Infinity, Infinity, Infinity];
   accessor.max = [-Infinity, -Infinity, -Infinity];
-  for (let i = 0; i < after.length; i++) {
-    accessor.min[i % 3] = Math.min(accessor.min[i % 3], after[i]);
-    accessor.max[i % 3] = Math.max(accessor.max[i % 3], after[i]);
+  for (let i = 0; i < stored.length; i++) {
+    accessor.min[i % 3] = Math.min(accessor.min[i % 3], stored[i]);
+    accessor.max[i % 3] = Math.max(accessor.max[i % 3], stored[i]);
   }
+}
+
+/** @param {DataView} view @param {number} kind of the numbers @returns {(at: number, value: number) => void} */
+function writer(view, kind) {
+  return /** @type {Record<number, (at: number, value: number) => void>} */ ({
+    5120: (at, value) => view.setInt8(at, value),
+    5121: (at, value) => view.setUint8(at, value),
+    5122: (at, value) => view.setInt16(at, value, true),
+    5123: (at, value) => view.setUint16(at, value, true),
+    5126: (at, value) => view.setFloat32(at, value, true),
+  })[kind];
 }
 
 /** @param {Float32Array} vectors @param {number} size of each; only its first three numbers have a length */
@@ -108,7 +131,7 @@ function values(buffer, json, index) {
   return out;
 }
 
-/** @param {DataView} view @param {number} type @param {boolean} normalized @returns {(at: number) => number} */
+/** @param {DataView} view @param {number} type of the numbers @param {boolean} normalized @returns {(at: number) => number} */
 function reader(view, type, normalized) {
   const plain = /** @type {Record<number, (at: number) => number>} */ ({
     5120: (at) => view.getInt8(at),

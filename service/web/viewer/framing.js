@@ -10,7 +10,7 @@
  * @param {number} margin 1 touches the picture's border
  * @returns {number}
  */
-export function fitDistance(half, axes, fov, aspect, margin = 1.1) {
+export function fitDistance(half, axes, fov, aspect, margin = 1.04) {
   const tanY = Math.tan((fov * Math.PI) / 360) / margin;
   const tanX = tanY * aspect;
   let distance = 0;

@@ -121,6 +121,42 @@ def test_nothing_is_drawn_while_nothing_changes(page: Page) -> None:
     assert counts == [0, 1]
 
 
+def test_the_ground_lies_under_the_shape_that_is_shown(page: Page, site: ViewerSite) -> None:
+    sunken = KINDS["plain"]()
+    site.files["box.glb"], site.files["tall.glb"] = sunken.data, sunken.result
+    grounds = page.evaluate(
+        """async () => {
+          const viewer = await show("box.glb", "glb", "tall.glb");
+          const found = [];
+          for (const share of [0, 0.5, 1]) {
+            viewer.setMorph(share);
+            await drawn();
+            found.push(viewer.stage.ground.position.y);
+          }
+          return found;
+        }"""
+    )
+    # The box grows by half about its middle; the ground is a little below it.
+    assert grounds == pytest.approx([-0.7, -0.875, -1.05], abs=0.02)
+
+
+def test_a_cleared_viewer_shows_nothing_and_can_show_another_file(page: Page) -> None:
+    found = page.evaluate(
+        """async () => {
+          const viewer = await show("source.glb");
+          const full = covered(pixels(viewer));
+          viewer.clear();
+          await drawn();
+          const empty = pixels(viewer).data.some((value) => value);
+          await viewer.load(await fetchBytes("/files/source.glb"));
+          await drawn();
+          return { full, empty, again: covered(pixels(viewer)), ready: viewer.ready };
+        }"""
+    )
+    assert found["full"] == found["again"] > 1000
+    assert (found["empty"], found["ready"]) == (False, True)
+
+
 def test_an_animation_plays_when_asked_and_stops(page: Page, site: ViewerSite) -> None:
     site.files["turning.glb"] = KINDS["morphing"]().data
     found = page.evaluate(

@@ -10,7 +10,7 @@ import { ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
   { name: "sphere.glb", label: "Sphere" },
-  { name: "vase.glb", label: "Vase" },
+  { name: "vase.glb", label: "Painted vase" },
   { name: "cube.glb", label: "Cube" },
 ];
 

@@ -13,7 +13,7 @@ const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
   "result.usdz": "The new shape for AR viewers and USD pipelines",
-  "report.json": "Settings, measurements and versions",
+  "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
 });
 
@@ -82,7 +82,7 @@ function alsoWanted(job, artifacts) {
   const wanted = [lacks("morph.glb") ? "an animated GLB" : "", lacks("result.usdz") ? "USDZ" : ""].filter(Boolean).join(" or ");
   if (job.state !== "succeeded" || !wanted) return null;
   const again = h("a", { href: routeHash({ name: "create", from: job.id }), on: { click: () => forgetDraftOf(job.id) } }, "Run it again");
-  return h("p", { class: "small muted" }, `Need ${wanted}? `, again, " with the box ticked under Advanced.");
+  return h("p", { class: "small muted files-note" }, `Need ${wanted}? `, again, " with the box ticked under Advanced.");
 }
 
 /**

@@ -1,5 +1,6 @@
 // Opens viewers for the tests, which drive them through `window`.
 import { acquireRenderer, contextCount, releaseRenderer, SharedRenderer } from "/web/viewer/renderer.js";
+import { blendGlb, verticesOf } from "/web/viewer/blend-glb.js";
 import { linkCameras, MeshViewer, snapshotAsset } from "/web/viewer/viewer.js";
 
 const stage = document.getElementById("stage");
@@ -90,6 +91,6 @@ async function failure(promise) {
 }
 
 Object.assign(window, {
-  acquireRenderer, closeAll, failure, meshOf, releaseRenderer, SharedRenderer, show,
+  acquireRenderer, blendGlb, verticesOf, closeAll, failure, meshOf, releaseRenderer, SharedRenderer, show,
   contextCount, covered, difference, drawn, fetchBytes, linkCameras, open, pixels, snapshotAsset, ready: true,
 });

@@ -1,0 +1,102 @@
+"""Nothing that was typed is lost, and nothing is changed without a word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.steps import choose, open_form, set_steps  # noqa: E402
+
+Page, expect = playwright_api.Page, playwright_api.expect
+expect.set_options(timeout=60_000)
+pytestmark = pytest.mark.without_3d
+
+
+def expect_draft(page: Page, prompt: str, seed: str) -> None:
+    expect(page.get_by_label("Prompt", exact=True)).to_have_value(prompt)
+    expect(page.locator("#asset-facts")).to_contain_text("sphere.obj")
+    expect(page.get_by_label("Variation", exact=True)).to_have_value(seed)
+    expect(page.get_by_label("Steps", exact=True)).to_have_value("12")
+
+
+def test_a_draft_survives_back_a_reload_and_a_closed_tab(page: Page, small_sphere: Path) -> None:
+    open_form(page)
+    choose(page, small_sphere)
+    prompt = page.get_by_label("Prompt", exact=True)
+    prompt.fill("a tall vase")
+    set_steps(page, 12, seed=4711)
+    page.get_by_role("link", name="Jobs", exact=True).click()
+    page.get_by_role("heading", level=1, name="Jobs").wait_for()
+    page.go_back()
+    expect_draft(page, "a tall vase", "4711")
+    # What was typed last of all counts, a wrong number too.
+    prompt.fill("a tall thin vase")
+    page.get_by_label("Variation", exact=True).fill("-5")
+    page.reload()
+    expect_draft(page, "a tall thin vase", "-5")
+    expect(page.locator("#seed-problem")).to_have_text("At least 0.")
+    expect(page.get_by_text("Your draft is back.")).to_be_visible()
+    # Another tab, as after a crash: IndexedDB has it all.
+    page.wait_for_function(
+        """() => new Promise((resolve) => {
+          const opening = indexedDB.open("meshdeform", 1);
+          opening.onsuccess = () => {
+            const read = opening.result.transaction("drafts").objectStore("drafts").getAll();
+            read.onsuccess = () => {
+              opening.result.close();
+              resolve(read.result.some(({ wish }) => wish.seed === "-5" && wish.prompt === "a tall thin vase"));
+            };
+          };
+        })"""
+    )
+    context = page.context
+    page.close()
+    other = context.new_page()
+    other.goto("/")
+    expect_draft(other, "a tall thin vase", "-5")
+    other.get_by_role("button", name="Start over").click()
+    expect(other.locator("#asset-facts")).to_contain_text("sphere.glb")
+    expect(other.get_by_label("Prompt", exact=True)).to_have_value("")
+    expect(other.locator("#seed-problem")).to_be_hidden()
+
+
+def test_what_cannot_be_sent_is_marked_and_never_changed_silently(page: Page, watch: Watch, small_sphere: Path) -> None:
+    open_form(page)
+    choose(page, small_sphere)
+    prompt = page.get_by_label("Prompt", exact=True)
+    prompt.fill("a vase")
+    set_steps(page, 12)
+    estimate, start = page.locator("#estimate"), page.get_by_role("button", name="Deform")
+    expect(estimate).to_contain_text("12 steps")
+    seed, many = page.get_by_label("Variation", exact=True), page.get_by_label("How many")
+    whole = "Enter a whole number from 0 to 9,007,199,254,740,991."
+    wrong = {"-5": "At least 0.", "": whole, "1.5": whole, "99999999999999999999": "At most 9,007,199,254,740,991."}
+    for text, problem in wrong.items():
+        seed.fill(text)
+        expect(page.locator("#seed-problem")).to_have_text(problem)
+        # The last estimate is not that of this.
+        expect(estimate).to_have_text("Correct the marked settings.")
+        start.click()
+        expect(seed).to_be_focused()
+        expect(seed).to_have_value(text)
+    seed.fill("3")
+    many.fill("50")
+    expect(page.locator("#variations-problem")).to_have_text("At most 9.")
+    many.fill("1")
+    page.get_by_label("Steps", exact=True).fill("1000000")
+    expect(estimate).to_have_text("Correct the marked settings.")
+    page.get_by_label("Steps", exact=True).fill("12")
+    expect(estimate).to_contain_text("12 steps")
+    # A long text is kept whole, and its length is said.
+    prompt.fill("a vase " * 160)
+    expect(page.locator("#prompt-problem")).to_have_text("1,000 characters at most; this has 1,119.")
+    assert len(prompt.input_value()) == 1120
+    assert prompt.bounding_box()["height"] < 400
+    start.click()
+    assert watch.posted() == []
+    # A server with one model offers no other.
+    expect(page.get_by_label("Model", exact=True)).to_be_hidden()
