@@ -24,6 +24,7 @@ from meshdeform.guidance.target import TargetGuidance, place_target
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
+from meshdeform.rendering.studio import Pose
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
@@ -204,7 +205,7 @@ class TextDeformRun:
         NumericalError
             The result is not finite.
         """
-        rest, verts = self._welded.mesh, self._world_verts()
+        verts = self._world_verts()
         with self._clock.phase("write"):
             positions, normals, tangents = self._surface(verts)
             result = self._asset.replace(positions, normals, tangents)
@@ -217,7 +218,10 @@ class TextDeformRun:
             usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
-            artifacts["preview.png"] = ArtifactData(preview_png(rest.verts, verts, rest.faces), "image/png")
+            # With the normals that the file has now, so that the picture shows what a viewer of the file does.
+            source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
+            appearance = self._asset.appearance()
+            artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
         report = build_report(
             self._facts,
             asset=self._asset,
@@ -229,6 +233,7 @@ class TextDeformRun:
             history=self._history,
             first_step=self._first_step,
             clock=self._clock,
+            not_drawn=appearance.left_out,
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts

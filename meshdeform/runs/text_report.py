@@ -57,6 +57,7 @@ def build_report(
     history: LossHistory,
     first_step: int,
     clock: PhaseClock,
+    not_drawn: dict[str, int],
 ) -> bytes:
     """Make `report.json`.
 
@@ -78,6 +79,8 @@ def build_report(
     first_step : int
         Steps that an earlier attempt had done.
     clock : PhaseClock
+    not_drawn : dict of str to int
+        Parts of the asset's look that `preview.png` does not show, with counts.
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
@@ -108,6 +111,8 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if not_drawn:
+        report["preview"] = {"left_out": not_drawn}
     if usdz is not None:
         report["usd"] = {
             "bytes": len(usdz.data),
