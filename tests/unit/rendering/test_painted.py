@@ -120,7 +120,7 @@ def test_cut_outs_and_glass_show_what_is_behind() -> None:
 
 
 def test_hard_edges_are_hard_and_soft_ones_are_soft() -> None:
-    """A roof of two faces that share an edge: two flat colours with split normals or none, a gradient with shared ones."""
+    """Draw a roof of two faces: two flat colours with split normals or without normals, a gradient with shared ones."""
     roof = np.array([[-0.8, -0.6, -0.4], [0, -0.6, 0], [0, 0.6, 0], [-0.8, 0.6, -0.4]], np.float32)
     other = roof * [-1, 1, 1]
     left, right = np.array([-0.447, 0, 0.894], np.float32), np.array([0.447, 0, 0.894], np.float32)
