@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
@@ -234,9 +235,19 @@ class TextDeformRun:
             first_step=self._first_step,
             clock=self._clock,
             not_drawn=appearance.left_out,
+            likeness=self._likeness(verts),
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
+
+    def _likeness(self, verts: Tensor) -> dict[str, Any] | None:
+        """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
+        if self._facts.guidance["id"] != BUILTIN_MODEL:
+            return None
+        from meshdeform.runs.likeness import likeness
+
+        with self._clock.phase("measure"):
+            return likeness(TriangleMesh(verts, self._welded.mesh.faces), self._facts.request.prompt)
 
     def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
         """Positions, normals and tangents of the asset's own vertices, the last two where it has them."""

@@ -58,6 +58,7 @@ def build_report(
     first_step: int,
     clock: PhaseClock,
     not_drawn: dict[str, int],
+    likeness: dict[str, Any] | None = None,
 ) -> bytes:
     """Make `report.json`.
 
@@ -81,6 +82,8 @@ def build_report(
     clock : PhaseClock
     not_drawn : dict of str to int
         Parts of the asset's look that `preview.png` does not show, with counts.
+    likeness : dict, optional
+        How much the result looks like its prompt.
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
@@ -111,6 +114,8 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if likeness is not None:
+        report["likeness"] = likeness
     if not_drawn:
         report["preview"] = {"left_out": not_drawn}
     if usdz is not None:
