@@ -23,6 +23,7 @@ _FOV_DEG = 28.0
 _MARGIN = 0.9
 """Share of the view that the asset may fill."""
 _UPPER, _LOWER = (0.965, 0.968, 0.972), (0.885, 0.89, 0.90)
+_PLAIN = (0.94, 0.945, 0.95)
 _SHADOW = 0.42
 _SHADOW_SIZE = 96
 _SHADOW_REACH = 1.3
@@ -50,6 +51,8 @@ class Studio:
         Views that every pose must fit.
     elevation_deg : float
     supersample : int
+    plain : bool
+        Whether the background is one colour without a shadow, for formats of few colours.
     """
 
     def __init__(
@@ -61,9 +64,10 @@ class Studio:
         azimuths_deg: Sequence[float],
         elevation_deg: float = 15.0,
         supersample: int = 2,
+        plain: bool = False,
     ) -> None:
         self._renderer = PaintedRenderer(appearance, PaintedStyle(size, supersample))
-        self._elevation, self._size = elevation_deg, size
+        self._elevation, self._size, self._plain = elevation_deg, size, plain
         self._used = torch.from_numpy(np.unique(appearance.rows))
         self._faces = torch.from_numpy(appearance.rows[appearance.triangles])
         shown = torch.cat([torch.from_numpy(pose.positions)[self._used] for pose in poses])
@@ -111,6 +115,8 @@ class Studio:
     def _backdrop(self, camera: Cameras, shadow: Tensor, ground: float) -> Tensor:
         """Return the background (size, size, 3) of one view."""
         size = self._size
+        if self._plain:
+            return torch.tensor(_PLAIN).expand(size, size, 3)
         at = (torch.arange(size) + 0.5) * 2 / size - 1
         x, y = at.expand(size, size), -at[:, None].expand(size, size)
         share = ((1 - y) / 2)[..., None]
