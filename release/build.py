@@ -28,7 +28,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
     "meshdeform/py.typed",
     "meshdeform/priors/builtin/weights/*.safetensors",
-    "meshdeform/evaluation/judge/weights/*",
+    "meshdeform/judge/weights/*",
     "meshdeform/record/migrations/versions/*.py",
     "service/web/index.html",
     "service/web/app/*.js",

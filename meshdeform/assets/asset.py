@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
 from meshdeform.errors import AssetTooLargeError
+
+if TYPE_CHECKING:
+    from meshdeform.assets.appearance import Appearance
 
 __all__ = ["Asset", "load_asset"]
 
@@ -60,6 +64,12 @@ class Asset:
             A material, texture or image is not valid.
         """
         return SceneView(self._document)
+
+    def appearance(self) -> Appearance:
+        """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""
+        from meshdeform.assets.appearance import read_appearance
+
+        return read_appearance(self._document, self._blocks)
 
     def texture_coordinates(self) -> dict[str, str]:
         """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""

@@ -5,6 +5,7 @@ Source: glTF 2.0 specification, section 3.9 (Materials) and 5.29 (Texture sample
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 
 from meshdeform.assets.document import Document, decode_data_uri
@@ -12,9 +13,10 @@ from meshdeform.assets.fields import extension, index, integer, member, numbers,
 from meshdeform.assets.json_text import Json
 from meshdeform.errors import AssetError
 
-__all__ = ["Image", "Material", "TextureUse", "read_image", "read_materials"]
+__all__ = ["Image", "Material", "TextureUse", "read_image", "read_material", "read_materials"]
 
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+_NEAREST = 9728
 _IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 _KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_unlit"}
 
@@ -51,6 +53,8 @@ class TextureUse:
         In radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), with v downwards.
     strength : float
         `scale` of a normal texture, `strength` of an occlusion texture.
+    nearest : bool
+        Whether magnified texels stay squares.
     """
 
     image: int
@@ -60,6 +64,7 @@ class TextureUse:
     rotation: float = 0.0
     scale: tuple[float, float] = (1.0, 1.0)
     strength: float = 1.0
+    nearest: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,30 @@ def read_materials(document: Document) -> list[Material]:
     return [
         _material(document.root, item, f"materials[{i}]") for i, item in enumerate(objects(document.root, "materials"))
     ]
+
+
+def read_material(document: Document, at: int) -> Material:
+    """Read one material; one of KHR_materials_pbrSpecularGlossiness gets its diffuse colour and texture.
+
+    Raises
+    ------
+    AssetError
+        There is no such material, a member has the wrong type, or an index is out of range.
+    """
+    root, where = document.root, f"materials[{at}]"
+    items = objects(root, "materials")
+    if not 0 <= at < len(items):
+        raise AssetError(f"There is no {where}.")
+    found = _material(root, items[at], where)
+    older = extension(items[at], "KHR_materials_pbrSpecularGlossiness", where)
+    if older is None or "pbrMetallicRoughness" in items[at]:
+        return found
+    texture = _texture(root, older, "diffuseTexture", "", where)
+    return dataclasses.replace(
+        found,
+        base_color=tuple(numbers(older, "diffuseFactor", 4, where) or (1.0,) * 4),
+        textures={**found.textures, **({} if texture is None else {"base_color": texture})},
+    )
 
 
 def _material(root: Json, item: Json, where: str) -> Material:
@@ -166,6 +195,7 @@ def _texture(root: Json, parent: Json, key: str, strength: str, where: str) -> T
         rotation=_number(move, "rotation", 0.0, where),
         scale=_pair(move, "scale", 1.0, where),
         strength=_number(info, strength, 1.0, where) if strength else 1.0,
+        nearest=modes.get("magFilter") == _NEAREST,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from meshdeform.cli.animate import animate
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
 from meshdeform.cli.doctor import doctor
@@ -88,6 +89,7 @@ app = typer.Typer(
 )
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
+app.command(rich_help_panel=_MACHINE)(animate)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import tempfile
 import time
@@ -95,7 +96,8 @@ class LocalJob:
         progress.phase("optimizing")
         self._optimize(run, progress)
         progress.phase("writing")
-        self._write(run.finish())
+        artifacts = run.finish()
+        self._write(artifacts)
         return {
             "result": str(self._outputs.result),
             "report": str(self._outputs.report),
@@ -105,6 +107,7 @@ class LocalJob:
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
+            "likeness": json.loads(artifacts["report.json"].data).get("likeness"),
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
 

@@ -7,8 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from meshdeform.cli.animate import check_animation, write_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, SetOption
 from meshdeform.cli.output import emit
 from meshdeform.cli.request import make_request, merge_params
@@ -47,6 +49,9 @@ def run(
         bool,
         typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
     ] = False,
+    animate: Annotated[
+        Path | None, _file("Also draw source to result and back, as this .webp or .gif.", _OUTPUTS)
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
     preset: Annotated[
@@ -94,6 +99,8 @@ def run(
     output = output or Path(f"{asset.stem}-deformed.glb")
     if output.suffix.lower() != ".glb":
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
+    if animate is not None:
+        check_animation(animate, "--animate")
     params = merge_params(
         param or [],
         preset=preset,
@@ -133,10 +140,16 @@ def run(
     job = LocalJob(asset, request, settings, outputs, target=target, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
+        if animate is not None:
+            write_animation(asset, output, animate, settings)
+    summary["animation"] = str(animate) if animate else None
     if as_json:
         emit(summary)
         return
     names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
+    names["animation"] = "Animation"
     for name, title in names.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")
+    if summary["likeness"] is not None:
+        typer.echo(likeness_line(summary["likeness"]))

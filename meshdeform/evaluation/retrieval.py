@@ -55,7 +55,7 @@ def load_judge(name: str) -> ShapeJudge | None:
     if name == NO_JUDGE:
         return None
     if name == BUILTIN_JUDGE:
-        name = "meshdeform.evaluation.judge:Judge"
+        name = "meshdeform.judge:Judge"
     module, _, attribute = name.partition(":")
     try:
         make: Callable[[], ShapeJudge] = getattr(importlib.import_module(module), attribute)

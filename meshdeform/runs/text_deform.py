@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,6 +26,7 @@ from meshdeform.guidance.target import TargetGuidance, place_target
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
+from meshdeform.rendering.studio import Pose
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.movement import HoldCounter
@@ -210,7 +212,7 @@ class TextDeformRun:
         NumericalError
             The result is not finite.
         """
-        rest, verts = self._welded.mesh, self._world_verts()
+        verts = self._world_verts()
         with self._clock.phase("write"):
             positions, normals, tangents = self._surface(verts)
             result = self._asset.replace(positions, normals, tangents)
@@ -223,7 +225,10 @@ class TextDeformRun:
             usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
-            artifacts["preview.png"] = ArtifactData(preview_png(rest.verts, verts, rest.faces), "image/png")
+            # With the normals that the file has now, so that the picture shows what a viewer of the file does.
+            source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
+            appearance = self._asset.appearance()
+            artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
         report = build_report(
             self._facts,
             asset=self._asset,
@@ -237,9 +242,20 @@ class TextDeformRun:
             rebuilt_normals=self._rebuilt_normals,
             first_step=self._first_step,
             clock=self._clock,
+            not_drawn=appearance.left_out,
+            likeness=self._likeness(verts),
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
+
+    def _likeness(self, verts: Tensor) -> dict[str, Any] | None:
+        """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
+        if self._facts.guidance["id"] != BUILTIN_MODEL:
+            return None
+        from meshdeform.runs.likeness import likeness
+
+        with self._clock.phase("measure"):
+            return likeness(TriangleMesh(verts, self._welded.mesh.faces), self._facts.request.prompt)
 
     def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
         """Return positions, normals and tangents of the asset's own vertices, the last two if it has them."""

@@ -61,6 +61,8 @@ def build_report(
     rebuilt_normals: int,
     first_step: int,
     clock: PhaseClock,
+    not_drawn: dict[str, int],
+    likeness: dict[str, Any] | None = None,
 ) -> bytes:
     """Return `report.json`.
 
@@ -85,6 +87,10 @@ def build_report(
     first_step : int
         Number of steps done by earlier attempts.
     clock : PhaseClock
+    not_drawn : dict of str to int
+        Parts of the asset's look that `preview.png` does not show, with counts.
+    likeness : dict, optional
+        How much the result looks like its prompt.
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
@@ -119,6 +125,10 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if likeness is not None:
+        report["likeness"] = likeness
+    if not_drawn:
+        report["preview"] = {"left_out": not_drawn}
     if usdz is not None:
         report["usd"] = {
             "bytes": len(usdz.data),

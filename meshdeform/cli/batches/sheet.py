@@ -1,4 +1,4 @@
-"""Draw the contact sheet of a batch: the preview of each row with its name; failed rows are crossed out."""
+"""Draw the contact sheet of a batch: each row before and after, with its name; failed rows are crossed out."""
 
 from __future__ import annotations
 
@@ -60,11 +60,19 @@ def _tile(sheet: Image.Image, at: tuple[int, int], folder: Path, record: Mapping
 def _picture(path: Path) -> Image.Image | None:
     try:
         with Image.open(path) as found:
-            picture = found.convert("RGB")
+            return _pair(found.convert("RGB"))
     except (OSError, ValueError, Image.DecompressionBombError):
         return None
-    picture.thumbnail((_WIDTH, _HEIGHT), Image.Resampling.LANCZOS)
-    return picture
+
+
+def _pair(preview: Image.Image) -> Image.Image:
+    """Return the first view of a preview's two rows side by side: before and after."""
+    side = preview.height // 2
+    pair = Image.new("RGB", (_WIDTH, _HEIGHT), "white")
+    for k in range(2):
+        view = preview.crop((0, k * side, side, (k + 1) * side))
+        pair.paste(view.resize((_HEIGHT, _HEIGHT), Image.Resampling.LANCZOS), (k * _WIDTH // 2, 0))
+    return pair
 
 
 def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: Any) -> None:

@@ -35,7 +35,7 @@ class Fragments:
     depth: Tensor
 
 
-def rasterize(clip: Tensor, faces: Tensor, height: int, width: int) -> Fragments:
+def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None) -> Fragments:
     """Find the nearest triangle at each pixel centre; triangles are two-sided.
 
     Triangles with a vertex at or behind the camera plane are dropped. The result is not differentiable: gradients come
@@ -48,6 +48,8 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int) -> Fragments
     faces : (F, 3) int64
     height, width : int
         Pixels.
+    behind : (B, H, W) float32, optional
+        Depth of each pixel up to which triangles are ignored, to find the next layer of a transparent surface.
 
     Raises
     ------
@@ -59,7 +61,7 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int) -> Fragments
     if clip.device.type == "cpu":
         from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
 
-        return Fragments(*rasterize_compiled(clip.detach(), faces, height, width))
+        return Fragments(*rasterize_compiled(clip.detach(), faces, height, width, behind))
     from meshdeform.rendering.rasterizer.spans import rasterize_spans
 
-    return Fragments(*rasterize_spans(clip.detach(), faces, height, width))
+    return Fragments(*rasterize_spans(clip.detach(), faces, height, width, behind))

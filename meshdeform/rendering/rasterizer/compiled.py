@@ -27,6 +27,7 @@ def _rasterize(
     faces: NDArray[np.int64],
     face_ids: NDArray[np.int64],
     depth: NDArray[np.float32],
+    behind: NDArray[np.float32] | None,
 ) -> None:
     views, n_verts = clip.shape[0], clip.shape[1]
     height, width = face_ids.shape[1], face_ids.shape[2]
@@ -81,7 +82,11 @@ def _rasterize(
                 for column in range(left, right + 1):
                     if (g0 | g1 | g2) >= 0:
                         d = np.float32(depth_here)
-                        if d < depth[b, row, column] and d >= -1.0:
+                        # Compiled once without `behind` and once with it: numba removes the branch.
+                        hidden = False
+                        if behind is not None:
+                            hidden = d <= behind[b, row, column]
+                        if d < depth[b, row, column] and d >= -1.0 and not hidden:
                             depth[b, row, column] = d
                             face_ids[b, row, column] = f
                     g0 += ax * _SUB
@@ -94,7 +99,9 @@ def _rasterize(
                 z_row += dz_dy
 
 
-def rasterize_compiled(clip: Tensor, faces: Tensor, height: int, width: int) -> tuple[Tensor, Tensor]:
+def rasterize_compiled(
+    clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Rasterise on the CPU; see `meshdeform.rendering.rasterizer.rasterize`.
 
     Returns
@@ -103,5 +110,6 @@ def rasterize_compiled(clip: Tensor, faces: Tensor, height: int, width: int) -> 
     """
     face_ids = torch.full((clip.shape[0], height, width), -1, dtype=torch.int64)
     depth = torch.full((clip.shape[0], height, width), EMPTY_DEPTH, dtype=torch.float32)
-    _rasterize(clip.double().contiguous().numpy(), faces.contiguous().numpy(), face_ids.numpy(), depth.numpy())
+    limit = None if behind is None else behind.contiguous().numpy()
+    _rasterize(clip.double().contiguous().numpy(), faces.contiguous().numpy(), face_ids.numpy(), depth.numpy(), limit)
     return face_ids, depth

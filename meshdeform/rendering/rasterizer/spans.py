@@ -23,7 +23,9 @@ _MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the 
 
 
 @torch.no_grad()
-def rasterize_spans(clip: Tensor, faces: Tensor, height: int, width: int) -> tuple[Tensor, Tensor]:
+def rasterize_spans(
+    clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Rasterise on `clip`'s device; see `meshdeform.rendering.rasterizer.rasterize`.
 
     Returns
@@ -47,7 +49,7 @@ def rasterize_spans(clip: Tensor, faces: Tensor, height: int, width: int) -> tup
     if t.numel():
         z = ndc[..., 2][:, faces].view(-1, 3)[t]
         planes = _edge_planes(x[t], y[t], z, area[t])
-        _fill(key, t % n_faces, (t // n_faces) * height, planes, left[t], right[t], top[t], bottom[t], width)
+        _fill(key, t % n_faces, (t // n_faces) * height, planes, left[t], right[t], top[t], bottom[t], width, behind)
     empty = key == _EMPTY
     face_ids = torch.where(empty, -1, key & 0xFFFFFFFF)
     depth = torch.where(empty, EMPTY_DEPTH, (key >> 32).double() * 2.0**-29 - 1).float()
@@ -80,6 +82,7 @@ def _fill(
     top: Tensor,
     bottom: Tensor,
     width: int,
+    behind: Tensor | None,
 ) -> None:
     a, b, c, z_x, z_y, z_0 = planes
     rows = bottom - top + 1
@@ -107,6 +110,8 @@ def _fill(
             # Depths -1 .. 3 in 31 bits; with one bit more, the shifted key would become negative and always win.
             fixed = ((z.clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()
             pixel = (first_row[i[j]] + row[j]) * width + column
+            if behind is not None:
+                inside &= (fixed.double() * 2.0**-29 - 1).float() > behind.reshape(-1)[pixel]
             key.scatter_reduce_(0, pixel, torch.where(inside, (fixed << 32) | face[i[j]], _EMPTY), "amin")
 
 

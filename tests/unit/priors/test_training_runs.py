@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.evaluation.judge.network import JudgeNetwork
-from meshdeform.evaluation.judge.training import members
-from meshdeform.evaluation.judge.training import train as judge_training
-from meshdeform.evaluation.judge.weights_file import read_judge
+from meshdeform.judge.network import JudgeNetwork
+from meshdeform.judge.training import members
+from meshdeform.judge.training import train as judge_training
+from meshdeform.judge.weights_file import read_judge
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork

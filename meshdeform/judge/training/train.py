@@ -1,4 +1,4 @@
-"""Train the judge: ``python -m meshdeform.evaluation.judge.training.train --cache views.safetensors --threads 1``.
+"""Train the judge: ``python -m meshdeform.judge.training.train --cache views.safetensors --threads 1``.
 
 The loss of a batch of M meshes with four views each is the mean of three cross entropies: of the mesh's prompt among
 candidates from a single view, of the same from the mean over the views, and of the noun from a single view.
@@ -22,10 +22,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.evaluation.judge.network import JudgeNetwork, Prompts
-from meshdeform.evaluation.judge.training.augment import augmented
-from meshdeform.evaluation.judge.training.members import CALIBRATION, TRAINING, ViewSet
-from meshdeform.evaluation.judge.weights_file import WEIGHTS, write_judge
+from meshdeform.judge.network import JudgeNetwork, Prompts
+from meshdeform.judge.training.augment import augmented
+from meshdeform.judge.training.members import CALIBRATION, TRAINING, ViewSet
+from meshdeform.judge.weights_file import WEIGHTS, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS
 
 __all__ = ["TrainConfig", "Trainer", "calibrate"]
@@ -165,7 +165,7 @@ def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m meshdeform.evaluation.judge.training.train", description=(__doc__ or "").split("\n")[0]
+        prog="python -m meshdeform.judge.training.train", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("--cache", type=Path, required=True, help="file for the rendered views (about 200 MB)")
     parser.add_argument("--steps", type=int, default=TrainConfig.steps)

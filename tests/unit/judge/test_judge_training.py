@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.evaluation.judge.network import JudgeNetwork, encoded
-from meshdeform.evaluation.judge.training.augment import augmented
-from meshdeform.evaluation.judge.training.measure import prompts_of, variants
-from meshdeform.evaluation.judge.training.members import (
+from meshdeform.judge.network import JudgeNetwork, encoded
+from meshdeform.judge.training.augment import augmented
+from meshdeform.judge.training.measure import prompts_of, variants
+from meshdeform.judge.training.members import (
     CALIBRATION,
     HELD_OUT,
     TRAINING,
@@ -21,8 +21,8 @@ from meshdeform.evaluation.judge.training.members import (
     roughened,
     seeded,
 )
-from meshdeform.evaluation.judge.training.train import TrainConfig, Trainer, calibrate
-from meshdeform.evaluation.judge.weights_file import read_judge, write_judge
+from meshdeform.judge.training.train import TrainConfig, Trainer, calibrate
+from meshdeform.judge.weights_file import read_judge, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 
 pytestmark = pytest.mark.training

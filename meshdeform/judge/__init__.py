@@ -6,7 +6,7 @@ prompts. `training` contains the code that made and measured the weights; see ``
 
 from __future__ import annotations
 
-from meshdeform.evaluation.judge.scoring import Judge
-from meshdeform.evaluation.judge.weights_file import WEIGHTS
+from meshdeform.judge.scoring import Judge
+from meshdeform.judge.weights_file import WEIGHTS
 
 __all__ = ["WEIGHTS", "Judge"]

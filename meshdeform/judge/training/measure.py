@@ -1,6 +1,6 @@
 """Measure the judge on members that neither it nor the prior was trained on.
 
-Run it as ``python -m meshdeform.evaluation.judge.training.measure``.
+Run it as ``python -m meshdeform.judge.training.measure``.
 
 Prints the top-1 accuracy of the noun from one view and from eight; retrieval of the whole prompt among twelve, among
 the plain nouns and the variants of the noun, and among the variants alone; calibration; the pairs most often confused;
@@ -17,12 +17,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.evaluation.judge.network import JudgeNetwork, encoded
-from meshdeform.evaluation.judge.scoring import Judge
-from meshdeform.evaluation.judge.training.members import HELD_OUT, ViewSet
-from meshdeform.evaluation.judge.weights_file import WEIGHTS, read_judge
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, icosphere, torus
+from meshdeform.judge.network import JudgeNetwork, encoded
+from meshdeform.judge.scoring import Judge
+from meshdeform.judge.training.members import HELD_OUT, ViewSet
+from meshdeform.judge.weights_file import WEIGHTS, read_judge
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
 
 __all__ = ["SHAPES", "main", "prompts_of", "variants"]
@@ -138,7 +138,7 @@ def _report(name: str, network: JudgeNetwork, data: ViewSet) -> None:
 def main() -> None:
     """Print all figures."""
     parser = argparse.ArgumentParser(
-        prog="python -m meshdeform.evaluation.judge.training.measure", description=(__doc__ or "").split("\n")[0]
+        prog="python -m meshdeform.judge.training.measure", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("--members", type=int, default=25, help="held-out members of each family")
     parser.add_argument("--weights", type=Path, default=WEIGHTS)

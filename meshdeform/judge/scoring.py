@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from meshdeform.evaluation.judge.network import encoded
-from meshdeform.evaluation.judge.views import draw_views, judging_cameras
-from meshdeform.evaluation.judge.weights_file import WEIGHTS, read_judge
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.judge.network import encoded
+from meshdeform.judge.views import draw_views, judging_cameras
+from meshdeform.judge.weights_file import WEIGHTS, read_judge
 from meshdeform.priors.builtin.grammar import NOUNS, parse
 from meshdeform.priors.builtin.weights_file import file_sha256
 

@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from meshdeform.errors import ModelError
-from meshdeform.evaluation.judge.network import JudgeConfig, JudgeNetwork
+from meshdeform.judge.network import JudgeConfig, JudgeNetwork
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS
 
 __all__ = ["WEIGHTS", "read_judge", "vocabulary_hash", "write_judge"]
@@ -21,7 +21,7 @@ __all__ = ["WEIGHTS", "read_judge", "vocabulary_hash", "write_judge"]
 WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
 _ADVICE = (
     "Install meshdeform again (the weights are part of the package), or train them: "
-    "python -m meshdeform.evaluation.judge.training.train."
+    "python -m meshdeform.judge.training.train."
 )
 
 

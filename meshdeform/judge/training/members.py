@@ -20,9 +20,9 @@ from safetensors.torch import load_file, save_file
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.evaluation.judge.network import encoded
-from meshdeform.evaluation.judge.views import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.judge.network import encoded
+from meshdeform.judge.views import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.training.dataset import drawn_from
 from meshdeform.priors.builtin.training.families import Part, member

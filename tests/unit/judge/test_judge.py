@@ -12,11 +12,11 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
-from meshdeform.evaluation.judge import WEIGHTS, Judge
-from meshdeform.evaluation.judge.training.members import HELD_OUT, draw_member, seeded
-from meshdeform.evaluation.judge.views import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.judge import WEIGHTS, Judge
+from meshdeform.judge.training.members import HELD_OUT, draw_member, seeded
+from meshdeform.judge.views import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
 from meshdeform.priors.builtin.training.families import Part, member

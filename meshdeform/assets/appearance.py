@@ -1,0 +1,259 @@
+"""Read how an asset looks, for drawing it: base colours, texture coordinates and vertex colours of its surface.
+
+What a picture needs and nothing else: metalness, roughness, normal maps, occlusion and emission are left out. Nothing
+here fails: a material, texture or attribute that cannot be read is replaced by a neutral one and counted.
+
+Sources: glTF 2.0 specification, section 3.9 (Materials); KHR_texture_transform; KHR_materials_pbrSpecularGlossiness.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.materials import Material, TextureUse, read_material
+from meshdeform.assets.pictures import Pictures
+from meshdeform.assets.surface import Block
+from meshdeform.errors import AssetError
+
+__all__ = ["CLAY", "Appearance", "Paint", "Texture", "plain_appearance", "read_appearance"]
+
+CLAY = (0.46, 0.44, 0.42, 1.0)
+"""Linear colour of a surface that the file gives none."""
+
+_MAX_COORDINATE = 1e4
+"""Larger texture coordinates are of no use in a picture, and lose their fraction in 32 bits."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A decoded base colour texture.
+
+    Attributes
+    ----------
+    pixels : (H, W, 4) uint8
+        sRGB and alpha; the first row is the upper one, at v = 0.
+    wrap : tuple of 2 str
+        `repeat`, `clamp` or `mirror`, for u and v.
+    nearest : bool
+        Whether magnified texels stay squares.
+    """
+
+    pixels: NDArray[np.uint8]
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Look of the triangles of one material.
+
+    Attributes
+    ----------
+    factor : tuple of 4 floats
+        Linear RGBA, multiplied by the texture and the vertex colours.
+    texture : Texture, optional
+    alpha_mode : str
+        `OPAQUE`, `MASK` or `BLEND`.
+    alpha_cutoff : float
+    double_sided : bool
+        Whether the back of a triangle is visible.
+    unlit : bool
+        Whether colours are shown without lighting.
+    """
+
+    factor: tuple[float, ...] = CLAY
+    texture: Texture | None = None
+    alpha_mode: str = "OPAQUE"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = True
+    unlit: bool = False
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Look of an asset's surface.
+
+    Vertices are split where a shared vertex has different attributes in two primitives, so they have numbers of their
+    own: vertex m of a picture is vertex ``rows[m]`` of the surface.
+
+    Attributes
+    ----------
+    rows : (M,) int64
+    triangles : (T, 3) int64
+        In the order of `Surface.triangles`, with the numbers of `rows`.
+    texcoords : (M, 2) float32
+        After the texture transform; v downwards.
+    colors : (M, 4) float32
+        Linear vertex colours; 1 if the file has none.
+    paint_of_triangle : (T,) int64
+    paints : tuple of Paint
+    left_out : dict of str to int
+        What could not be read, with counts.
+    """
+
+    rows: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    texcoords: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    paint_of_triangle: NDArray[np.int64]
+    paints: tuple[Paint, ...]
+    left_out: dict[str, int] = field(default_factory=dict)
+
+
+def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
+    """Return the look of neutral clay for a surface of `vertices` vertices and (T, 3) triangles."""
+    return Appearance(
+        np.arange(vertices),
+        triangles,
+        np.zeros((vertices, 2), np.float32),
+        np.ones((vertices, 4), np.float32),
+        np.zeros(len(triangles), np.int64),
+        (Paint(),),
+    )
+
+
+def read_appearance(document: Document, blocks: Sequence[Block]) -> Appearance:
+    """Read the look of the surface that `read_surface` gathered in `blocks`."""
+    return _Reader(document).read(blocks)
+
+
+class _Reader:
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._left_out: dict[str, int] = {}
+        self._pictures = Pictures(document, self._leave_out)
+        self._paints: list[Paint] = []
+        self._numbers: dict[tuple[int | None, bool], tuple[int, TextureUse | None]] = {}
+
+    def read(self, blocks: Sequence[Block]) -> Appearance:
+        materials = [_material(p) for block in blocks for p in self._primitives(block)]
+        self._materials = {at: self._material(at) for at in set(materials) if at is not None}
+        self._pictures.plan([m.textures["base_color"].image for m in self._materials.values() if m.textures])
+        parts = [part for block in blocks for part in self._block(block)]
+        starts = np.cumsum([0, *(len(part.rows) for part in parts)])
+        return Appearance(
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([start + part.triangles for start, part in zip(starts, parts, strict=False)]),
+            np.concatenate([part.texcoords for part in parts]),
+            np.concatenate([part.colors for part in parts]),
+            np.concatenate([np.full(len(part.triangles), part.paint) for part in parts]),
+            tuple(self._paints),
+            self._left_out,
+        )
+
+    def _primitives(self, block: Block) -> list[Json]:
+        primitives: list[Json] = self._document.root["meshes"][block.mesh]["primitives"]
+        return [primitives[p] for p in block.primitives]
+
+    def _material(self, at: int) -> Material:
+        """Read a material with at most its base colour texture."""
+        try:
+            found = read_material(self._document, at)
+        except AssetError:
+            self._leave_out("invalid material")
+            found = Material()
+        base = found.textures.get("base_color")
+        return dataclasses.replace(found, textures={} if base is None else {"base_color": base})
+
+    def _block(self, block: Block) -> list[_Part]:
+        flip = np.linalg.det(block.placement[:3, :3]) < 0.0
+        return [self._part(block, primitive, flip=bool(flip)) for primitive in self._primitives(block)]
+
+    def _part(self, block: Block, primitive: Json, *, flip: bool) -> _Part:
+        count = len(block.positions)
+        corners = read_triangles(self._document, primitive, count, "a primitive")
+        if flip:
+            corners = corners[:, ::-1]
+        used, triangles = np.unique(corners, return_inverse=True)
+        colors = self._attribute(primitive, "COLOR_0", count, (3, 4))
+        paint, use = self._paint(_material(primitive), colored=colors is not None)
+        places = self._attribute(primitive, f"TEXCOORD_{use.texcoord}", count, (2,)) if use else None
+        if use is not None and places is None:
+            self._leave_out("missing texture coordinates")
+        return _Part(
+            block.rows.start + used,
+            triangles.reshape(-1, 3),
+            np.zeros((len(used), 2), np.float32) if places is None or use is None else _moved(places[used], use),
+            np.ones((len(used), 4), np.float32) if colors is None else _four(colors[used]),
+            paint,
+        )
+
+    def _attribute(self, primitive: Json, name: str, count: int, widths: tuple[int, ...]) -> NDArray[np.float32] | None:
+        if name not in primitive["attributes"]:
+            return None
+        try:
+            values = read_floats(self._document, primitive["attributes"][name])
+        except AssetError:  # the deformation did not need this attribute
+            values = np.empty((0, 0), np.float32)
+        if len(values) != count or values.shape[1] not in widths:
+            self._leave_out(f"invalid {name}")
+            return None
+        return np.nan_to_num(values, nan=0.0, posinf=_MAX_COORDINATE, neginf=-_MAX_COORDINATE)
+
+    def _paint(self, at: int | None, *, colored: bool) -> tuple[int, TextureUse | None]:
+        """Return the number of a material's paint, and its texture if that can be drawn."""
+        key = (at, colored)
+        if key not in self._numbers:
+            material = Material(double_sided=True) if at is None else self._materials[at]
+            use = material.textures.get("base_color")
+            texture = None
+            if use is not None:
+                opaque = material.alpha_mode == "OPAQUE"
+                texture = Texture(self._pictures.pixels(use.image, opaque=opaque), use.wrap, use.nearest)
+            plain = use is None and not colored and material.base_color == (1.0, 1.0, 1.0, 1.0)
+            self._paints.append(
+                Paint(
+                    CLAY if plain else material.base_color,
+                    texture,
+                    material.alpha_mode,
+                    material.alpha_cutoff,
+                    material.double_sided,
+                    material.unlit,
+                )
+            )
+            self._numbers[key] = (len(self._paints) - 1, use)
+        return self._numbers[key]
+
+    def _leave_out(self, what: str) -> None:
+        self._left_out[what] = self._left_out.get(what, 0) + 1
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One primitive of one instance."""
+
+    rows: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    texcoords: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    paint: int
+
+
+def _material(primitive: Json) -> int | None:
+    found: Any = primitive.get("material")
+    return found if isinstance(found, int) else None
+
+
+def _moved(places: NDArray[np.float32], use: TextureUse) -> NDArray[np.float32]:
+    """Apply KHR_texture_transform: a scale, a rotation that is counter-clockwise in the picture, an offset."""
+    u, v = (places.astype(np.float64) * use.scale).T
+    cosine, sine = np.cos(use.rotation), np.sin(use.rotation)
+    moved = np.stack([cosine * u + sine * v + use.offset[0], cosine * v - sine * u + use.offset[1]], 1)
+    bounded: NDArray[np.float32] = np.clip(np.nan_to_num(moved), -_MAX_COORDINATE, _MAX_COORDINATE).astype(np.float32)
+    return bounded
+
+
+def _four(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return colours with an alpha, clipped to 0..1."""
+    alpha = colors[:, 3:] if colors.shape[1] == 4 else np.ones((len(colors), 1), np.float32)
+    bounded: NDArray[np.float32] = np.clip(np.concatenate([colors[:, :3], alpha], 1), 0.0, 1.0)
+    return bounded
