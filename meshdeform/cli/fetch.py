@@ -68,7 +68,7 @@ def fetch(
         files = save_artifacts(client, job_id, folder, name)
     if as_json:
         emit({"job_id": job_id, "files": files})
-    else:
+    elif not quiet:
         typer.echo("\n".join(path_lines(files)))
 
 
