@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
@@ -9,7 +10,8 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
 from meshdeform.errors import ForbiddenError, NotFoundError
-from meshdeform.record.models import Artifact
+from meshdeform.record.models import Artifact, Job
+from meshdeform.support.file_names import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
@@ -79,7 +81,8 @@ def get_artifact(
 ) -> Response:
     """Streamed, whole or one range, so a broken download can go on. A signed URL needs no API key."""
     artifact = _find(app.record.artifacts(id, owner), name)
-    found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
+    saved_as = _file_name(app.record.get(id, owner), artifact)
+    found = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
     return download(request, app, found, conditions)
 
 
@@ -97,6 +100,12 @@ def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _N
     artifact = _find(app.record.artifacts(id, principal.owner_id), name)
     found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
     return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+
+
+def _file_name(job: Job, artifact: Artifact) -> str:
+    goal = job.prompt or (f"like {PurePath(job.target.filename).stem}" if job.target else "")
+    seed = getattr(job.params, "seed", None)  # a kind of job may have none
+    return result_name(artifact.name, asset=job.asset.filename, goal=goal, seed=seed)
 
 
 def _find(artifacts: list[Artifact], name: str) -> Artifact:
