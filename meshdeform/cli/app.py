@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
+from meshdeform.cli.continuing import branch, delete, retry
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
@@ -108,6 +109,9 @@ app.command(rich_help_panel=_CLIENT)(watch)
 app.command(rich_help_panel=_CLIENT)(wait)
 app.command(rich_help_panel=_CLIENT)(fetch)
 app.command(rich_help_panel=_CLIENT)(cancel)
+app.command(rich_help_panel=_CLIENT)(retry)
+app.command(rich_help_panel=_CLIENT)(branch)
+app.command(rich_help_panel=_CLIENT)(delete)
 app.command(rich_help_panel=_CLIENT)(jobs)
 app.command(rich_help_panel=_SERVICE)(serve)
 app.command(rich_help_panel=_SERVICE)(api)

@@ -22,7 +22,7 @@ from meshdeform.cli.options import (
 )
 from meshdeform.cli.output import emit, note
 from meshdeform.cli.progress import show_progress
-from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def submit(
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
     )
-    more = {"metadata": _labels(label or []), "priority": priority, "deadline_s": deadline_s}
+    more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.
     request = make_request(prompt, params, morph=morph, usd=usd, more=more)
     with connect(url, api_key, api_key_file) as client:
@@ -175,13 +175,3 @@ def _submitted(client: Client, asset: Path, prompt: str, **options: Any) -> JobV
             "Interrupted while submitting. The job may have been created.",
             "See: meshdeform jobs",
         ) from None
-
-
-def _labels(pairs: list[str]) -> dict[str, Any]:
-    labels = {}
-    for pair in pairs:
-        name, equals, text = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
-        labels[name.strip()] = text
-    return labels
