@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from meshdeform.cli.animate import animate
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
+from meshdeform.cli.continuing import branch, delete, retry
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
@@ -26,7 +27,7 @@ from meshdeform.cli.models import models
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
 from meshdeform.cli.submit import submit
-from meshdeform.cli.version import version
+from meshdeform.cli.version import print_version, version
 from meshdeform.cli.waiting import wait, watch
 
 __all__ = ["app", "main"]
@@ -87,6 +88,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=print_version)
+    ] = False,
+) -> None:
+    pass
+
+
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(animate)
@@ -99,6 +111,9 @@ app.command(rich_help_panel=_CLIENT)(watch)
 app.command(rich_help_panel=_CLIENT)(wait)
 app.command(rich_help_panel=_CLIENT)(fetch)
 app.command(rich_help_panel=_CLIENT)(cancel)
+app.command(rich_help_panel=_CLIENT)(retry)
+app.command(rich_help_panel=_CLIENT)(branch)
+app.command(rich_help_panel=_CLIENT)(delete)
 app.command(rich_help_panel=_CLIENT)(jobs)
 app.command(rich_help_panel=_SERVICE)(serve)
 app.command(rich_help_panel=_SERVICE)(api)

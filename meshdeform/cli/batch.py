@@ -140,7 +140,7 @@ def batch(
         counts, files = session.finish(rows)
     if as_json:
         emit({"event": "summary", "folder": str(output), "files": files, **counts})
-    else:
+    elif not quiet:
         typer.echo(table(tuple(counts), [tuple(str(number) for number in counts.values())]))
         typer.echo("\n".join(files.values()))
     if counts["failed"]:

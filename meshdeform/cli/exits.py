@@ -145,7 +145,7 @@ def clean_errors(command: Callable[P, None]) -> Callable[P, None]:
             report(error, as_json=as_json)
             raise typer.Exit(problem(error)["exit_code"]) from None
         except KeyboardInterrupt:
-            detail, advice = "Interrupted; nothing was written.", "The same command starts over."
+            detail, advice = "Interrupted.", "Run the same command again."
             report(OutcomeError(ExitCode.INTERRUPTED, "interrupted", detail, advice), as_json=as_json)
             raise typer.Exit(ExitCode.INTERRUPTED) from None
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -48,6 +51,11 @@ def fetch(
             help="Only this artifact; repeatable. Default: all.", autocompletion=_complete_names, show_default=False
         ),
     ] = None,
+    step: Annotated[
+        int | None,
+        typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.", show_default=False),
+    ] = None,
+    asset: Annotated[bool, typer.Option("--asset", help="Instead: the asset as it was submitted.")] = False,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
     api_key_file: ApiKeyFileOption = None,
@@ -59,17 +67,48 @@ def fetch(
     Each file is verified against its SHA-256 before it appears; a file that is already there is not downloaded again.
 
     meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --name result.glb
+
+    meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --step 100
     """
+    if (step is not None) + asset + bool(name) > 1:
+        raise typer.BadParameter("give only one of --name, --step and --asset")
     folder = output or Path(job_id)
     with connect(url, api_key, api_key_file) as client:
         job = client.get(job_id)
-        if not job.state.terminal:
+        if not (asset or step is not None or job.state.terminal):
             note(f"The job is {job.state}: more artifacts may follow.", quiet=quiet)
-        files = save_artifacts(client, job_id, folder, name)
+        if asset:
+            files = [_save_one(folder / _safe_name(job.asset.filename), partial(client.download_asset, job_id))]
+        elif step is not None:
+            files = [_save_one(folder / f"step-{step}.glb", partial(client.download_checkpoint, job_id, step))]
+        else:
+            files = save_artifacts(client, job_id, folder, name)
     if as_json:
         emit({"job_id": job_id, "files": files})
-    else:
+    elif not quiet:
         typer.echo("\n".join(path_lines(files)))
+
+
+def _safe_name(filename: str) -> str:
+    """Return the last part of a file name that a client sent, which may hold anything."""
+    name = plain(filename.replace("\\", "/").rpartition("/")[2]).strip()
+    return name if name not in ("", ".", "..") else "asset"
+
+
+def _save_one(path: Path, download: Callable[[Path], Path]) -> dict[str, Any]:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        download(path)
+        data = path.read_bytes()
+    except OSError as error:
+        raise _not_writable(path.parent, error) from error
+    return {"name": path.name, "path": str(path), "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+
+def _not_writable(folder: Path, error: OSError) -> UnavailableError:
+    return UnavailableError(
+        f"{folder} cannot be written: {error.strerror or error}.", advice="Choose another folder with -o."
+    )
 
 
 def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] | None = None) -> list[dict[str, Any]]:
@@ -92,9 +131,7 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
         folder.mkdir(parents=True, exist_ok=True)
         paths = client.fetch(job_id, folder, names)
     except OSError as error:
-        raise UnavailableError(
-            f"{folder} cannot be written: {error.strerror or error}.", advice="Choose another folder with -o."
-        ) from error
+        raise _not_writable(folder, error) from error
     return [
         {"name": path.name, "path": str(path), "size": known[path.name].size, "sha256": known[path.name].sha256}
         for path in paths

@@ -12,6 +12,7 @@ from meshdeform.cli.connection import connect
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption, complete_states
 from meshdeform.cli.output import ago, duration, emit, table
+from meshdeform.cli.request import parse_labels
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import JobView
@@ -27,6 +28,10 @@ def jobs(
         str | None,
         typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states, show_default=False),
     ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.", show_default=False),
+    ] = None,
     limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
@@ -40,7 +45,9 @@ def jobs(
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
     with connect(url, api_key, api_key_file) as client:
-        found = list(islice(client.jobs(state=state, limit=min(limit, _PAGE)), limit))
+        found = list(
+            islice(client.jobs(state=state, metadata=parse_labels(label or []), limit=min(limit, _PAGE)), limit)
+        )
     if as_json:
         emit({"jobs": [job.as_json() for job in found]})
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import tempfile
 import time
@@ -14,6 +15,7 @@ from types import FrameType
 from typing import Any
 
 from meshdeform.assets import Limits
+from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.progress import ProgressView
 from meshdeform.errors import AssetTooLargeError, UnavailableError
 from meshdeform.priors import load_prior
@@ -72,6 +74,8 @@ class LocalJob:
         self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
         self._target, self._resume, self._load = target, resume, load
         self._last_losses: dict[str, float] = {}
+        self._last_step: tuple[int, int] | None = None
+        self._saved_step: int | None = None
 
     def run(self, progress: ProgressView) -> dict[str, Any]:
         """Run the job to its end and write the outputs, all or none.
@@ -85,9 +89,15 @@ class LocalJob:
         ------
         MeshdeformError
             The job cannot run, or an output cannot be written.
-        KeyboardInterrupt
-            Ctrl-C came; the checkpoint is written if requested.
+        OutcomeError
+            Ctrl-C came (`interrupted`); the checkpoint is written if requested.
         """
+        try:
+            return self._run(progress)
+        except KeyboardInterrupt:
+            raise self._interruption() from None
+
+    def _run(self, progress: ProgressView) -> dict[str, Any]:
         start = time.perf_counter()
         progress.phase("loading")
         self._check_folders()
@@ -149,13 +159,33 @@ class LocalJob:
         with _ctrl_c_between_steps() as interrupted:
             for report in run:
                 self._last_losses = report.losses
+                self._last_step = (report.step, report.total_steps)
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
                     with _writing("The checkpoint", "--checkpoint"):
                         write_files({path: run.checkpoint()})
+                    self._saved_step = report.step
                 if stop:
                     raise KeyboardInterrupt
+
+    def _interruption(self) -> OutcomeError:
+        where = "before the first step"
+        if self._last_step is not None:
+            where = "at step {} of {}".format(*self._last_step)
+        saved, path, extra = self._saved_step, self._outputs.checkpoint, {}
+        if saved is not None:
+            assert self._last_step is not None
+            which = "The state" if saved == self._last_step[0] else f"The state of step {saved}"
+            detail, advice = f"{which} is in {path}.", f"Continue with --resume {shlex.quote(str(path))}"
+            extra = {"checkpoint": str(path), "step": saved}
+        else:
+            detail, advice = "Nothing was written.", "The same command starts over."
+            if self._resume is not None:
+                advice = f"The same command continues from {self._resume} again."
+            elif path is None:
+                advice += " With --checkpoint FILE it could be resumed."
+        return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
 
     def _write(self, artifacts: dict[str, ArtifactData]) -> None:
         places = {
@@ -166,7 +196,8 @@ class LocalJob:
             "result.usdz": self._outputs.usd,
         }
         files = {path: artifacts[name].data for name, path in places.items() if path is not None}
-        with _writing():
+        # A Ctrl-C that comes now is too late: the outputs are written all or none.
+        with _ctrl_c_between_steps(), _writing():
             write_files(files)
 
 

@@ -92,7 +92,7 @@ def _set_option(**more: Any) -> Any:
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 UrlOption = Annotated[
     str | None,
     typer.Option(

@@ -13,7 +13,7 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["make_request", "make_settings", "merge_params"]
+__all__ = ["make_request", "make_settings", "merge_params", "parse_labels"]
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
@@ -39,6 +39,23 @@ def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]
 def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
     """Return the parameters from `--set`, overridden by the options that are not None."""
     return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
+
+
+def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
+    """Parse labels written as NAME=TEXT.
+
+    Raises
+    ------
+    typer.BadParameter
+        A pair has no `=`.
+    """
+    labels = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
+        labels[name.strip()] = text
+    return labels
 
 
 def make_request(

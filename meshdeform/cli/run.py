@@ -13,6 +13,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, SetOption
 from meshdeform.cli.output import emit
+from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.requests.choices import Preset
 
@@ -52,6 +53,10 @@ def run(
     animate: Annotated[
         Path | None, _file("Also draw source to result and back, as this .webp or .gif.", _OUTPUTS)
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Overwrite files that no earlier run wrote.", rich_help_panel=_OUTPUTS),
+    ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
     preset: Annotated[
@@ -112,6 +117,17 @@ def run(
         learning_rate=learning_rate,
     )
     request = make_request(prompt, params, morph=morph, usd=usd)
+    paths = {
+        "result": output,
+        "report": report or output.with_suffix(".report.json"),
+        "preview": preview or output.with_suffix(".preview.png"),
+        **({"morph": output.with_suffix(".morph.glb")} if morph else {}),
+        **({"usd": output.with_suffix(".usdz")} if usd else {}),
+    }
+    if not force:
+        check_outputs(paths, [path for path in (asset, target, resume) if path])
+        if checkpoint is not None:
+            check_checkpoint(checkpoint)
     if usd:
         from meshdeform.assets.usd import require_usd
 
@@ -129,14 +145,7 @@ def run(
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
-    outputs = Outputs(
-        result=output,
-        report=report or output.with_suffix(".report.json"),
-        preview=preview or output.with_suffix(".png"),
-        morph=output.with_suffix(".morph.glb") if morph else None,
-        usd=output.with_suffix(".usdz") if usd else None,
-        checkpoint=checkpoint,
-    )
+    outputs = Outputs(**paths, checkpoint=checkpoint)
     job = LocalJob(asset, request, settings, outputs, target=target, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
@@ -145,6 +154,8 @@ def run(
     summary["animation"] = str(animate) if animate else None
     if as_json:
         emit(summary)
+        return
+    if quiet:
         return
     names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
     names["animation"] = "Animation"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from meshdeform.cli.connection import command_line, connect
-from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
 from meshdeform.cli.options import (
@@ -22,8 +22,12 @@ from meshdeform.cli.options import (
 )
 from meshdeform.cli.output import emit, note
 from meshdeform.cli.progress import show_progress
-from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.requests.choices import Preset
+
+if TYPE_CHECKING:
+    from meshdeform.api.jobs import JobView
+    from meshdeform.client import Client
 
 __all__ = ["submit"]
 
@@ -124,11 +128,12 @@ def submit(
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
     )
-    more = {"metadata": _labels(label or []), "priority": priority, "deadline_s": deadline_s}
+    more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.
     request = make_request(prompt, params, morph=morph, usd=usd, more=more)
     with connect(url, api_key, api_key_file) as client:
-        job = client.submit(
+        job = _submitted(
+            client,
             asset,
             request.prompt,
             params=request.params,
@@ -160,11 +165,13 @@ def submit(
         typer.echo("\n".join([job.id, *path_lines(files)]))
 
 
-def _labels(pairs: list[str]) -> dict[str, Any]:
-    labels = {}
-    for pair in pairs:
-        name, equals, text = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
-        labels[name.strip()] = text
-    return labels
+def _submitted(client: Client, asset: Path, prompt: str, **options: Any) -> JobView:
+    try:
+        return client.submit(asset, prompt, **options)
+    except KeyboardInterrupt:
+        raise OutcomeError(
+            ExitCode.INTERRUPTED,
+            "interrupted",
+            "Interrupted while submitting. The job may have been created.",
+            "See: meshdeform jobs",
+        ) from None

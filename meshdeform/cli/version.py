@@ -10,7 +10,14 @@ import meshdeform
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
 
-__all__ = ["version"]
+__all__ = ["print_version", "version"]
+
+
+def print_version(wanted: bool) -> None:
+    """Print the version and exit, for the option `--version`."""
+    if wanted:
+        typer.echo(meshdeform.__version__)
+        raise typer.Exit
 
 
 def version(as_json: JsonOption = False) -> None:

@@ -75,7 +75,7 @@ def _wait_for(
                 raise left_running(ids[len(jobs) :], url) from None
             raise
         jobs.append(job)
-        if not as_json:
+        if not (as_json or quiet):
             typer.echo(f"{job.id}  {job.state}")
     return jobs
 
@@ -112,7 +112,7 @@ def watch(
             show_event(event, view)
 
         job = follow(client, job_id, on_event, deadline=Deadline(timeout), url=url, on_start=on_start)
-    if not as_json:
+    if not (as_json or quiet):
         typer.echo(f"{job.id}  {job.state}")
     if failure := outcome_failure(job):
         raise failure

@@ -100,10 +100,22 @@ def unreachable(error: httpx.HTTPError, url: str) -> UnavailableError:
     """Return the error for a request without a response."""
     words = str(error) or "no answer in time" if isinstance(error, httpx.TimeoutException) else str(error)
     reason = f"{type(error).__name__}: {words}" if words else type(error).__name__
-    place = url.partition("?")[0]  # the query of a signed URL is secret
     return UnavailableError(
-        f"{place} does not answer ({reason}).", advice="Check the service's address, and that it is running."
+        f"{_place(error, url)} does not respond ({reason}).",
+        advice="Check the service's address, and that it is running; `meshdeform serve` starts one on this machine.",
     )
+
+
+def _place(error: httpx.HTTPError, url: str) -> str:
+    """Return host, port and path of a request, without secrets: a query may be signed, and a URL has a password."""
+    try:
+        sent = error.request.url
+    except RuntimeError:
+        return url.partition("?")[0]
+    # Not `netloc`, which leaves out the default port.
+    host = f"[{sent.host}]" if ":" in sent.host else sent.host
+    port = sent.port or {"http": 80, "https": 443}.get(sent.scheme)
+    return f"{sent.scheme}://{host}:{port}{sent.path}"
 
 
 def retry_after_s(answer: Answer) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
@@ -9,7 +10,8 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
 from meshdeform.errors import ForbiddenError, JobNotFinishedError, NotFoundError
-from meshdeform.record.models import Artifact, JobState
+from meshdeform.record.models import Artifact, Job, JobState
+from meshdeform.support.file_names import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
@@ -81,7 +83,8 @@ def get_artifact(
 ) -> Response:
     """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
     artifact = _find(app, id, owner, name)
-    found = Download(artifact.key, artifact.name, artifact.content_type, artifact.size, artifact.sha256)
+    saved_as = _file_name(app.record.get(id, owner), artifact)
+    found = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
     return download(request, app, found, conditions, signed=owner is None)
 
 
@@ -99,6 +102,12 @@ def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _N
     artifact = _find(app, id, principal.owner_id, name)
     found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
     return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+
+
+def _file_name(job: Job, artifact: Artifact) -> str:
+    goal = job.prompt or (f"like {PurePath(job.target.filename).stem}" if job.target else "")
+    seed = getattr(job.params, "seed", None)  # a kind of job may have none
+    return result_name(artifact.name, asset=job.asset.filename, goal=goal, seed=seed)
 
 
 def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:

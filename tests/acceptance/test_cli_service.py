@@ -73,6 +73,31 @@ def test_a_job_from_its_submission_to_its_files(folder: Path, service: Service, 
     assert run("cancel", job, "--url", url, cwd=folder).returncode == 3, "what is over stays as it is"
 
 
+def test_jobs_are_found_by_label_branched_retried_fetched_and_deleted(
+    folder: Path, service: Service, url: str, tmp_path: Path
+) -> None:
+    more = ("--steps", "4", "--set", "checkpoint_every_steps=2")
+    job = submit(folder, url, *more, "--label", "shot=sc020", "--label", "take=1")
+    assert run("wait", job, "-q", "--url", url, cwd=folder).stdout == ""
+    found = answer("jobs", "--label", "shot=sc020", "--label", "take=1", "--url", url, cwd=folder)["jobs"]
+    assert [each["id"] for each in found] == [job]
+    assert answer("jobs", "--label", "shot=sc020", "--label", "take=2", "--url", url, cwd=folder)["jobs"] == []
+
+    (asset,) = answer("fetch", job, "--asset", "-o", tmp_path, "--url", url, cwd=folder)["files"]
+    assert Path(asset["path"]).read_bytes() == (folder / "sphere.obj").read_bytes()
+    (mesh,) = answer("fetch", job, "--step", "2", "-o", tmp_path, "--url", url, cwd=folder)["files"]
+    assert (Path(mesh["path"]).name, Path(mesh["path"]).read_bytes()[:4]) == ("step-2.glb", b"glTF")
+    assert run("fetch", job, "--step", "3", "-o", tmp_path, "--url", url, cwd=folder).returncode == 3
+
+    branched = answer("branch", job, "a mushroom", "--step", "2", "--steps", "1", "--url", url, cwd=folder)
+    assert (branched["origin"]["job_id"], branched["origin"]["step"]) == (job, 2)
+    refused = run("retry", job, "--url", url, cwd=folder)
+    assert refused.returncode == 3, "it succeeded"
+    assert run("wait", branched["id"], "-q", "--url", url, cwd=folder).returncode == 0
+    assert answer("delete", job, branched["id"], "--url", url, cwd=folder) == {"deleted": [job, branched["id"]]}
+    assert run("delete", job, "--url", url, cwd=folder).returncode == 3
+
+
 def test_on_a_terminal_there_is_a_bar_with_loss_and_time_left(folder: Path, url: str) -> None:
     job = submit(folder, url, "--steps", "150")
     code, seen = on_a_terminal("watch", job, "--url", url, cwd=folder)

@@ -53,7 +53,7 @@ def test_the_quickstart_runs_as_written(service: Service, repository: Path, tmp_
             check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}\n{service.log}"
-    for name in ("vase.glb", "vase.png", "mushroom.glb"):
+    for name in ("vase.glb", "vase.preview.png", "mushroom.glb"):
         assert (tmp_path / name).stat().st_size > 1000, name
     assert len(list((tmp_path / "results").rglob("result.glb"))) == 1
     assert len(list((tmp_path / "snowman").rglob("result.glb"))) == 1

@@ -36,7 +36,7 @@ def test_artifacts_are_listed_and_streamed(api: Api, openapi: dict[str, Any]) ->
     assert whole.headers["content-length"] == str(len(content))
     assert whole.headers["etag"] == f'"{digest}"'
     assert whole.headers["accept-ranges"] == "bytes"
-    assert whole.headers["content-disposition"] == 'attachment; filename="result.glb"'
+    assert whole.headers["content-disposition"] == 'attachment; filename="sphere-a-mushroom-seed0.glb"'
     assert whole.headers["x-content-type-options"] == "nosniff"
     head = api.http.head(artifact["href"])
     assert (head.status_code, head.content) == (200, b"")

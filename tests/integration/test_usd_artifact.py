@@ -62,7 +62,7 @@ def test_result_usdz_is_listed_and_downloads(api: Api) -> None:
     assert set(listed) == {"result.glb", "result.usdz", "report.json", "preview.png"}
     answer = api.http.get(listed["result.usdz"]["href"])
     assert (answer.status_code, answer.headers["content-type"]) == (200, "model/vnd.usdz+zip")
-    assert answer.headers["content-disposition"] == 'attachment; filename="result.usdz"'
+    assert answer.headers["content-disposition"] == 'attachment; filename="a-like-b-seed0.usdz"'
     assert hashlib.sha256(answer.content).hexdigest() == listed["result.usdz"]["sha256"]
     with zipfile.ZipFile(io.BytesIO(answer.content)) as package:
         assert package.namelist() == ["result.usdc"]

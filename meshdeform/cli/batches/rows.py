@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.cli.batches.manifest import Entry
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
+from meshdeform.support.file_names import slug
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest
@@ -176,7 +177,7 @@ def _names(
     for key, (entry, request) in found.items():
         if key in names:
             continue
-        base = entry.name or f"{_slug(entry.asset.stem)}-{_slug(_goal(entry, request))}"
+        base = entry.name or "-".join(slug(text) or "x" for text in (entry.asset.stem, _goal(entry, request)))
         if with_seed and "seed" not in entry.params:
             base += f"-seed{request.params.seed}"
         # With its digest, the name does not depend on rows added later.
@@ -188,7 +189,3 @@ def _names(
 
 def _goal(entry: Entry, request: JobRequest) -> str:
     return request.prompt or (f"like {entry.target.stem}" if entry.target else "")
-
-
-def _slug(text: str) -> str:
-    return re.sub(r"\W+", "-", text).strip("-_")[:48].strip("-_") or "x"

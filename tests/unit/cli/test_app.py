@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -77,6 +78,7 @@ def test_every_command_has_help() -> None:
 
 def test_version() -> None:
     assert CliRunner().invoke(app, ["version"]).output.strip() == meshdeform.__version__
+    assert CliRunner().invoke(app, ["--version"]).output.strip() == meshdeform.__version__
 
 
 @each_case(
@@ -119,10 +121,54 @@ def test_wrong_use_says_what_is_wrong(arguments: list[str], code: ExitCode, said
 def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_path: Path) -> None:
     result = run("run", sphere, "--target", egg, "--steps", 3, "--morph", "-o", "egg.glb", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["egg.glb", "egg.morph.glb", "egg.png", "egg.report.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "egg.glb",
+        "egg.morph.glb",
+        "egg.preview.png",
+        "egg.report.json",
+    ]
     assert "egg.report.json" in result.stdout
     assert "step 3/3" in result.stderr
     assert (tmp_path / "egg.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_a_run_overwrites_only_what_a_run_wrote(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    common = ["run", sphere, "--target", egg, "--steps", 1, "-o", "egg.glb"]
+
+    def refused(*more: object) -> bool:
+        result = run_here(*common, *more, cwd=tmp_path)
+        assert result.exit_code in (0, ExitCode.BAD_INPUT), result.output
+        return bool(result.exit_code)
+
+    (tmp_path / "egg.png").write_bytes(b"a texture")
+    assert not refused("-q")
+    assert (tmp_path / "egg.png").read_bytes() == b"a texture"
+    assert not refused("--seed", 2)  # a loop, a Makefile
+    (tmp_path / "egg.glb").write_bytes(b"edited")
+    assert refused()
+    assert (tmp_path / "egg.glb").read_bytes() == b"edited"
+    assert not refused("--force")
+    (tmp_path / "egg.morph.glb").write_bytes(b"mine")
+    (tmp_path / "egg.report.json").unlink()
+    assert refused()
+    assert refused("--checkpoint", "egg.png", "-o", "other.glb")
+    assert not refused("--checkpoint", "state", "-o", "other.glb")
+    assert not refused("--checkpoint", "state", "-o", "other.glb")
+
+
+def test_a_run_does_not_replace_its_input_unless_forced(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    common = ["run", sphere, "--target", egg, "--steps", 1, "-q"]
+    done = run_here(*common, "-o", "a.glb", cwd=tmp_path)
+    assert (done.exit_code, done.output) == (0, "")
+    before = (tmp_path / "a.glb").read_bytes()
+    again = ["run", "a.glb", *common[2:], "-o", "./a.glb"]
+    refused = run_here(*again, cwd=tmp_path)
+    assert refused.exit_code == ExitCode.BAD_INPUT
+    assert "a.glb is an input" in refused.stderr
+    assert "--force" in refused.stderr
+    assert (tmp_path / "a.glb").read_bytes() == before
+    assert run_here(*again, "--force", cwd=tmp_path).exit_code == 0
+    assert (tmp_path / "a.glb").read_bytes() != before
 
 
 def test_json_is_one_document_and_a_resumed_run_is_the_same_run(sphere: Path, egg: Path, tmp_path: Path) -> None:
@@ -177,6 +223,9 @@ def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path,
         _, said = child.communicate()
         give_up.cancel()
     assert child.returncode == ExitCode.INTERRUPTED, said
+    assert re.search(
+        r"^Interrupted at step \d+ of 50000\. The state is in state\.\nContinue with --resume state$", said, re.M
+    )
     assert [p.name for p in tmp_path.iterdir()] == ["state"]
 
 

@@ -120,6 +120,13 @@ def test_no_answer_is_unavailable_and_says_why() -> None:
         assert type(failure).__name__ in error.detail
 
 
+def test_a_service_that_does_not_respond_is_named_with_host_and_port_and_without_secrets() -> None:
+    request = httpx.Request("GET", "http://me:secret@localhost/v1/jobs?signature=1")
+    error = unreachable(httpx.ConnectError("refused", request=request), "/v1/jobs?signature=1")
+    assert error.detail == "http://localhost:80/v1/jobs does not respond (ConnectError: refused)."
+    assert "meshdeform serve" in error.advice_text
+
+
 def test_errors_survive_a_pickle() -> None:
     error = error_of(problem("quota_of_2031", 429))
     again = pickle.loads(pickle.dumps(error))
