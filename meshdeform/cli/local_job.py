@@ -108,6 +108,7 @@ class LocalJob:
         progress.phase("writing")
         artifacts = run.finish()
         self._write(artifacts)
+        report = json.loads(artifacts["report.json"].data)
         return {
             "result": str(self._outputs.result),
             "report": str(self._outputs.report),
@@ -117,7 +118,8 @@ class LocalJob:
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
-            "likeness": json.loads(artifacts["report.json"].data).get("likeness"),
+            "likeness": report.get("likeness"),
+            "warnings": report["warnings"],
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
 

@@ -125,7 +125,8 @@ def run(
         **({"usd": output.with_suffix(".usdz")} if usd else {}),
     }
     if not force:
-        check_outputs(paths, [path for path in (asset, target, resume) if path])
+        drawn = {"animation": animate} if animate else {}
+        check_outputs({**paths, **drawn}, [path for path in (asset, target, resume) if path])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     if usd:
@@ -164,3 +165,5 @@ def run(
             typer.echo(f"{title:<10} {summary[name]}")
     if summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
+    for warning in summary["warnings"]:
+        typer.echo(warning, err=True)
