@@ -2,8 +2,8 @@
 
     python bench/hero.py -o docs/pictures/hero.webp
 
-The animal is the quadruped of the benchmark in 9,680 triangles, painted by formula with vertex colours, which a deformation
-keeps. The builtin prior deforms it with the preset `balanced` and seed 0.
+The animal is the quadruped of the benchmark in 9,680 triangles, painted by formula with vertex colours, which a
+deformation keeps. The builtin prior deforms it with the preset `balanced` and seed 0.
 """
 
 from __future__ import annotations

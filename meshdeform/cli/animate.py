@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.errors import ParameterError, UnavailableError
-from meshdeform.settings import Settings
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
 
 __all__ = ["animate", "check_animation", "write_animation"]
 

@@ -50,7 +50,7 @@ def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
     with pytest.raises(VocabularyError, match="blurry") as caught:
         check({"prompt": "a vase", "params": {"negative_prompt": "blurry"}})
     assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "negative_prompt"]]
-    with pytest.raises(PromptError, match="says the same"):
+    with pytest.raises(PromptError, match="means the same"):
         check({"prompt": "a tall vase", "params": {"negative_prompt": "tall"}})
 
 

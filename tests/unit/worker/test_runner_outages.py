@@ -83,7 +83,7 @@ def test_what_the_store_does_not_keep_as_it_was_written_is_written_again(
 def test_a_cancel_is_heard_while_the_store_is_away(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     job = world.create()
 
-    def get(key: str) -> Any:
+    def get(key: str, sha256: str = "") -> Any:
         world.record.request_cancel(job.id)
         return away()
 
@@ -97,7 +97,7 @@ def test_a_worker_that_stops_while_the_store_is_away_hands_the_job_back(
 ) -> None:
     job = world.create()
 
-    def get(key: str) -> Any:
+    def get(key: str, sha256: str = "") -> Any:
         world.stop = True
         return away()
 
