@@ -81,7 +81,7 @@ def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_pat
     assert (out / "sheet.png").read_bytes()[:4] == b"\x89PNG"
     whole = run(*arguments, cwd=tmp_path)
     assert whole.returncode == 0
-    assert f"{ROWS} of {ROWS} rows are over already" in whole.stderr
+    assert f"{ROWS} of {ROWS} rows are finished already" in whole.stderr
 
 
 def test_a_batch_at_a_service_that_is_killed_makes_no_job_twice(

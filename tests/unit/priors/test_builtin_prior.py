@@ -99,7 +99,7 @@ def test_texts_outside_the_vocabulary_are_refused(weights: Path) -> None:
         text_rows(prior, "a dragon")
     with pytest.raises(VocabularyError, match="blurry"):
         text_rows(prior, "a vase", "blurry")
-    with pytest.raises(PromptError, match="says the same"):
+    with pytest.raises(PromptError, match="means the same"):
         text_rows(prior, "a tall vase", "tall")
 
 
