@@ -23,9 +23,12 @@ test("what a result looks like, and whether that was asked for", () => {
   const judged = { noun: "rabbit", probability: 0.834, next: { noun: "octopus", probability: 0.06 }, matches: true };
   const [good] = findings({ likeness: judged });
   assert.deepEqual([good.tone, good.text], ["good", "Looks like: a rabbit 83%; next: an octopus 6%"]);
-  const [bad] = findings({ likeness: { ...judged, matches: false } });
-  assert.equal(bad.tone, "warn");
-  assert.match(bad.note, /not the prompt/);
+  const missed = { noun: "rabbit", probability: 0.12, matches: false, next: { noun: "octopus", probability: 0.62 } };
+  const [bad] = findings({ likeness: missed });
+  assert.deepEqual([bad.tone, bad.text], ["warn", "Looks more like an octopus 62% than a rabbit 12%"]);
+  const [still] = findings({ movement: { stalled_by: "safeguard" }, warnings: ["The mesh hardly moved."] });
+  assert.deepEqual([still.tone, still.note], ["warn", "The mesh hardly moved."]);
+  assert.deepEqual(findings({ movement: { stalled_by: null }, warnings: [] }), []);
   assert.deepEqual(findings({ likeness: null }), []);
 });
 

@@ -19,6 +19,9 @@ export function findings(report) {
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
   const found = likeness(report?.likeness);
+  if (report?.movement?.stalled_by && Array.isArray(report.warnings)) {
+    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn("Hardly moved", String(text))));
+  }
   const faces = number(mesh.welded_faces) ?? number(mesh.source_triangles);
   const of = faces === null ? "" : ` of ${count(faces)}`;
   const flipped = number(quality.flipped_faces);
@@ -68,11 +71,13 @@ export function findings(report) {
 function likeness(judged) {
   const share = number(judged?.probability);
   if (typeof judged?.noun !== "string" || share === null) return [];
-  const next = judged.next;
-  const second = typeof next?.noun === "string" && number(next.probability) !== null ? `; next: ${withArticle(next.noun)} ${percent(next.probability)}` : "";
-  const text = `Looks like: ${withArticle(judged.noun)} ${percent(share)}${second}`;
-  if (judged.matches === false) return [warn(text, "That is not the prompt. Try another variation, or refine.")];
-  return [good(text, "As the prompt says, judged from pictures.")];
+  const other = typeof judged.next?.noun === "string" && number(judged.next.probability) !== null ? judged.next : null;
+  const named = (/** @type {any} */ one) => `${withArticle(one.noun)} ${percent(one.probability)}`;
+  if (judged.matches === false && other !== null) {
+    const note = "It does not look like its prompt. Try another variation, or refine.";
+    return [warn(`Looks more like ${named(other)} than ${named(judged)}`, note)];
+  }
+  return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, "As the prompt says, judged from pictures.")];
 }
 
 /**
