@@ -97,11 +97,20 @@ class SurfaceGuard:
             return
         contacts = touching_pairs(verts, self._faces, self._reach(verts))
         own = contacts[self._component[contacts[:, 0]] == self._component[contacts[:, 1]]]
+        own = own[~self._across_collapsed(own)]
         reached = np.bincount(own.ravel(), minlength=len(self._faces)).astype(np.float64)
         for _ in range(_LOOSE_RINGS):
             reached = self._rest.face_adjacency @ reached
         self._loose |= reached > 0
         self._meeting = np.union1d(self._meeting, self._keys(contacts))
+
+    def _across_collapsed(self, pairs: _Index) -> _Flags:
+        """Return flags (P,) of the pairs of faces with a collapsed face between them, which are neighbours."""
+        collapsed = np.flatnonzero(~self._rest.solid)
+        if not len(collapsed) or not len(pairs):
+            return np.zeros(len(pairs), bool)
+        beside = (self._rest.incidence[collapsed] @ self._rest.incidence.T >= 2).astype(np.float64)
+        return np.asarray((beside.T @ beside)[pairs[:, 0], pairs[:, 1]] > 0).ravel()
 
     def _reach(self, verts: _Floats) -> _Floats:
         """Return the distance (F,) up to which each face touches others."""

@@ -21,6 +21,8 @@ async def _known_query(request: Request) -> None:
 
     Raises
     ------
+    UnauthorizedError, LimitError
+        The caller may not ask at all.
     ParameterError
         It names the parameter, and the one that was probably meant.
     """
@@ -37,6 +39,7 @@ async def _known_query(request: Request) -> None:
         if name.partition("[")[0] not in known
     ]
     if errors:
+        await request.app.state.gate.admit(request)  # without a key, say nothing but that one is needed
         raise parameter_error(errors)
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
-from pydantic import AwareDatetime
+from pydantic import AwareDatetime, BeforeValidator
 
 from meshdeform.api.jobs import JobList, JobView, job_headers
 from meshdeform.api.limits import MAX_PAGE
@@ -48,6 +48,13 @@ _METADATA = {
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 
+def _written_time(value: object) -> object:
+    """Refuse bare numbers, which pydantic would take for seconds since 1970."""
+    if isinstance(value, str) and "-" not in value[1:]:
+        raise ValueError("it is no date and time such as 2026-01-31T12:00:00Z")
+    return value
+
+
 @router.get(
     "",
     operation_id="list_jobs",
@@ -66,7 +73,7 @@ def list_jobs(
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
     created_after: Annotated[
-        AwareDatetime | None,
+        Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
         Query(
             description="Only jobs created after this time, with its offset from UTC. Default: all.",
             examples=["2026-01-31T12:00:00Z"],

@@ -175,7 +175,7 @@ def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service,
     other.write_bytes(small_sphere.read_bytes())
     jobs = [
         service.submit(asset, {"prompt": prompt, "params": params})
-        for asset, prompt in ((small_sphere, "a small turtle"), (other, "a small turtle"), (other, "a bell"))
+        for asset, prompt in ((small_sphere, "a turtle"), (other, "a turtle"), (other, "a bell"))
     ]
     for job in jobs:
         service.finished(job)

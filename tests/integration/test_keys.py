@@ -128,7 +128,7 @@ def test_the_commands_work_on_the_record_that_the_settings_name(
     assert record.keys.verify(document["key"]).requests_per_minute == 9
     plain = run(app, ["keys", "create", "--owner", "studio", "--max-active-jobs", "0"])
     assert record.keys.verify(plain.stdout.strip()).max_active_jobs == 0
-    assert "only time" in plain.stderr
+    assert "only this once" in plain.stderr
     listed = json.loads(run(app, ["keys", "list", "--json"]).stdout)
     assert [key["id"] for key in listed] == [document["id"], plain.stdout.partition(".")[0]]
     assert "key" not in listed[0]
@@ -145,7 +145,7 @@ def test_the_commands_work_on_the_record_that_the_settings_name(
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "meshdeform.example"])
 def test_who_listens_where_others_are_asks_everybody_for_a_key(record: JobRecord, database_url: str, host: str) -> None:
     settings = Settings(database_url=database_url)
-    with pytest.raises(ParameterError, match="there is none") as caught:
+    with pytest.raises(ParameterError, match="none exists") as caught:
         _guarded(settings, host, None)
     assert "meshdeform keys create --owner me. " in caught.value.advice_text
     record.keys.create("studio")

@@ -113,7 +113,7 @@ def test_the_extra_deform_is_enough_to_deform(repository: Path, tmp_path: Path) 
         [sys.executable, "-c", program, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.png", "vase.report.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.preview.png", "vase.report.json"]
 
 
 @pytest.mark.parametrize("name", ["meshdeform", "service", "worker"])
