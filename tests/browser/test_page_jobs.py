@@ -26,7 +26,7 @@ from tests.browser.steps import (  # noqa: E402
     upper_half,
 )
 
-Page, expect = playwright_api.Page, playwright_api.expect
+Page, Route, expect = playwright_api.Page, playwright_api.Route, playwright_api.expect
 expect.set_options(timeout=60_000)
 
 
@@ -89,7 +89,11 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
 
 
 def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) -> None:
-    open_form(page)
+    """Even before the example that the form begins with has arrived, which then stays away."""
+    held: list[Route] = []
+    page.route("**/web/examples/sphere.glb", lambda route: held.append(route))
+    with page.expect_request("**/web/examples/sphere.glb"):
+        open_form(page)
     page.evaluate(
         """([name, content]) => {
           const bytes = Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0));
@@ -104,6 +108,11 @@ def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) 
         ["dropped.obj", base64.b64encode(small_sphere.read_bytes()).decode()],
     )
     expect(page.locator("#asset-facts")).to_contain_text("dropped.obj")
+    expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
+    with page.expect_response("**/web/examples/sphere.glb") as answer:
+        held[0].continue_()
+    answer.value.finished()
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
 
 

@@ -24,6 +24,8 @@ export class AssetPanel {
     this.onChange = onChange;
     /** @type {Asset | null} */
     this.asset = null;
+    /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
+    this.choices = 0;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
     this.input = h("input", {
@@ -97,17 +99,20 @@ export class AssetPanel {
 
   /** @param {string} name */
   async example(name) {
+    const choice = ++this.choices;
     try {
       const response = await fetch(address(`web/examples/${name}`), { signal: this.scope.signal });
       if (!response.ok) throw new Error(`The server answered ${response.status}.`);
-      await this.use(new Asset(await response.blob(), name));
+      const asset = new Asset(await response.blob(), name);
+      if (choice === this.choices) await this.use(asset);
     } catch (error) {
-      if (!this.scope.over) this.refuse("The example could not be loaded.", error instanceof Error ? error.message : "");
+      if (!this.scope.over && choice === this.choices) this.refuse("The example could not be loaded.", error instanceof Error ? error.message : "");
     }
   }
 
   /** @param {File} file */
   async take(file) {
+    this.choices += 1;
     if (!formatOf(file.name)) {
       this.refuse(`${file.name} isn't supported.`, "Use GLB, OBJ, PLY or STL.");
       return;

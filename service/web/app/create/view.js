@@ -99,6 +99,7 @@ export class CreateView {
    * @returns {Promise<import("../params.js").Wish | null>} The settings that belong to the asset.
    */
   async _firstAsset(draft, from) {
+    if (this.assets.choices) return null; // the user was faster
     if (from && !draft) return this._assetOf(from);
     await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name));
     return null;
@@ -137,10 +138,12 @@ export class CreateView {
    * @returns {Promise<import("../params.js").Wish | null>} The job's settings.
    */
   async _assetOf(id) {
+    const before = this.assets.choices;
     try {
       const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
       const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
-      await this.assets.use(new Asset(await response.blob(), job.asset.filename));
+      const asset = new Asset(await response.blob(), job.asset.filename);
+      if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields);
     } catch (error) {
       if (isAbort(error)) return null;
