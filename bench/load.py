@@ -51,7 +51,7 @@ def seed(record: JobRecord) -> list[str]:
             batch, told = [], []
             for number, job_id in enumerate(ids[start : start + 500], start):
                 over = number < JOBS - QUEUED
-                row = rows.new_job(job_id, NewJob(request, file), record.database.now(), None)
+                row = rows.new_job(job_id, NewJob(request, {"asset": file}), record.database.now(), None)
                 row["created_at"] = row["created_at"] if record.database.is_sqlite else sa.func.now()
                 batch.append({**row, "state": JobState.SUCCEEDED if over else JobState.QUEUED, "event_seq": 5})
                 kinds = ("queued", "started", "progress", "progress", "succeeded" if over else "queued")

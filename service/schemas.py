@@ -120,8 +120,9 @@ class Validation(BaseModel):
     valid: Literal[True] = Field(
         True, description="Always true: an invalid job is reported as a problem.", examples=[True]
     )
-    asset: AssetFound = Field(description="The asset to deform.")
-    target: AssetFound | None = Field(None, description="The second mesh of `target` guidance.")
+    files: dict[str, AssetFound] = Field(description="Its files by the names of their parts.")
+    asset: AssetFound = Field(description="The first of `files`: the asset to deform.")
+    target: AssetFound | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
     # Other kinds than `text_deform` have other parameters.
     params: SkipValidation[SerializeAsAny[ResolvedParams]] = Field(
         description="Every parameter, with the value with which the job would run."
@@ -210,7 +211,7 @@ class UploadLimits(BaseModel):
 class FilePartView(BaseModel):
     """A file that a kind of job reads."""
 
-    name: str = Field(description="Its part in a form, or its member in a document.", examples=["asset"])
+    name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
     summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY or STL."])
     required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
     media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
@@ -242,7 +243,7 @@ class KindView(BaseModel):
 class LimitList(BaseModel):
     """All limits on requests."""
 
-    files: FileLimits = Field(description="Limits on assets and targets.")
+    files: FileLimits = Field(description="Limits on the files of jobs.")
     jobs: JobLimits = Field(description="Limits on the request document.")
     requests: RequestLimits = Field(description="Limits on HTTP requests.")
     uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
@@ -292,7 +293,10 @@ class ModelList(BaseModel):
 class UploadView(BaseModel):
     """A file uploaded separately, for use in jobs."""
 
-    id: str = Field(description="Use it in `asset` or `target`.", examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"])
+    id: str = Field(
+        description="Use it in `files`, `asset` or `target` of a job.",
+        examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"],
+    )
     filename: str = Field(description="Its name.", examples=["knight.glb"])
     size: int = Field(ge=1, description="Bytes of the complete file.", examples=[30720])
     state: Literal["open", "complete"] = Field(

@@ -82,7 +82,7 @@ def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:
 
 
 def _stored(store: ObjectStore, job: Job, key: str) -> Artifact:
-    stored = store.put(key, store.get(job.asset.key))
+    stored = store.put(key, store.get(job.files["asset"].key))
     return Artifact(
         name="result.glb",
         content_type="model/gltf-binary",

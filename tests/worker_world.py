@@ -64,7 +64,8 @@ class World:
         asset = StoredFile(key="assets/a", filename="a.glb", size=stored.size, sha256=stored.sha256)
         params = {"steps": STEPS, "checkpoint_every_steps": EVERY, "guidance": "target", **params}
         document = {"prompt": "a vase", "params": params, "priority": priority, "deadline_s": deadline_s}
-        return self.record.create(NewJob(JobRequest.model_validate(document), asset, asset, origin=origin))
+        files = {"asset": asset, "target": asset}
+        return self.record.create(NewJob(JobRequest.model_validate(document), files, origin=origin))
 
     def expire(self, job: Job) -> None:
         """Let the lease of whoever has the job be over."""

@@ -152,11 +152,9 @@ class Attempt:
         return True
 
     def _start(self) -> JobRun:
-        """Start from the newest usable checkpoint, otherwise from the job's origin or its asset."""
+        """Start from the newest usable checkpoint, otherwise from the job's origin or its files."""
         job = self._job
-        files = {"asset": self._input("asset", job.asset)}
-        if job.target:
-            files["target"] = self._input("target", job.target)
+        files = {part: self._input(part, file) for part, file in job.files.items()}
 
         def load_prior(model: str) -> Prior:
             self._at.pulse.beat()
@@ -201,9 +199,9 @@ class Attempt:
             _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
 
-    def _input(self, name: str, file: StoredFile) -> InputFile:
+    def _input(self, part: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
-        what = f"job {self._job.id}: the {name}"
+        what = f"job {self._job.id}: the file {part}"
         data = self._retry.until_answered(what, lambda: self._at.store.get(file.key, sha256=file.sha256))
         return InputFile(data, file.filename, file.sha256)
 

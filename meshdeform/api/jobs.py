@@ -112,9 +112,12 @@ class JobView(_Document):
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
     priority: int = Field(0, description="Workers take the job with the highest priority first.", examples=[0])
-    asset: FileView = Field(description="The asset to deform.")
-    target: FileView | None = Field(None, description="The second mesh of `target` guidance.")
-    origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its asset.")
+    files: dict[str, FileView] = Field(
+        default_factory=dict, description="Its files by the names of their parts, in the order of its kind."
+    )
+    asset: FileView = Field(description="The first of `files`: the asset to deform.")
+    target: FileView | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
+    origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its files.")
     error: JobError | None = Field(None, description="Why the job failed; else null.")
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
     started_at: datetime | None = Field(None, description="When its first attempt began, UTC.", examples=[_TIME])
@@ -133,6 +136,7 @@ class JobView(_Document):
     @classmethod
     def of(cls, job: Job) -> Self:
         """Return the document of a job."""
+        files = {part: FileView.of(file) for part, file in job.files.items()}
         return cls(
             id=job.id,
             kind=job.kind,
@@ -142,8 +146,9 @@ class JobView(_Document):
             output=job.request.output,
             metadata=job.metadata,
             priority=job.request.priority,
-            asset=FileView.of(job.asset),
-            target=FileView.of(job.target) if job.target else None,
+            files=files,
+            asset=FileView.of(job.source),
+            target=files.get("target"),
             origin=OriginView.of(job.origin) if job.origin else None,
             error=job.error,
             created_at=job.created_at,

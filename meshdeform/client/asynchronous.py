@@ -109,12 +109,13 @@ class AsyncClient:
 
     async def deform(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -131,7 +132,7 @@ class AsyncClient:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -150,20 +151,21 @@ class AsyncClient:
             The request was refused, or the job failed.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, idempotency_key)
+        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = await self._driver.run(
-            running.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
+            running.deformed(order, sent, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
         )
         return AsyncResult(self, job)
 
     async def submit(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -186,6 +188,8 @@ class AsyncClient:
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
             A second mesh, for `params` with `{"guidance": "target"}`.
+        files : mapping of str to files like `asset`, optional
+            The files of a job of another kind, by the names of its parts; `limits().kinds` lists them.
         metadata : mapping, optional
             Your own labels.
         priority : int, optional
@@ -203,17 +207,18 @@ class AsyncClient:
             only one job.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, idempotency_key)
-        return await self._driver.run(submitting.submitted(order, files, self._policy))
+        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
+        return await self._driver.run(submitting.submitted(order, sent, self._policy))
 
     async def validate(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -227,8 +232,8 @@ class AsyncClient:
         Parameters and errors are those of `submit`.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, None)
-        return await self._driver.run(submitting.validated(order, files, self._policy))
+        sent = Files.of(asset, target, files, filename, upload, None)
+        return await self._driver.run(submitting.validated(order, sent, self._policy))
 
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
@@ -249,6 +254,7 @@ class AsyncClient:
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -257,8 +263,9 @@ class AsyncClient:
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
+        parts = submitting.parts_of(files, target=target)
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        return await self._driver.run(submitting.branched(job, step, order, target, idempotency_key, self._policy))
+        return await self._driver.run(submitting.branched(job, step, order, parts, idempotency_key, self._policy))
 
     async def get(self, job: JobLike) -> JobView:
         """Return a job's current state."""
@@ -394,6 +401,10 @@ class AsyncClient:
     async def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the asset as it was sent, for a job in any state."""
         return await self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
+
+    async def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
+        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        return await self._driver.run(downloads.saved(job_path(job, "files", part), Path(path), self._policy))
 
     async def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the second mesh of `target` guidance as it was sent."""

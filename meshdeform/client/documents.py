@@ -12,7 +12,16 @@ from datetime import datetime
 from enum import StrEnum
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationError, WrapValidator, model_serializer
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    WrapValidator,
+    model_serializer,
+    model_validator,
+)
 
 from meshdeform.api import jobs as views
 from meshdeform.errors import UnavailableError
@@ -125,12 +134,21 @@ class JobView(views.JobView):
     state: Annotated[JobState, _named(JobState)]
     params: Annotated[DeformParams, _else(_Params), SerializeAsAny()]
     output: Annotated[OutputOptions, _else(_Output), SerializeAsAny()]
+    files: dict[str, _FileView] = Field(default_factory=dict)  # type: ignore[assignment]
     asset: _FileView
     target: _FileView | None = None
     origin: _OriginView | None = None
     error: _JobError | None = None
     progress: _Progress
     artifacts: list[ArtifactView] = Field(default_factory=list)  # type: ignore[assignment]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_files(cls, document: Any) -> Any:
+        """Fill in `files`, which older services do not send."""
+        if not isinstance(document, dict) or "files" in document:
+            return document
+        return {**document, "files": {name: document[name] for name in ("asset", "target") if document.get(name)}}
 
 
 class JobList(_Open):
@@ -198,6 +216,7 @@ class Validation(_Open):
     """The result of checking a valid job."""
 
     valid: bool = True
+    files: dict[str, AssetFound] = Field(default_factory=dict)
     asset: AssetFound
     target: AssetFound | None = None
     params: Annotated[ResolvedParams, _else(_Resolved), SerializeAsAny()]

@@ -24,7 +24,7 @@ from meshdeform.client.uploads import uploaded
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError
 from meshdeform.requests.document import DeformParams, OutputOptions
 
-__all__ = ["Files", "Order", "branched", "checked_key", "retried", "sent_ahead", "submitted", "validated"]
+__all__ = ["Files", "Order", "branched", "checked_key", "parts_of", "retried", "sent_ahead", "submitted", "validated"]
 
 
 @dataclass(frozen=True)
@@ -68,24 +68,43 @@ class Order:
 class Files:
     """The files of a job, and how to send them. See `Client.submit`."""
 
-    asset: AssetLike
-    target: AssetLike | None = None
+    parts: Mapping[str, AssetLike]
     filename: str | None = None
     upload: bool | None = None
     key: str = ""
 
     @classmethod
     def of(
-        cls, asset: AssetLike, target: AssetLike | None, filename: str | None, upload: bool | None, key: str | None
+        cls,
+        asset: AssetLike | None,
+        target: AssetLike | None,
+        files: Mapping[str, AssetLike] | None,
+        filename: str | None,
+        upload: bool | None,
+        key: str | None,
     ) -> Files:
-        """Return the files with the given key, or a new one.
+        """Return the files by part with the given key, or a new one.
 
         Raises
         ------
         ValueError
-            The key is not valid in a header.
+            The key is not valid in a header, or a file is given twice.
         """
-        return cls(asset, target, filename, upload, checked_key(key))
+        return cls(parts_of(files, asset=asset, target=target), filename, upload, checked_key(key))
+
+
+def parts_of(files: Mapping[str, AssetLike] | None, **named: AssetLike | None) -> dict[str, AssetLike]:
+    """Return the files by part, those with arguments of their own first.
+
+    Raises
+    ------
+    ValueError
+        A file is given twice.
+    """
+    parts = {name: file for name, file in named.items() if file is not None}
+    if twice := sorted(parts.keys() & (files or {}).keys()):
+        raise ValueError(f"Give {', '.join(twice)} once, as an argument or in `files`.")
+    return {**parts, **(files or {})}
 
 
 def checked_key(key: str | None) -> str:
@@ -109,9 +128,8 @@ def submitted(order: Order, files: Files, policy: Policy) -> Operation[JobView]:
         call, sent = yield from _prepared("/v1/jobs", order, files, policy, opened)
         answer = yield from answered(call, policy)
         job = read(JobView, answer.json(), answer.url)
-    arrived = {"asset": job.asset, "target": job.target}
     for name, file in sent.items():
-        there = arrived[name]
+        there = job.files.get(name)
         if there is None or there.sha256 != file.sha256:
             with contextlib.suppress(MeshdeformError):
                 yield from canceled(job, policy)
@@ -139,16 +157,16 @@ def retried(job: JobLike, key: str | None, policy: Policy) -> Operation[JobView]
 
 
 def branched(
-    job: JobLike, step: int, order: Order, target: AssetLike | None, key: str | None, policy: Policy
+    job: JobLike, step: int, order: Order, files: Mapping[str, AssetLike], key: str | None, policy: Policy
 ) -> Operation[JobView]:
     """Branch a job from a checkpoint; see `Client.branch`."""
     key = checked_key(key)
     document = order.document()
-    if target is not None:
+    for name, file in files.items():
         with contextlib.ExitStack() as opened:
-            source = yield Work(partial(open_source, target, opened))
-            # The route takes no form, so that the target must be uploaded first.
-            document["target"] = yield from _reference(source, f"{key}/target", policy)
+            source = yield Work(partial(open_source, file, opened))
+            # The route takes no form, so that files must be uploaded first.
+            _refer(document, name, (yield from _reference(source, f"{key}/{name}", policy)))
     call = Call(
         "POST", job_path(job, "checkpoints", step, "branch"), headers={"Idempotency-Key": key}, document=document
     )
@@ -178,17 +196,15 @@ def _prepared(
     document = order.document()
     sent: dict[str, LocalFile] = {}
     parts: list[Part] = []
-    for name, asset in (("asset", files.asset), ("target", files.target)):
-        if asset is None:
-            continue
-        filename = files.filename if name == "asset" else None
-        source: LocalFile | dict[str, str] = yield Work(partial(open_source, asset, opened, filename))
+    for name, file in files.parts.items():
+        filename = files.filename if name == "asset" or len(files.parts) == 1 else None
+        source: LocalFile | dict[str, str] = yield Work(partial(open_source, file, opened, filename))
         if isinstance(source, LocalFile):
             sent[name] = source
             if not (yield from _uploaded_ahead(source, files.upload, f"{files.key}/{name}", document, name, policy)):
                 parts.append(Part(name, source.filename, source.file))
         else:
-            document[name] = source
+            _refer(document, name, source)
     headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
     return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), sent
 
@@ -200,12 +216,21 @@ def _uploaded_ahead(
     if not (source.size > policy.upload_above if wanted is None else wanted) or not source.size:
         return False
     try:
-        document[name] = yield from _reference(source, key, policy)
+        reference = yield from _reference(source, key, policy)
     except NotFoundError:
         if wanted:
             raise
         return False  # the service has no uploads
+    _refer(document, name, reference)
     return True
+
+
+def _refer(document: dict[str, Any], name: str, reference: Mapping[str, str]) -> None:
+    """Name a stored file in a document; those of `text_deform` in the way that older services understand, too."""
+    if name in ("asset", "target"):
+        document[name] = reference
+    else:
+        document.setdefault("files", {})[name] = reference
 
 
 def _reference(source: LocalFile | dict[str, str], key: str, policy: Policy) -> Operation[dict[str, str]]:

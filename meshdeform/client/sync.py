@@ -107,12 +107,13 @@ class Client:
 
     def deform(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -129,7 +130,7 @@ class Client:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -148,20 +149,21 @@ class Client:
             The request was refused, or the job failed.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, idempotency_key)
+        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = self._driver.run(
-            running.deformed(order, files, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
+            running.deformed(order, sent, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
         )
         return Result(self, job)
 
     def submit(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -184,6 +186,8 @@ class Client:
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
             A second mesh, for `params` with `{"guidance": "target"}`.
+        files : mapping of str to files like `asset`, optional
+            The files of a job of another kind, by the names of its parts; `limits().kinds` lists them.
         metadata : mapping, optional
             Your own labels.
         priority : int, optional
@@ -201,17 +205,18 @@ class Client:
             only one job.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, idempotency_key)
-        return self._driver.run(submitting.submitted(order, files, self._policy))
+        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
+        return self._driver.run(submitting.submitted(order, sent, self._policy))
 
     def validate(
         self,
-        asset: AssetLike,
+        asset: AssetLike | None = None,
         prompt: str = "",
         *,
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -225,8 +230,8 @@ class Client:
         Parameters and errors are those of `submit`.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        files = Files.of(asset, target, filename, upload, None)
-        return self._driver.run(submitting.validated(order, files, self._policy))
+        sent = Files.of(asset, target, files, filename, upload, None)
+        return self._driver.run(submitting.validated(order, sent, self._policy))
 
     def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
@@ -247,6 +252,7 @@ class Client:
         params: Params | None = None,
         output: Output | None = None,
         target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
@@ -255,8 +261,9 @@ class Client:
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
+        parts = submitting.parts_of(files, target=target)
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        return self._driver.run(submitting.branched(job, step, order, target, idempotency_key, self._policy))
+        return self._driver.run(submitting.branched(job, step, order, parts, idempotency_key, self._policy))
 
     def get(self, job: JobLike) -> JobView:
         """Return a job's current state."""
@@ -390,6 +397,10 @@ class Client:
     def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the asset as it was sent, for a job in any state."""
         return self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
+
+    def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
+        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        return self._driver.run(downloads.saved(job_path(job, "files", part), Path(path), self._policy))
 
     def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the second mesh of `target` guidance as it was sent."""

@@ -16,7 +16,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record.database import Database
-from meshdeform.record.schema import files, jobs, uploads
+from meshdeform.record.schema import files, job_files, uploads
 
 __all__ = ["FileLeases", "FileLedger"]
 
@@ -159,7 +159,7 @@ class FileLedger:
 
     def _is_unused(self) -> sa.ColumnElement[bool]:
         # One condition for each: PostgreSQL looks those up in an index, and reads whole tables for one of them all.
-        references = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key, uploads.c.key)
+        references = (job_files.c.key, uploads.c.key)
         unneeded = sa.and_(*(~sa.exists().where(column == files.c.key) for column in references))
         unpinned = sa.or_(
             files.c.pins == 0,

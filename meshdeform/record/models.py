@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -166,6 +167,8 @@ class Origin(_Frozen):
         `retry`: the same request resumes as if never interrupted. `branch`: a different request starts with that shape.
     key, sha256 : str
         The object with the copy of its checkpoint; empty for a retry that starts from the beginning.
+    size : int
+        Bytes of that object; 0 if unknown.
     """
 
     job_id: str
@@ -173,6 +176,7 @@ class Origin(_Frozen):
     mode: OriginMode
     key: str = ""
     sha256: str = ""
+    size: int = 0
 
 
 class Event(_Frozen):
@@ -202,15 +206,15 @@ class CheckpointRef:
 
 
 class Job(_Frozen):
-    """One request to deform one asset, as recorded."""
+    """One request, as recorded."""
 
     id: str
     state: JobState
     request: JobRequest
     resolved: dict[str, Any] | None = None
     """The values of all parameters; None for jobs of older versions."""
-    asset: StoredFile
-    target: StoredFile | None = None
+    files: dict[str, StoredFile]
+    """Its files by the names of the parts of its kind."""
     error: JobError | None = None
     created_at: datetime
     started_at: datetime | None = None
@@ -228,6 +232,11 @@ class Job(_Frozen):
     traceparent: str | None = None
     artifacts: tuple[Artifact, ...] = ()
     """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
+
+    @property
+    def source(self) -> StoredFile:
+        """Its first file, which every kind of job requires."""
+        return next(iter(self.files.values()))
 
     @property
     def kind(self) -> JobKind:
@@ -266,8 +275,8 @@ class NewJob:
     Attributes
     ----------
     request : JobRequest
-    asset, target : StoredFile
-        Already stored.
+    files : mapping of str to StoredFile
+        Its files by the names of the parts of its kind; already stored.
     owner_id : str
         The owner; empty if keys are off.
     origin : Origin, optional
@@ -287,8 +296,7 @@ class NewJob:
     """
 
     request: JobRequest
-    asset: StoredFile
-    target: StoredFile | None = None
+    files: Mapping[str, StoredFile]
     owner_id: str = ""
     origin: Origin | None = None
     retention_s: float | None = None
@@ -298,6 +306,12 @@ class NewJob:
     traceparent: str | None = None
     resolved: BaseModel | None = None
     claim: Claim | None = None
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys of the stored files that the job needs, with the checkpoint of its origin; sorted and distinct."""
+        origin = [self.origin.key] if self.origin is not None and self.origin.key else []
+        return sorted({*(file.key for file in self.files.values()), *origin})
 
 
 @dataclass(frozen=True)

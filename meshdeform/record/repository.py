@@ -27,7 +27,7 @@ from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_jo
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.schema import artifacts, discarded, jobs, labels, secrets
+from meshdeform.record.schema import artifacts, discarded, job_files, jobs, labels, secrets
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
@@ -109,12 +109,13 @@ class JobRecord:
         _check_priority(new)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
-        keys = {values["asset_key"], values["target_key"], values["origin_key"]} - {None}
         with changing(self._database) as change:
             connection = change.connection
             self._hold_to_limit(connection, new)
-            self.files.unpin(sorted(keys), connection)
+            self.files.unpin(new.keys, connection)
             row = connection.execute(sa.insert(jobs).values(values).returning(jobs)).one()
+            for values in rows.job_files(row.id, new):
+                connection.execute(sa.insert(job_files).values(values))
             for name, value in new.request.metadata.items():
                 connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
             change.write_event(row, EventType.QUEUED, _beginning(new))
@@ -214,7 +215,7 @@ class JobRecord:
         Returns
         -------
         list of str
-            Keys of the files that it used: asset, target, and the checkpoint of its origin. Other jobs may use them.
+            Keys of the files that it used, with the checkpoint of its origin. Other jobs may use them.
 
         Raises
         ------
@@ -223,8 +224,10 @@ class JobRecord:
         """
         over = sa.and_(jobs.c.id == job_id, jobs.c.state.in_(TERMINAL_STATES), _owned(owner))
         with self._database.write() as connection:
-            row = connection.execute(sa.delete(jobs).where(over).returning(*_FILES)).one_or_none()
-            if row is None:
+            # Read first: they are deleted with the job.
+            mine = sa.select(job_files.c.key).where(job_files.c.job_id == job_id).distinct().order_by(job_files.c.key)
+            keys = list(connection.scalars(mine))
+            if connection.execute(sa.delete(jobs).where(over).returning(jobs.c.id)).one_or_none() is None:
                 job = find_job(connection, job_id, owner)
                 raise ConflictError(
                     f"The job is {job.state}; only a finished job can be deleted.",
@@ -232,7 +235,7 @@ class JobRecord:
                     state=job.state.value,
                 )
             connection.execute(sa.insert(discarded).values(prefix=f"jobs/{job_id}/"))
-        return [key for key in row if key is not None]
+        return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
         """Return the results of a job, sorted by name; none before it has succeeded.
@@ -280,7 +283,6 @@ class JobRecord:
 
 _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
-_FILES = (jobs.c.asset_key, jobs.c.target_key, jobs.c.origin_key)
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 

@@ -19,10 +19,10 @@ from meshdeform.record.models import (
     Progress,
     StoredFile,
 )
-from meshdeform.record.schema import jobs
+from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.document import JobRequest, read_stored
 
-__all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "new_job"]
+__all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
 
 Row = sa.Row[Any]
 
@@ -41,7 +41,7 @@ def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
 
 def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
     """Return the row of a new job. The times may be SQL expressions."""
-    request, target, origin = new.request, new.target, new.origin
+    request, origin = new.request, new.origin
     return {
         "id": job_id,
         "owner_id": new.owner_id,
@@ -51,11 +51,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         # Only what the user wrote: later versions may have other defaults.
         "request": request.model_dump(mode="json", exclude_unset=True, include=_REQUEST),
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
-        "asset_key": new.asset.key,
-        "asset": new.asset.model_dump(),
-        "target_key": target.key if target else None,
-        "target": target.model_dump() if target else None,
-        "origin_key": origin.key or None if origin else None,
+        "files": {part: file.model_dump() for part, file in new.files.items()},
         "origin": origin.model_dump(mode="json") if origin else None,
         "priority": request.priority,
         "deadline_at": deadline,
@@ -76,6 +72,14 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
     }
 
 
+def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
+    """Return the rows of a new job's stored files."""
+    found = [{"part": part, "key": file.key, "size": file.size} for part, file in new.files.items()]
+    if new.origin is not None and new.origin.key:
+        found.append({"part": ORIGIN, "key": new.origin.key, "size": new.origin.size})
+    return [{"job_id": job_id, "owner_id": new.owner_id, **each} for each in found]
+
+
 def job(row: Row) -> Job:
     """Return the job of a row."""
     return Job(
@@ -83,8 +87,7 @@ def job(row: Row) -> Job:
         state=JobState(row.state),
         request=read_stored(row.request),
         resolved=row.resolved,
-        asset=StoredFile.model_validate(row.asset),
-        target=StoredFile.model_validate(row.target) if row.target else None,
+        files={part: StoredFile.model_validate(file) for part, file in row.files.items()},
         error=JobError.model_validate(row.error) if row.error else None,
         created_at=row.created_at,
         started_at=row.started_at,

@@ -9,6 +9,7 @@ import sqlalchemy as sa
 
 __all__ = [
     "HEAD",
+    "ORIGIN",
     "UtcDateTime",
     "api_keys",
     "artifacts",
@@ -19,6 +20,7 @@ __all__ = [
     "events",
     "files",
     "idempotency",
+    "job_files",
     "jobs",
     "labels",
     "metadata",
@@ -30,8 +32,12 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0004"
+HEAD = "0005"
 """The newest migration. A record at this version is opened without Alembic."""
+
+
+ORIGIN = "(origin)"
+"""The `part` of the checkpoint of a job's origin in `job_files`; the parts of a kind of job are identifiers."""
 
 
 class UtcDateTime(sa.TypeDecorator[datetime]):
@@ -80,12 +86,9 @@ jobs = sa.Table(
     # As written by the user; the values that run are in `resolved`, which jobs from before 0003 lack.
     sa.Column("request", sa.JSON, nullable=False),
     sa.Column("resolved", sa.JSON(none_as_null=True)),
-    sa.Column("asset_key", sa.String(255), nullable=False),
-    sa.Column("asset", sa.JSON, nullable=False),
-    sa.Column("target_key", sa.String(255)),
-    sa.Column("target", sa.JSON(none_as_null=True)),
+    # Its files by part; `job_files` is their index.
+    sa.Column("files", sa.JSON, nullable=False),
     # For a job that continues another one: a copy of that job's checkpoint, and its source.
-    sa.Column("origin_key", sa.String(255)),
     sa.Column("origin", sa.JSON(none_as_null=True)),
     sa.Column("error", sa.JSON(none_as_null=True)),
     # Higher values run first.
@@ -119,9 +122,6 @@ jobs = sa.Table(
     sa.Index(None, "state", "id"),
     sa.Index(None, "owner_id", "id"),
     sa.Index(None, "owner_id", "state", "id"),
-    sa.Index(None, "asset_key"),
-    sa.Index(None, "target_key"),
-    sa.Index(None, "origin_key"),
     sa.Index(None, "workload", "state", "id"),
     sa.Index(None, "deadline_at"),
     sa.Index(None, "retain_until"),
@@ -130,6 +130,20 @@ jobs = sa.Table(
 # The order in which workers claim jobs: by priority, and within one the owners in turn.
 sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
 sa.Index("ix_jobs_share", jobs.c.state, jobs.c.priority, jobs.c.owner_id, jobs.c.id)
+
+# The stored files that a job needs: those of its parts, and the checkpoint of its origin as `ORIGIN`. Never changed.
+job_files = sa.Table(
+    "job_files",
+    metadata,
+    sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("part", sa.String(64), primary_key=True),
+    sa.Column("owner_id", sa.String(64), nullable=False),
+    sa.Column("key", sa.String(255), nullable=False),
+    # 0 for the checkpoint of an origin from before 0005, when sizes of origins were not stored.
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.Index(None, "key"),
+    sa.Index(None, "owner_id", "key", "size"),
+)
 
 # A job's metadata, for searches: the databases have no common way to index JSON.
 labels = sa.Table(

@@ -13,7 +13,7 @@ from meshdeform.errors import NotFoundError, TooManyUploadsError
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger
 from meshdeform.record.ids import new_id
-from meshdeform.record.schema import jobs, uploads
+from meshdeform.record.schema import job_files, uploads
 
 __all__ = ["Upload", "UploadLedger"]
 
@@ -116,7 +116,7 @@ class UploadLedger:
         if not self._database.is_sqlite:
             # Concurrent transactions would each find room for one more.
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"uploads {owner_id}"))))
-        used = sa.exists().where(sa.or_(jobs.c.asset_key == uploads.c.key, jobs.c.target_key == uploads.c.key))
+        used = sa.exists().where(job_files.c.key == uploads.c.key)
         mine = sa.and_(uploads.c.owner_id == owner_id, uploads.c.expires_at > self._database.now(), sa.not_(used))
         counts = sa.select(sa.func.count(), sa.func.coalesce(sa.func.sum(uploads.c.size), 0)).where(mine)
         count, stored = (int(value) for value in connection.execute(counts).one())

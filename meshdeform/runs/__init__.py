@@ -7,6 +7,7 @@ from its description.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_request", "file_parts", "kind_of", "kinds", "register", "start_run"]
 
+_PART = "[a-z][a-z0-9_]{0,63}"
 _registered: dict[JobKind, Kind] = {}
 
 
@@ -32,7 +34,18 @@ def _built_in() -> list[Kind]:
 
 
 def register(kind: Kind) -> None:
-    """Register a kind, replacing any of the same name."""
+    """Register a kind, replacing any of the same name.
+
+    Raises
+    ------
+    ValueError
+        The first part is not required, or the name of a part is not allowed or is used twice.
+    """
+    if not kind.reads or not kind.reads[0].required:
+        raise ValueError(f"{kind.name}: the first part, which names a job's downloads, must be required")
+    for name in kind.parts:
+        if not re.fullmatch(_PART, name) or name == "request" or kind.parts.count(name) > 1:
+            raise ValueError(f"{kind.name}: {name!r} cannot be the name of a part")
     kinds()  # register the built-in kinds first
     _registered[kind.name] = kind
     use_params(kind.name, kind.params)
@@ -61,7 +74,7 @@ def kind_of(name: JobKind) -> Kind:
 
 def file_parts() -> tuple[str, ...]:
     """Return the names of the files read by any kind, without duplicates."""
-    return tuple(dict.fromkeys(part.name for kind in kinds() for part in kind.reads))
+    return tuple(dict.fromkeys(name for kind in kinds() for name in kind.parts))
 
 
 def check_request(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
@@ -88,8 +101,8 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
             raise _refused(
                 part.name, f"`{part.name}` is missing.", f"Send it as the part `{part.name}`: {part.summary}"
             )
-    for name in sorted(set(files) - {part.name for part in kind.reads}):
-        reads = ", ".join(part.name for part in kind.reads) or "no file"
+    for name in sorted(set(files) - set(kind.parts)):
+        reads = ", ".join(kind.parts) or "no file"
         raise _refused(name, f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
     return kind.check(request, settings, frozenset(files))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -35,11 +35,13 @@ class FilePart:
     Attributes
     ----------
     name : str
-        Name of the part of a form, and of the document's member that refers to a stored file.
+        Name of the part of a form, and of the member of the document's `files` that refers to a stored file: at
+        most 64 lower-case letters, digits and `_`.
     summary : str
         One sentence about the file.
     required : bool
-        Whether every job needs it. If False, the kind's check decides whether it fits the request.
+        Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
+        the request.
     media_types : tuple of str
     """
 
@@ -186,6 +188,7 @@ class Kind:
     summary : str
         One sentence about the kind.
     reads : tuple of FilePart
+        The first is required: it is the job's `asset` in the API, and names its downloads.
     params : type of BaseModel
         The model of `params` in its requests. Workers read `checkpoint_every_steps` from it.
     check : callable
@@ -197,6 +200,11 @@ class Kind:
     load : callable
         Imports the code that runs the kind, including torch, and returns the function that starts a run.
     artifacts : tuple of ArtifactKind
+    uses : callable
+        Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
+    goal : callable
+        Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
+        names of its files by part. Default: the prompt.
     """
 
     name: JobKind
@@ -207,3 +215,14 @@ class Kind:
     steps: Callable[[JobRequest, str, Mapping[str, Any] | None], int]
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]
+    uses: Callable[[JobRequest], Collection[str]] | None = None
+    goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The names of the parts that it reads, in order."""
+        return tuple(part.name for part in self.reads)
+
+    def inherits(self, request: JobRequest) -> frozenset[str]:
+        """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""
+        return frozenset(self.parts if self.uses is None else self.uses(request))

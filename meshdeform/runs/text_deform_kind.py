@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -148,6 +149,16 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
         return request.params.steps if "steps" in request.params.model_fields_set else 0
 
 
+def _uses(request: JobRequest) -> list[str]:
+    return ["asset", "target"] if request.params.guidance is GuidanceKind.TARGET else ["asset"]
+
+
+def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
+    if request.prompt or "target" not in filenames:
+        return request.prompt
+    return f"like {PurePath(filenames['target']).stem}"
+
+
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
 
@@ -204,4 +215,6 @@ TEXT_DEFORM = Kind(
             "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
         ),
     ),
+    uses=_uses,
+    goal=_goal,
 )

@@ -14,21 +14,21 @@ def slug(text: str) -> str:
     return re.sub(r"\W+", "-", text).strip("-_")[:_MAX_LENGTH].strip("-_")
 
 
-def result_name(artifact: str, *, asset: str, goal: str, seed: int | None) -> str:
+def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> str:
     """Return the file name for an artifact: `duck-a-tall-vase-seed7.glb` for `result.glb`.
 
     Parameters
     ----------
     artifact : str
         `result.glb` loses its stem; any other keeps it: `duck-a-tall-vase-seed7.preview.png`.
-    asset : str
-        File name of the asset; may be empty.
+    source : str
+        Name of the file that the job deforms; may be empty.
     goal : str
         The prompt, or what stands for it.
     seed : int, optional
     """
     # Not `Path.stem`: the name is a client's, of any platform.
-    filename = re.split(r"[\\/]", asset)[-1]
+    filename = re.split(r"[\\/]", source)[-1]
     stem = filename.rpartition(".")[0] or filename
     parts = [slug(stem), slug(goal), "" if seed is None else f"seed{seed}"]
     base = "-".join(filter(None, parts))

@@ -39,9 +39,12 @@ _LINKS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
     "list_jobs": ("200", {"list_jobs": {"cursor": "$response.body#/next_cursor"}}),
     "get_job": (
         "200",
-        dict.fromkeys(
-            ("get_asset", "get_target", "get_events", "cancel_job", "list_artifacts", "delete_job"), _BODY_ID
-        ),
+        {
+            "get_file": {**_BODY_ID, "part": "asset"},
+            **dict.fromkeys(
+                ("get_asset", "get_target", "get_events", "cancel_job", "list_artifacts", "delete_job"), _BODY_ID
+            ),
+        },
     ),
     "cancel_job": ("200", dict.fromkeys(("get_job", "get_events", "retry_job", "delete_job"), _BODY_ID)),
     "get_events": ("200", {"get_events": {**_SAME_ID, "after": "$response.body#/next_after"}}),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
@@ -11,6 +10,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
 from meshdeform.errors import ForbiddenError, JobNotFinishedError, NotFoundError
 from meshdeform.record.models import Artifact, Job, JobState
+from meshdeform.runs import kind_of
 from meshdeform.support.file_names import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import (
@@ -105,9 +105,10 @@ def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _N
 
 
 def _file_name(job: Job, artifact: Artifact) -> str:
-    goal = job.prompt or (f"like {PurePath(job.target.filename).stem}" if job.target else "")
+    filenames = {part: file.filename for part, file in job.files.items()}
+    goal = kind_of(job.kind).goal(job.request, filenames)
     seed = getattr(job.params, "seed", None)  # a kind of job may have none
-    return result_name(artifact.name, asset=job.asset.filename, goal=goal, seed=seed)
+    return result_name(artifact.name, source=job.source.filename, goal=goal, seed=seed)
 
 
 def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
 from meshdeform.assets.inspect import asset_format
 from meshdeform.errors import AssetFormatError, NotFoundError
-from meshdeform.record.models import StoredFile
+from meshdeform.record.models import Job, StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
@@ -29,6 +30,37 @@ _RESPONSES = download_responses(
 _HEAD_BYTES = 64
 
 
+_Part = Annotated[
+    str,
+    Path(
+        description="The name of a part of the job's kind.",
+        max_length=64,
+        pattern="^[a-z][a-z0-9_]*$",
+        examples=["asset"],
+    ),
+]
+
+
+@router.head("/files/{part}", include_in_schema=False)
+@router.get(
+    "/files/{part}",
+    operation_id="get_file",
+    summary="Download a job's file",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_file(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002 - the name in the path
+    part: _Part,
+    conditions: ConditionsDep,
+) -> Response:
+    """A file of a job of any kind as it was sent. Available in any state of the job, and streamed like an artifact."""
+    return _download(request, app, _find(app.record.get(id, principal.owner_id), part), conditions)
+
+
 @router.head("/asset", include_in_schema=False)
 @router.get(
     "/asset",
@@ -44,9 +76,8 @@ def get_asset(
     id: JobId,  # noqa: A002 - the name in the path
     conditions: ConditionsDep,
 ) -> Response:
-    """The file as it was sent. Available in any state of the job, and streamed like an artifact."""
-    job = app.record.get(id, principal.owner_id)
-    return download(request, app, _sent(app, job.asset), conditions)
+    """The first of the job's files, which is the asset to deform."""
+    return _download(request, app, app.record.get(id, principal.owner_id).source, conditions)
 
 
 @router.head("/target", include_in_schema=False)
@@ -64,15 +95,20 @@ def get_target(
     id: JobId,  # noqa: A002
     conditions: ConditionsDep,
 ) -> Response:
-    """The second mesh of `target` guidance, as it was sent; `404` if the job has none."""
-    job = app.record.get(id, principal.owner_id)
-    if job.target is None:
-        raise NotFoundError("The job has no target.", advice="Only jobs with `target` guidance have one.")
-    return download(request, app, _sent(app, job.target), conditions)
+    """The second mesh of `target` guidance, the same as `GET /v1/jobs/{id}/files/target`; `404` if there is none."""
+    return _download(request, app, _find(app.record.get(id, principal.owner_id), "target"), conditions)
 
 
-def _sent(app: AppState, file: StoredFile) -> Download:
-    return Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
+def _find(job: Job, part: str) -> StoredFile:
+    names = list(job.files)
+    if part not in names:
+        raise NotFoundError(f"The job has no file {part!r}.", advice=f"It has: {', '.join(names)}.", files=names)
+    return job.files[part]
+
+
+def _download(request: Request, app: AppState, file: StoredFile, conditions: ConditionsDep) -> Response:
+    found = Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
+    return download(request, app, found, conditions)
 
 
 def _content_type(app: AppState, file: StoredFile) -> str:

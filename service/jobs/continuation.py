@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshdeform.errors import ConflictError, NotFoundError, StoredFileError
+from meshdeform.errors import ConflictError, NotFoundError, ParameterError, StoredFileError
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
-from meshdeform.requests.document import GuidanceKind
+from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument
 from service.jobs.intake import check_params, new_job, record_job, store_file
-from service.jobs.sources import fetch
+from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
 __all__ = ["branch", "retry"]
@@ -41,13 +41,13 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
-        params = check_params(job.request, app.settings, files=_file_names(job.target))
+        params = check_params(job.request, app.settings, files=job.files)
         with app.record.files.leases() as leases:
-            _lease(app, leases, job.asset, job.target)
+            _lease(app, leases, job.files.values())
             found = app.record.leases.checkpoints(job_id)
             newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
-            new = new_job(app, caller, job.request, job.asset, job.target, origin=origin, resolved=params, claim=claim)
+            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
@@ -63,7 +63,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         The step of the checkpoint. Where several attempts have one, the newest intact one is used.
     document : BranchDocument
     folder : Path
-        The folder for a target that the document names.
+        The folder for the files that the document names.
 
     Raises
     ------
@@ -72,23 +72,22 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
     StoredFileError
         The stored copy of one of its files is damaged.
     AssetError, RequestError, ModelError
-        The request, or the target that it names, is not acceptable.
+        The request, or a file that it names, is not acceptable.
     """
     body = document.model_dump(mode="json", exclude_unset=True)
     with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        # The other job's target is kept only if the new request uses it.
-        inherited = job.target if document.params.guidance is GuidanceKind.TARGET else None
-        params = check_params(document, app.settings, files=_file_names(document.target or inherited))
+        inherited = _inherited(job, document)
+        params = check_params(document, app.settings, files={*inherited, *document.references})
         with app.record.files.leases() as leases:
-            target = inherited
-            if document.target is not None:
-                file = fetch(app, caller.owner_id, document.target, "target", folder)
+            files = dict(inherited)
+            for name, reference in document.references.items():
+                file = fetch(app, caller.owner_id, *reference, folder)
                 app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
-                target = store_file(app, leases, file)
-            _lease(app, leases, job.asset, target)
+                files[name] = store_file(app, leases, file)
+            _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(
                 app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH
@@ -100,24 +99,41 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                     advice=f"It has: {', '.join(map(str, steps)) or 'none'}. Older ones are deleted.",
                     steps=steps,
                 )
-            new = new_job(app, caller, document, job.asset, target, origin=origin, resolved=params, claim=claim)
+            files = in_order(document, files)
+            new = new_job(app, caller, document, files, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
-def _file_names(target: object) -> list[str]:
-    """Return the names of a job's files: always `asset`, and `target` unless it is None."""
-    return ["asset"] if target is None else ["asset", "target"]
+def _inherited(job: Job, document: BranchDocument) -> dict[str, StoredFile]:
+    """Return the files of the other job that a branch keeps.
+
+    Raises
+    ------
+    ParameterError
+        The document has another kind, or replaces a file to which the checkpoint belongs.
+    """
+    if document.kind is not job.kind:
+        raise _refused("kind", f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".')
+    kind, named = kind_of(job.kind), document.references
+    for part in kind.reads:
+        if part.required and part.name in named:
+            raise _refused(part.name, f"A branch keeps its job's `{part.name}`.", "Post a new job for another file.")
+    kept = kind.inherits(document) - set(named)
+    return {name: file for name, file in job.files.items() if name in kept}
 
 
-def _lease(app: AppState, leases: FileLeases, *files: StoredFile | None) -> None:
+def _refused(name: str, detail: str, advice: str) -> ParameterError:
+    return ParameterError(detail, advice=advice, errors=[{"loc": [name], "msg": detail, "type": "value_error"}])
+
+
+def _lease(app: AppState, leases: FileLeases, files: Iterable[StoredFile]) -> None:
     """Lease the other job's files, because that job may be deleted concurrently, and verify them."""
     for file in files:
-        if file is not None:
-            leases.take(file.key)
-            if not app.store.exists(file.key):
-                raise NotFoundError(f"The job's file {file.filename!r} is gone.", advice="Post it as a new job.")
-            if not app.store.holds(file.key, file.sha256):
-                raise StoredFileError(f"The stored copy of the job's file {file.filename!r} is damaged.")
+        leases.take(file.key)
+        if not app.store.exists(file.key):
+            raise NotFoundError(f"The job's file {file.filename!r} is gone.", advice="Post it as a new job.")
+        if not app.store.holds(file.key, file.sha256):
+            raise StoredFileError(f"The stored copy of the job's file {file.filename!r} is damaged.")
 
 
 def _copy_checkpoint(
@@ -135,7 +151,7 @@ def _copy_checkpoint(
         except NotFoundError:
             # It was deleted meanwhile, when a newer one was stored.
             continue
-        return Origin(job_id=job.id, step=found.step, mode=mode, key=key, sha256=found.sha256)
+        return Origin(job_id=job.id, step=found.step, mode=mode, key=key, sha256=found.sha256, size=found.size)
     return None
 
 

@@ -10,6 +10,7 @@ from fastapi import APIRouter, Header, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import ConflictError, NotFoundError, RequestError, StoredFileError
+from meshdeform.runs import kinds
 from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
@@ -47,6 +48,14 @@ _DOCUMENT = {"prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}}
 _HEADERS = {**LOCATION, **RETRY_AFTER, **ETAG, **REPLAY}
 # `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
 _FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
+_PARTS = {
+    part.name: {
+        **_FILE,
+        "description": f"{part.summary} If absent, `request.files.{part.name}` names a stored file.",
+    }
+    for kind in kinds()
+    for part in kind.reads
+}
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -56,24 +65,11 @@ _BODY: dict[str, Any] = {
                     "type": "object",
                     "required": ["request"],
                     "additionalProperties": False,
-                    "properties": {
-                        "asset": {
-                            **_FILE,
-                            "description": "The file to deform: GLB, OBJ, PLY or STL. If it is absent, `request.asset` "
-                            "names a stored file.",
-                        },
-                        "request": {"$ref": "#/components/schemas/JobDocument"},
-                        "target": {
-                            **_FILE,
-                            "description": "The second mesh, if `params.guidance` is `target`. If it is absent, "
-                            "`request.target` names a stored file.",
-                        },
-                    },
+                    "properties": {**_PARTS, "request": {"$ref": "#/components/schemas/JobDocument"}},
                 },
                 "encoding": {
-                    "asset": {"contentType": "application/octet-stream"},
+                    **{name: {"contentType": "application/octet-stream"} for name in _PARTS},
                     "request": {"contentType": "application/json"},
-                    "target": {"contentType": "application/octet-stream"},
                 },
                 "examples": {
                     "prompt": {
@@ -145,7 +141,7 @@ async def create_job(
     idempotency_key: IdempotencyKey = None,
     prefer: Prefer = None,  # noqa: ARG001 - declared for OpenAPI; read from the request, since the header may be repeated
 ) -> Response:
-    """The asset and the request are checked completely first. An accepted job reaches exactly one terminal state."""
+    """The files and the request are checked completely first. An accepted job reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
     async with _submitted(request, app, principal.owner_id) as submission:
         answer = await app.take_in(principal.owner_id, accept_job, app, caller, submission)
@@ -229,7 +225,7 @@ async def branch_job(
     step: _Step,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """Creates a new job on the same asset that starts with the shape of that step. The job may be in any state."""
+    """Creates a new job on the same files that starts with the shape of that step. The job may be in any state."""
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
     with app.workspace.temporary_folder() as folder:

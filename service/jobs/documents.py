@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
@@ -60,29 +60,71 @@ class FileReference(_Strict):
         return self
 
 
-class JobDocument(JobRequest):
+_Files = dict[Annotated[str, StringConstraints(min_length=1, max_length=64)], FileReference]
+
+
+class _WithFiles(JobRequest):
+    files: _Files = Field(default_factory=dict)
+    # The members that name a file of their own, beside those in `files`.
+    _named: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def references(self) -> dict[str, tuple[FileReference, list[str]]]:
+        """The files that the document names by part, each with its place in the document."""
+        own = {name: getattr(self, name) for name in self._named}
+        return {
+            **{name: (reference, ["files", name]) for name, reference in self.files.items()},
+            **{name: (reference, [name]) for name, reference in own.items() if reference is not None},
+        }
+
+    @model_validator(mode="after")
+    def _once(self) -> Self:
+        for name in self._named:
+            if getattr(self, name) is not None and name in self.files:
+                raise ValueError(f"{name} is also in files; leave one of the two out")
+        return self
+
+
+class JobDocument(_WithFiles):
     """A job request, with references to the files that are not sent along."""
 
+    files: _Files = Field(
+        default_factory=dict,
+        description="The files that are not sent along, by the names of their parts; `GET /v1/limits` lists the "
+        "parts of each kind of job. Default: none.",
+        examples=[{"asset": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
+    )
     asset: FileReference | None = Field(
         None,
-        description="The file to deform, unless it is sent as the part `asset`.",
+        description="The file to deform, unless it is sent as the part `asset`. The same as `files.asset`.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
     target: FileReference | None = Field(
         None,
-        description="The second mesh of `target` guidance, unless it is sent as the part `target`.",
+        description="The second mesh of `target` guidance, unless it is sent as the part `target`. The same as "
+        "`files.target`.",
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
 
+    _named = ("asset", "target")
 
-class BranchDocument(JobRequest):
-    """A request for a job that starts from a checkpoint of another job and deforms the same asset."""
 
+class BranchDocument(_WithFiles):
+    """A request for a job that starts from a checkpoint of another job and has the same required files."""
+
+    files: _Files = Field(
+        default_factory=dict,
+        description="Optional files by the names of their parts. Default: those of the other job that the request "
+        "uses.",
+        examples=[{"target": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
+    )
     target: FileReference | None = Field(
         None,
-        description="The second mesh of `target` guidance. Default: the other job's target.",
+        description="The second mesh of `target` guidance, the same as `files.target`. Default: that of the job.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
+
+    _named = ("target",)
 
 
 _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]

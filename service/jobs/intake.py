@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -74,12 +74,12 @@ def _check(
 
     Returns
     -------
-    The parameters that it would run with; and its files and their summaries, by name (`asset`, `target`).
+    The parameters that it would run with; and its files and their summaries, by part.
 
     Raises
     ------
     AssetError, RequestError, ModelError
-        The asset or the request is not acceptable.
+        A file or the request is not acceptable.
     """
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
@@ -99,7 +99,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     Raises
     ------
     AssetError, RequestError, ModelError
-        The asset or the request is not acceptable.
+        A file or the request is not acceptable.
     TooManyJobsError
         The caller has as many unfinished jobs as its limit allows.
     UnavailableError
@@ -113,10 +113,9 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
         params, files, _ = _check(app, caller.owner_id, submission)
         failpoint("api.received")
         with app.record.files.leases() as leases:
-            asset = store_file(app, leases, files["asset"])
-            target = store_file(app, leases, files["target"]) if "target" in files else None
+            stored = {part: store_file(app, leases, file) for part, file in files.items()}
             failpoint("api.stored")
-            new = new_job(app, caller, submission.document, asset, target, resolved=params, claim=claim)
+            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 
@@ -135,7 +134,11 @@ def validate(app: AppState, owner_id: str, submission: Submission) -> Validation
         queue=app.settings.queue,
     )
     return Validation(
-        asset=found["asset"], target=found.get("target"), params=params, estimate=JobEstimate(**asdict(expected))
+        files=found,
+        asset=next(iter(found.values())),
+        target=found.get("target"),
+        params=params,
+        estimate=JobEstimate(**asdict(expected)),
     )
 
 
@@ -151,14 +154,11 @@ def store_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredF
     return stored
 
 
-def new_job(
-    app: AppState, caller: Caller, request: JobRequest, asset: StoredFile, target: StoredFile | None, **more: Any
-) -> NewJob:
+def new_job(app: AppState, caller: Caller, request: JobRequest, files: Mapping[str, StoredFile], **more: Any) -> NewJob:
     """Return a new job of this caller, not yet recorded; `more` holds further fields of `NewJob`."""
     return NewJob(
         request,
-        asset,
-        target,
+        files,
         owner_id=caller.owner_id,
         retention_s=app.settings.retention_s or None,
         max_active=caller.principal.max_active_jobs,
@@ -173,7 +173,7 @@ def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
     """Record a job whose files are stored and leased, enqueue it, and return the answer."""
     job = app.record.create(new)
     failpoint("api.recorded")
-    leases.passed_on([file.key for file in (new.asset, new.target, new.origin) if file is not None])
+    leases.passed_on(new.keys)
     try:
         app.queue.enqueue(job.id)
     except UnavailableError as error:

@@ -170,7 +170,7 @@ def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response
     },
 )
 def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
-    """The job must have ended: cancel it first. Its asset is deleted too, unless another job uses it."""
+    """The job must have ended: cancel it first. Its files are deleted too, unless another job uses them."""
     files = app.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
         # The record lists what is left to remove: if the store is unavailable now, the reconciler does it later.

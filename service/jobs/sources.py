@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, ParameterError
-from meshdeform.runs import file_parts, kind_of
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import kind_of
 from service.http.multipart import ReceivedFile
 from service.jobs.documents import FileReference, JobDocument
 from service.state import AppState
 
-__all__ = ["Submission", "fetch", "file_advice", "missing_files"]
+__all__ = ["Submission", "fetch", "file_advice", "in_order", "missing_files"]
+
+_F = TypeVar("_F")
 
 
 def file_advice(name: str) -> str:
     """Return advice on how to give a job a file."""
-    return f"Send the file as the part `{name}`, or name an upload or an artifact as the document's `{name}`."
+    return f"Send the file as the part `{name}`, or name an upload or an artifact in the document: `files.{name}`."
+
+
+def in_order(request: JobRequest, files: Mapping[str, _F]) -> dict[str, _F]:
+    """Return the files of a job in the order of the parts of its kind."""
+    return {name: files[name] for name in kind_of(request.kind).parts if name in files}
 
 
 def missing_files(document: JobDocument, sent: Collection[str]) -> list[str]:
     """Return the names of required files that are neither sent nor named in the document."""
-    present = {*sent, *_named_files(document)}
+    present = {*sent, *document.references}
     return [part.name for part in kind_of(document.kind).reads if part.required and part.name not in present]
-
-
-def _named_files(document: JobDocument) -> dict[str, FileReference]:
-    """Return the file references in the document, by part."""
-    found = {name: getattr(document, name, None) for name in file_parts()}
-    return {name: reference for name, reference in found.items() if reference is not None}
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Submission:
 
     def __post_init__(self) -> None:
         """Check that every file is given once, and every required one is given."""
-        named = _named_files(self.document)
+        named = self.document.references
         for name in self.files:
             if name in named:
                 raise _parameter(
@@ -69,22 +72,22 @@ class Submission:
     @property
     def names(self) -> set[str]:
         """The names of all files, sent or named."""
-        return {*self.files, *_named_files(self.document)}
+        return {*self.files, *self.document.references}
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
-        """Fetch the files that the document names, and return all files by name.
+        """Fetch the files that the document names, and return all files by name, in the order of the kind's parts.
 
         Raises
         ------
         ParameterError, ConflictError
             A reference names no file of this owner, or one that is not complete.
         """
-        named = _named_files(self.document).items()
-        fetched = {name: fetch(app, owner_id, reference, name, self.folder) for name, reference in named}
-        return {**self.files, **fetched}
+        named = self.document.references.items()
+        fetched = {name: fetch(app, owner_id, *reference, self.folder) for name, reference in named}
+        return in_order(self.document, {**self.files, **fetched})
 
 
-def fetch(app: AppState, owner_id: str, reference: FileReference, name: str, folder: Path) -> ReceivedFile:
+def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[str], folder: Path) -> ReceivedFile:
     """Copy the file that a reference names into the folder.
 
     Parameters
@@ -93,13 +96,13 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, name: str, fol
     owner_id : str
         The owner of the uploads and jobs that may be named.
     reference : FileReference
-    name : str
-        The member that holds the reference; also the name of the file in the folder.
+    place : list of str
+        The member that holds the reference; its last name is also that of the file in the folder.
     folder : Path
     """
-    path = folder / name
+    path = folder / place[-1]
     if reference.upload_id is not None:
-        with _reported_at([name, "upload_id"], f"There is no upload {reference.upload_id}."):
+        with _reported_at([*place, "upload_id"], f"There is no upload {reference.upload_id}."):
             upload = app.record.uploads.get(reference.upload_id, owner=owner_id)
             if upload.key is None or upload.sha256 is None:
                 raise ConflictError(
@@ -109,21 +112,21 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, name: str, fol
             app.store.fetch(upload.key, path, sha256=upload.sha256)
         return ReceivedFile(path, upload.filename, upload.size, upload.sha256)
     assert reference.job_id is not None
-    with _reported_at([name, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
         job = app.record.get(reference.job_id, owner=owner_id)
         artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job.id, owner=owner_id)}
     if reference.artifact not in artifacts:
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
-        names = ", ".join(artifacts) or "none"
-        raise _parameter([name, "artifact"], f"The {job.state} job {job.id} has no such artifact.", f"It has: {names}.")
+        detail = f"The {job.state} job {job.id} has no such artifact."
+        raise _parameter([*place, "artifact"], detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
     if artifact.size > app.settings.max_upload_bytes:
         raise AssetTooLargeError(
             f"The artifact has {artifact.size} bytes; the limit is {app.settings.max_upload_bytes} "
             "(MESHDEFORM_MAX_UPLOAD_BYTES)."
         )
-    with _reported_at([name, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
         app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)
 

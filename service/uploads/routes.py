@@ -105,7 +105,7 @@ _OFFSET = {
 async def create_upload(
     request: Request, app: AppStateDep, principal: PrincipalDep, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Send the bytes to `url`, complete the upload, and name it in `asset` or `target` of a job."""
+    """Send the bytes to `url`, complete the upload, and name it in `files`, `asset` or `target` of a job."""
     document = parse_document(UploadDocument, await receive_document(request))
     caller = Caller.of(request, principal, idempotency_key)
     answer = await to_thread.run_sync(_create, app, caller, document)

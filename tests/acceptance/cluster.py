@@ -244,7 +244,7 @@ class Cluster(Followed):
             stored = self.store.put("assets/sphere", SPHERE.read_bytes())
             self._asset = StoredFile(key="assets/sphere", filename="sphere.glb", size=stored.size, sha256=stored.sha256)
         document = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": EVERY}, **more}
-        job = self.record.create(NewJob(JobRequest.model_validate(document), self._asset))
+        job = self.record.create(NewJob(JobRequest.model_validate(document), {"asset": self._asset}))
         with contextlib.suppress(UnavailableError):
             self.queue.enqueue(job.id)
         return job.id

@@ -41,7 +41,8 @@ class Deployment(Followed):
         self.record = JobRecord(f"sqlite:///{folder / 'meshdeform.sqlite'}")
         self.store = ObjectStore(str(folder / "objects"))
         self.queue = JobQueue(redis_url, "meshdeform")
-        self._files = [self._upload(write_ellipsoid(folder / f"{h}.obj", h)) for h in (1.0, 1.6)]
+        heights = {"asset": 1.0, "target": 1.6}
+        self._files = {part: self._upload(write_ellipsoid(folder / f"{h}.obj", h)) for part, h in heights.items()}
         self.lines: list[str] = []
 
     def _upload(self, path: Path) -> StoredFile:
@@ -51,7 +52,7 @@ class Deployment(Followed):
     def submit(self, **params: Any) -> str:
         """Record a job and tell the queue."""
         params = {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, **params}
-        job = self.record.create(NewJob(JobRequest.model_validate({"params": params}), *self._files))
+        job = self.record.create(NewJob(JobRequest.model_validate({"params": params}), self._files))
         self.queue.enqueue(job.id)
         return job.id
 

@@ -77,7 +77,9 @@ def job_id(tmp_path: Path, redis_url: str) -> str:
     stored = ObjectStore(str(tmp_path / "objects")).put("assets/a.obj", b"v 0 0 0", "model/obj")
     asset = StoredFile(key="assets/a.obj", filename="a.obj", size=stored.size, sha256=stored.sha256)
     record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
-    job = record.create(NewJob(JobRequest.model_validate({"prompt": "a pear", "params": {"steps": 20}}), asset))
+    job = record.create(
+        NewJob(JobRequest.model_validate({"prompt": "a pear", "params": {"steps": 20}}), {"asset": asset})
+    )
     record.close()
     queue = JobQueue(redis_url, "meshdeform")
     queue.enqueue(job.id)

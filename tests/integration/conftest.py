@@ -85,7 +85,7 @@ def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
 
 def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
     """A queued job."""
-    return record.create(NewJob(JobRequest(prompt=prompt), stored_file(letter)))
+    return record.create(NewJob(JobRequest(prompt=prompt), {"asset": stored_file(letter)}))
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ def claimed(record: JobRecord, job: Job, lease_s: float = LEASE_S) -> Job:
 def posted(record: JobRecord, owner_id: str = "", max_active: int = 0, **request: object) -> Job:
     """A queued job of this owner and this request."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
-    return record.create(NewJob(asked, stored_file(), owner_id=owner_id, max_active=max_active))
+    return record.create(NewJob(asked, {"asset": stored_file()}, owner_id=owner_id, max_active=max_active))
 
 
 def set_to(record: JobRecord, job: Job, **columns: object) -> Job:

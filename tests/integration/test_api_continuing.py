@@ -25,7 +25,7 @@ def stored(api: Api, content: bytes, filename: str = "sphere.glb") -> StoredFile
 def interrupted_job(api: Api, *, steps: tuple[int, ...] = (), state: JobState = JobState.FAILED, **request: Any) -> str:
     """A job that a worker has ended, with checkpoints."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
-    job = api.record.create(NewJob(asked, stored(api, b"the asset")))
+    job = api.record.create(NewJob(asked, {"asset": stored(api, b"the asset")}))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     for step in steps:
         name = f"jobs/{job.id}/1/checkpoint-{step:06}"
@@ -50,13 +50,13 @@ def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, A
     check_document(answer.json(), "JobView", openapi)
     assert answer.json()["origin"] == {"job_id": source, "step": 200, "mode": "retry"}
     assert answer.json()["priority"] == 7
-    assert (job.request, job.asset, job.state) == (old.request, old.asset, JobState.QUEUED)
+    assert (job.request, job.files, job.state) == (old.request, old.files, JobState.QUEUED)
     assert job.origin is not None
     assert (job.origin.mode, job.origin.step) == (OriginMode.RETRY, 200)
     assert api.http.delete(f"/v1/jobs/{source}").status_code == 204
     assert api.store.get(job.origin.key) == f"{source} 200".encode()
     assert api.store.sha256_of(job.origin.key) == job.origin.sha256
-    assert api.store.get(job.asset.key) == b"the asset"
+    assert api.store.get(job.files["asset"].key) == b"the asset"
     api.record.request_cancel(job.id)
     assert api.http.delete(f"/v1/jobs/{job.id}").status_code == 204
     assert not api.store.exists(job.origin.key)
@@ -101,7 +101,7 @@ def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
     job = made_of(api, answer)
     check_document(answer.json(), "JobView", openapi)
     assert answer.json()["origin"] == {"job_id": source, "step": 100, "mode": "branch"}
-    assert (job.prompt, job.metadata, job.asset) == ("a vase", {"take": "2"}, api.record.get(source).asset)
+    assert (job.prompt, job.metadata, job.files) == ("a vase", {"take": "2"}, api.record.get(source).files)
     assert job.origin is not None
     assert api.store.get(job.origin.key) == f"{source} 100".encode()
 
@@ -113,15 +113,14 @@ def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     check_problem(api.http.post(path, json=guided), 422, "parameter_invalid")
     named = {**guided, "target": {"job_id": finished_job(api, sphere)}}
     job = made_of(api, api.http.post(path, json=named))
-    assert job.target is not None
-    assert api.store.get(job.target.key) == sphere
+    assert api.store.get(job.files["target"].key) == sphere
     # Its own branch inherits the target, and one that is led by a prompt does not.
     api.record.leases.claim(job.id, "worker", 60.0)
     made = api.store.put(f"jobs/{job.id}/1/checkpoint-000010", b"ten")
     api.record.leases.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
     path = f"/v1/jobs/{job.id}/checkpoints/10/branch"
-    assert made_of(api, api.http.post(path, json=guided)).target == job.target
-    assert made_of(api, api.http.post(path, json=BRANCH)).target is None
+    assert made_of(api, api.http.post(path, json=guided)).files == job.files
+    assert made_of(api, api.http.post(path, json=BRANCH)).files == {"asset": job.files["asset"]}
 
 
 def test_a_checkpoint_that_is_not_there_or_not_whole_is_not_found(api: Api) -> None:

@@ -55,16 +55,16 @@ def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sp
     answer = api.http.post("/v1/jobs", files=files)
     assert answer.status_code == 202, answer.text
     job = api.record.get(answer.json()["id"])
-    assert job.target is not None
-    assert job.target.key == job.asset.key
-    assert (job.asset.filename, job.target.filename) == ("a.glb", "t.glb")
+    asset, target = job.files["asset"], job.files["target"]
+    assert target.key == asset.key
+    assert (asset.filename, target.filename) == ("a.glb", "t.glb")
 
 
 def test_the_same_bytes_are_stored_once_and_outlive_one_of_two_jobs(api: Api, repository: Path) -> None:
     cube = (repository / "examples" / "cube.glb").read_bytes()
     first, second = (post(api, cube).json()["id"] for _ in range(2))
-    key = api.record.get(first).asset.key
-    assert api.record.get(second).asset.key == key
+    key = api.record.get(first).files["asset"].key
+    assert api.record.get(second).files["asset"].key == key
     for job_id, left in ((first, True), (second, False)):
         assert api.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceled"
         assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204

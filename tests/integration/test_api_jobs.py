@@ -115,7 +115,7 @@ def test_a_job_that_ended_otherwise_cannot_be_canceled(api: Api) -> None:
 
 def test_jobs_are_found_by_their_labels(api: Api) -> None:
     def made(**metadata: str) -> str:
-        return api.record.create(NewJob(JobRequest(prompt="a vase", metadata=metadata), stored_file())).id
+        return api.record.create(NewJob(JobRequest(prompt="a vase", metadata=metadata), {"asset": stored_file()})).id
 
     first, second, _ = made(shot="sc010", take="1"), made(shot="sc010", take="[2]"), made(shot="sc020", take="1")
 
@@ -159,7 +159,7 @@ def test_an_unknown_job_is_not_found(api: Api, job_id: str) -> None:
 
 def test_a_job_stays_readable_whatever_it_holds(api: Api, openapi: dict[str, Any]) -> None:
     request = JobRequest(prompt="a vase", metadata={"ключ": "\u0001\ud7ff</script>"})
-    job = api.record.create(NewJob(request, stored_file("a", "größe 1.glb")))
+    job = api.record.create(NewJob(request, {"asset": stored_file("a", "größe 1.glb")}))
     document = api.http.get(f"/v1/jobs/{job.id}").json()
     check_document(document, "JobView", openapi)
     assert document["metadata"] == request.metadata

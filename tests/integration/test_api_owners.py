@@ -72,7 +72,8 @@ def finished(api: Api, owner: str, content: bytes = b"result") -> str:
     from meshdeform.record.models import Artifact
 
     file = replace_file(api, content)
-    job = api.record.create(NewJob(JobRequest(prompt="a vase", metadata={"whose": "mine"}), file, owner_id=owner))
+    request = JobRequest(prompt="a vase", metadata={"whose": "mine"})
+    job = api.record.create(NewJob(request, {"asset": file}, owner_id=owner))
     api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
     made = api.store.put(key, content)
@@ -98,7 +99,7 @@ def replace_file(api: Api, content: bytes) -> Any:
 def test_every_route_of_a_job_knows_only_its_owner(two: tuple[Api, Api]) -> None:
     ann, bob = two
     job = finished(ann, "ann")
-    failed = ann.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id="ann")).id
+    failed = ann.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id="ann")).id
     for method, path in (
         ("GET", f"/v1/jobs/{job}"),
         ("GET", f"/v1/jobs/{job}/artifacts"),

@@ -58,7 +58,9 @@ def test_a_target_comes_back_and_a_job_without_one_says_so(api: Api, sphere: byt
     for method in ("GET", "HEAD"):
         assert api.http.request(method, f"/v1/jobs/{posted(api, sphere)}/target").status_code == 404
     problem = check_problem(api.http.get(f"/v1/jobs/{posted(api, sphere)}/target"), 404, "not_found")
-    assert "guidance" in problem["advice"]
+    assert (problem["advice"], problem["files"]) == ("It has: asset.", ["asset"])
+    for part, content in {"asset": sphere, "target": cube}.items():
+        assert api.http.get(f"/v1/jobs/{job_id}/files/{part}").content == content
 
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -104,7 +106,7 @@ def test_the_type_is_that_of_the_content(
 def test_a_name_cannot_leave_its_header(api: Api, sphere: bytes, sent: str, plain: str) -> None:
     # httpx quotes names as HTML forms do, so that they arrive as they are here.
     job_id = posted(api, sphere, sent)
-    name = api.record.get(job_id).asset.filename
+    name = api.record.get(job_id).files["asset"].filename
     header = api.http.get(f"/v1/jobs/{job_id}/asset").headers["content-disposition"]
     assert header.isascii()
     first, _, full = header.partition("; filename*=UTF-8''")
@@ -119,7 +121,7 @@ def test_a_name_cannot_leave_its_header(api: Api, sphere: bytes, sent: str, plai
 def test_a_file_that_the_store_has_lost_is_an_error_before_the_first_byte(api: Api, sphere: bytes) -> None:
     for name in ("sphere.glb", "sphere.bin"):
         job_id = posted(api, sphere, name)
-        api.store.delete(api.record.get(job_id).asset.key)
+        api.store.delete(api.record.get(job_id).files["asset"].key)
         check_problem(api.http.get(f"/v1/jobs/{job_id}/asset"), 404, "not_found")
 
 

@@ -24,7 +24,7 @@ def test_a_result_is_the_asset_of_another_job(api: Api, sphere: bytes, openapi: 
     check_document(answer.json(), "JobView", openapi)
     assert answer.json()["asset"]["filename"] == "result.glb"
     assert api.http.delete(f"/v1/jobs/{first}").status_code == 204
-    assert api.store.get(api.record.get(answer.json()["id"]).asset.key) == sphere
+    assert api.store.get(api.record.get(answer.json()["id"]).files["asset"].key) == sphere
 
 
 def test_a_form_may_name_its_target(api: Api, sphere: bytes) -> None:
@@ -99,7 +99,7 @@ def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi
 
 def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -> None:
     request = JobRequest.model_validate({**PROMPT, "params": {"preset": "preview"}})
-    job = api.record.create(NewJob(request, stored_file()))
+    job = api.record.create(NewJob(request, {"asset": stored_file()}))
     api.record.leases.claim(job.id, "worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
     files = {"asset": ("s.glb", sphere), "request": (None, json.dumps({**PROMPT, "params": {"steps": 10}}))}

@@ -272,6 +272,6 @@ def test_into_a_bucket_the_bytes_go_straight(bucket_api: Api, sphere: bytes) -> 
         nobody.put(upload["url"], content=bytes(len(sphere)), headers=upload["headers"])
     job = bucket_api.http.post("/v1/jobs", json={"asset": {"upload_id": upload["id"]}, "prompt": "a mushroom"})
     assert job.status_code == 202, job.text
-    assert bucket_api.store.get(bucket_api.record.get(job.json()["id"]).asset.key) == sphere
+    assert bucket_api.store.get(bucket_api.record.get(job.json()["id"]).files["asset"].key) == sphere
     assert bucket_api.http.delete(f"/v1/uploads/{upload['id']}").status_code == 204
     assert list(bucket_api.store.list(f"uploads/{upload['id']}/")) == []

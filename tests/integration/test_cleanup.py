@@ -77,7 +77,7 @@ def test_one_job_is_removed_with_what_only_it_used(record: JobRecord, tmp_path: 
     remove_job(record, store, shared.id, record.delete(shared.id))
     assert not store.exists(files["a"].key)
     assert store.exists(files["b"].key)
-    assert record.get(other.id).asset == files["b"]
+    assert record.get(other.id).files["asset"] == files["b"]
 
 
 def test_a_job_s_target_and_origin_go_with_it(record: JobRecord, tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_job_s_target_and_origin_go_with_it(record: JobRecord, tmp_path: Path)
     for file in (asset, target, copied):
         store.put(file.key, b"xyz")
     origin = Origin(job_id="job_before", step=4, mode=OriginMode.RETRY, key=copied.key, sha256=copied.sha256)
-    job = record.create(NewJob(JobRequest(prompt="a vase"), asset, target, origin=origin))
+    job = record.create(NewJob(JobRequest(prompt="a vase"), {"asset": asset, "target": target}, origin=origin))
     record.request_cancel(job.id)
     files = record.delete(job.id)
     assert files == [asset.key, target.key, copied.key]

@@ -49,7 +49,7 @@ def owner(api: Api, name: str) -> tuple[str, dict[str, str]]:
 
 def owned_job(api: Api, owner_id: str) -> str:
     """A job of theirs that is over, with one artifact."""
-    job = api.record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id=owner_id))
+    job = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT, "model/gltf-binary")
     made = Artifact(

@@ -92,7 +92,7 @@ def test_a_job_that_waits_counts_with_the_parameters_that_it_was_accepted_with(r
     record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 20}})
     resolved = resolve(request.params).model_copy(update={"steps": 6})
-    record.create(NewJob(request, stored_file(), resolved=resolved))
+    record.create(NewJob(request, {"asset": stored_file()}, resolved=resolved))
     assert estimated(record).queue_s == 3.0
 
 

@@ -16,7 +16,18 @@ from meshdeform.record.estimates import estimate
 from meshdeform.record.ids import encode_cursor
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.schema import deliveries, events, files, idempotency, jobs, labels, metadata, uploads, webhooks
+from meshdeform.record.schema import (
+    deliveries,
+    events,
+    files,
+    idempotency,
+    job_files,
+    jobs,
+    labels,
+    metadata,
+    uploads,
+    webhooks,
+)
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.record_calls import LEASE_S, at, posted
@@ -24,7 +35,7 @@ from tests.integration.record_calls import LEASE_S, at, posted
 pytestmark = pytest.mark.both_databases
 
 COUNT = 10_000
-LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files")
+LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files", "job_files")
 _PREFIX = "job_01kg9zqk2xf3v8c5m7n9p"
 MIDDLE = f"{_PREFIX}{COUNT + COUNT // 2}"
 
@@ -70,7 +81,6 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
         "lease_expires_at": sa.case((running, later), else_=None),
         "deadline_at": sa.case((n % 10 == 0, later), else_=None),
         "retain_until": sa.case((running, None), (queued, None), else_=later),
-        "asset_key": sa.literal("assets/") + text,
     }
 
     def put(table: sa.Table, values: dict[str, Any], source: Any = numbers) -> None:
@@ -85,6 +95,8 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
     empty = sa.literal_column(f"'{{}}'{cast}")
     for seq in (1, 2, 3):
         put(events, {"job_id": job_id, "seq": seq, "type": "progress", "at": now, "attempt": 1, "data": empty})
+    key, owner = sa.literal("assets/") + text, changed["owner_id"]
+    put(job_files, {"job_id": job_id, "part": "asset", "owner_id": owner, "key": key, "size": 3})
     put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now})
     put(uploads, {
         "id": sa.literal("upl_") + text, "owner_id": "", "filename": "a.glb", "size": 3,

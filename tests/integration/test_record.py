@@ -21,13 +21,13 @@ pytestmark = pytest.mark.both_databases
 
 def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
     request = JobRequest.model_validate({"prompt": " a Müller vase ", "params": {"steps": 3}, "metadata": {"a": "1"}})
-    made = record.create(NewJob(request, stored_file("a"), stored_file("b", "target.obj")))
+    made = record.create(NewJob(request, {"asset": stored_file("a"), "target": stored_file("b", "target.obj")}))
     found = record.get(made.id)
     assert found == made
     assert (found.state, found.attempt, found.version) == (JobState.QUEUED, 0, 1)
     assert found.request == request
     assert found.params.model_fields_set == {"steps"}
-    assert found.target == stored_file("b", "target.obj")
+    assert found.files["target"] == stored_file("b", "target.obj")
     assert found.created_at.tzinfo is not None
     assert abs(found.created_at - datetime.now(UTC)) < timedelta(minutes=5)
     assert found.error is None
@@ -163,7 +163,7 @@ def test_owners_see_their_own_jobs_and_no_others(record: JobRecord) -> None:
 def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoint(record: JobRecord) -> None:
     origin = Origin(job_id="job_gone", step=70, mode=OriginMode.BRANCH, key="assets/copy", sha256="d" * 64)
     record.files.pin(origin.key)
-    job = record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), origin=origin))
+    job = record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, origin=origin))
     assert record.get(job.id).origin == origin
     data = record.events.after(job.id)[0].data
     assert data == {"reason": "branch", "origin": {"job_id": "job_gone", "step": 70}}
@@ -176,7 +176,7 @@ def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoi
 def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRecord) -> None:
     claim = Claim("me", "key", "a token that nobody holds")
     with pytest.raises(IdempotencyBusyError):
-        record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), stored_file(), claim=claim))
+        record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), {"asset": stored_file()}, claim=claim))
     assert record.list_jobs().jobs == []
     assert record.upkeep.unannounced() == []
     assert record.files.unused() == []
@@ -185,7 +185,7 @@ def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRec
 def test_what_runs_is_kept_beside_what_was_written(record: JobRecord) -> None:
     request = JobRequest.model_validate({"prompt": "a vase", "params": {"preset": "preview"}})
     resolved = resolve(request.params)
-    made = record.create(NewJob(request, stored_file(), resolved=resolved))
+    made = record.create(NewJob(request, {"asset": stored_file()}, resolved=resolved))
     assert made.resolved == resolved.model_dump(mode="json")
     assert ResolvedParams.model_validate(record.get(made.id).resolved) == resolved
     assert record.get(made.id).request == request

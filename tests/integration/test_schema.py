@@ -18,9 +18,10 @@ import sqlalchemy as sa
 import meshdeform.record
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.database import Database
-from meshdeform.record.models import EventType, JobState
+from meshdeform.record.models import EventType, JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD, metadata
+from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S
 from tests.integration.record_calls import LEASE_S, history, ids
@@ -119,6 +120,7 @@ def test_only_its_user_can_read_a_record_on_sqlite(tmp_path: Path) -> None:
 
 # -- migrations with data in them
 Migrate = Callable[[str], None]
+_OLD_FILES = ("asset_key", "asset", "target_key", "target")
 
 
 @pytest.fixture
@@ -151,6 +153,9 @@ _MADE = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 _ENDED = datetime(2026, 1, 2, 4, 0, 0, tzinfo=UTC)
 
 
+_TARGET = {"key": "assets/b", "filename": "b.obj", "size": 2**33, "sha256": "b" * 64}
+
+
 def _fill_0001(record: JobRecord) -> None:
     """Jobs in every state, as the first version wrote them."""
     tables = sa.MetaData()
@@ -164,6 +169,7 @@ def _fill_0001(record: JobRecord) -> None:
             row = {
                 "id": _old_id(state), "kind": "text_deform", "state": state.value, "request": request,
                 "asset_key": "assets/a", "asset": asset, "created_at": _MADE, "version": 3,
+                **({"target_key": "assets/b", "target": _TARGET} if state is JobState.QUEUED else {}),
                 "attempt": 0 if state is JobState.QUEUED else 2, "lost_attempts": 1, "step": 5, "total_steps": 10,
                 "started_at": None if state is JobState.QUEUED else _MADE, "finished_at": _ENDED if over else None,
                 "fraction": 0.5, "phase": "optimizing", "losses": {"guidance": 0.5},
@@ -220,7 +226,7 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
         (checkpoint,) = opened.leases.checkpoints(_old_id(JobState.RUNNING))
         assert (checkpoint.step, checkpoint.size, checkpoint.created_at) == (5, 0, _MADE)
-        assert opened.files.unused() == []
+        _check_files(opened)
         # And they go on: the lease of the one that ran is over, the one that waited is taken.
         assert opened.upkeep.reclaim_expired(5) == [_old_id(JobState.RUNNING)]
         assert history(opened, _old_id(JobState.RUNNING))[-1] is EventType.RECOVERED
@@ -228,6 +234,58 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         taken = opened.leases.claim_next("worker", LEASE_S)
         assert taken is not None
         assert (taken.id, taken.attempt) == (_old_id(JobState.QUEUED), 1)
+    finally:
+        opened.close()
+
+
+def _check_files(record: JobRecord) -> None:
+    """Check the files of the jobs of `_fill_0001`, and that none of them is unused."""
+    asset = StoredFile(key="assets/a", filename="a.glb", size=3, sha256="a" * 64)
+    for state in JobState:
+        target = {"target": StoredFile.model_validate(_TARGET)} if state is JobState.QUEUED else {}
+        assert record.get(_old_id(state)).files == {"asset": asset, **target}
+    record.files.unpin(["assets/b"])
+    assert record.files.unused() == []
+
+
+def test_files_of_parts_and_origins_are_carried_over_to_0005_and_back(
+    record: JobRecord, migrate: Migrate, database_url: str
+) -> None:
+    migrate("0001")
+    _fill_0001(record)
+    migrate("0004")
+    origin = {"job_id": _old_id(JobState.CANCELED), "step": 5, "mode": "retry", "key": "assets/c", "sha256": "c" * 64}
+    tables = sa.MetaData()
+    with record.database.write() as connection:
+        tables.reflect(connection, only=["jobs"])
+        jobs = tables.tables["jobs"]
+        before = connection.execute(sa.select(jobs.c["id", *_OLD_FILES]).order_by(jobs.c.id)).all()
+        branch = sa.update(jobs).where(jobs.c.id == _old_id(JobState.QUEUED))
+        connection.execute(branch.values(origin_key="assets/c", origin=origin, owner_id="me"))
+    migrate("0005")
+    opened = JobRecord(database_url)
+    try:
+        _check_files(opened)
+        opened.files.unpin(["assets/c"])
+        assert opened.files.unused() == []
+        found = opened.get(_old_id(JobState.QUEUED)).origin
+        assert found is not None
+        assert (found.key, found.size) == ("assets/c", 0)
+        # 0004 has no place for the files of another kind of job.
+        asset = opened.get(_old_id(JobState.QUEUED)).files["asset"]
+        other = opened.create(NewJob(JobRequest(prompt="a vase"), {"mesh": asset}))
+        migrate("0004")
+        with record.database.read() as connection:
+            after = connection.execute(sa.select(jobs.c["id", *_OLD_FILES]).order_by(jobs.c.id)).all()
+            assert after == before
+            assert connection.scalar(sa.select(jobs.c.origin_key).where(jobs.c.origin_key.is_not(None))) == "assets/c"
+            assert connection.scalars(sa.text("SELECT prefix FROM discarded")).all() == [f"jobs/{other.id}/"]
+        migrate(HEAD)
+        _check_files(opened)
+        assert sorted(opened.delete(_old_id(JobState.CANCELED))) == ["assets/a"]
+        opened.request_cancel(_old_id(JobState.QUEUED))
+        assert opened.delete(_old_id(JobState.QUEUED)) == ["assets/a", "assets/b", "assets/c"]
+        assert opened.files.unused() == ["assets/b", "assets/c"]
     finally:
         opened.close()
 

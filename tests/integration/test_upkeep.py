@@ -95,9 +95,9 @@ def test_a_job_ends_at_its_deadline_wherever_it_is(record: JobRecord) -> None:
 
 def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
     forever, by_default, by_request = (
-        record.create(NewJob(posted(record).request, stored_file())),
-        record.create(NewJob(posted(record).request, stored_file(), retention_s=3600.0)),
-        record.create(NewJob(posted(record, retention_s=7200.0).request, stored_file(), retention_s=3600.0)),
+        record.create(NewJob(posted(record).request, {"asset": stored_file()})),
+        record.create(NewJob(posted(record).request, {"asset": stored_file()}, retention_s=3600.0)),
+        record.create(NewJob(posted(record, retention_s=7200.0).request, {"asset": stored_file()}, retention_s=3600.0)),
     )
     kept = {}
     for job in (forever, by_default, by_request):

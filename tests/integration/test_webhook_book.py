@@ -24,7 +24,7 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     slow, _ = record.webhooks.create("slow", "https://slow.example/")
     quick, _ = record.webhooks.create("quick", "https://quick.example/")
     for owner in ["slow"] * 20 + ["quick"]:
-        record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
+        record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner))
     taken = [found.webhook_id for found in record.deliveries.due(8, each=4)]
     assert (taken.count(slow.id), taken.count(quick.id)) == (4, 1)
     assert record.deliveries.due(8, without=[slow.id]) == []
@@ -35,7 +35,7 @@ def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
     many = {record.webhooks.create("many", f"https://slow-{number}.example/")[0].id for number in range(10)}
     one, _ = record.webhooks.create("one", "https://quick.example/")
     for owner in ["many"] * 3 + ["one"] * 3:
-        record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
+        record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner))
     first = record.deliveries.due(3, each_owner=2)
     assert sorted(found.owner_id for found in first) == ["many", "many", "one"]
     rest = record.deliveries.due(50, without_owners=["one"])
@@ -49,7 +49,7 @@ def test_owners_see_only_their_own(record: JobRecord, delivery: WebhookDelivery)
     with receiving() as ones, receiving() as others:
         mine, _ = book.create("one", ones.url)
         book.create("other", others.url)
-        job = record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id="one"))
+        job = record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id="one"))
         assert delivery.run_once() == 1
         assert (len(ones.messages), others.messages) == (1, [])
     (sent,) = book.deliveries(mine.id, "one").deliveries

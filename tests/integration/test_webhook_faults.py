@@ -74,7 +74,7 @@ def test_receivers_that_hang_do_not_hold_up_another_ones_messages(record: JobRec
         webhook, _ = record.webhooks.create("slow", slow.url, ["job.queued"])
         record.webhooks.create("quick", quick.url, ["job.queued"])
         for owner in ["slow"] * 2 * AT_ONCE + ["quick"]:
-            record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner))
+            record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner))
         assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 2 * AT_ONCE + 1
     sent = record.webhooks.deliveries(webhook.id, "slow").deliveries
     assert [(each.state, each.attempts) for each in sent] == [("delivered", 1)] * 2 * AT_ONCE

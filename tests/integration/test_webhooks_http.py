@@ -56,7 +56,7 @@ def http(
 
 
 def post_job(record: JobRecord, owner: str) -> str:
-    return record.create(NewJob(JobRequest(prompt="a mushroom"), stored_file(), owner_id=owner)).id
+    return record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner)).id
 
 
 def test_a_webhook_over_http_from_its_making_to_its_end(

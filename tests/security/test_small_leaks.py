@@ -32,7 +32,7 @@ def test_the_event_stream_of_a_revoked_key_ends(
     settings = Settings(data_dir=tmp_path, redis_url=redis_url, auth="on")
     record = JobRecord(settings.resolved_database_url)
     key, text = record.keys.create("studio")
-    job = record.create(NewJob(JobRequest(prompt="a vase"), stored_file(), owner_id="studio"))
+    job = record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id="studio"))
     headers = {"Authorization": f"Bearer {text}", "Accept": "text/event-stream"}
     with (
         serving(settings) as url,

@@ -34,7 +34,7 @@ def posted(api: Api, content: bytes) -> str:
 @each_case("how", DAMAGES)
 def test_posting_the_same_file_again_replaces_a_damaged_copy(api: Api, sphere: bytes, how: str) -> None:
     job_id = posted(api, sphere)
-    key = api.record.get(job_id).asset.key
+    key = api.record.get(job_id).files["asset"].key
     damage(api, key, how)
     posted(api, sphere)
     assert api.store.get(key) == sphere
@@ -43,7 +43,7 @@ def test_posting_the_same_file_again_replaces_a_damaged_copy(api: Api, sphere: b
 
 @each_case("how", DAMAGES)
 def test_completing_an_upload_of_the_same_file_replaces_a_damaged_copy(api: Api, sphere: bytes, how: str) -> None:
-    file = api.record.get(posted(api, sphere)).asset
+    file = api.record.get(posted(api, sphere)).files["asset"]
     damage(api, file.key, how)
     document = {"filename": "sphere.glb", "size": len(sphere)}
     upload = api.http.post("/v1/uploads", json=document).json()
@@ -55,7 +55,7 @@ def test_completing_an_upload_of_the_same_file_replaces_a_damaged_copy(api: Api,
 
 def test_a_cut_file_is_refused_before_the_first_byte(api: Api, sphere: bytes) -> None:
     job_id = posted(api, sphere)
-    damage(api, api.record.get(job_id).asset.key, "cut")
+    damage(api, api.record.get(job_id).files["asset"].key, "cut")
     for headers in ({}, {"Range": "bytes=0-9"}):
         problem = check_problem(api.http.get(f"/v1/jobs/{job_id}/asset", headers=headers), 500, "file_damaged")
         assert "again" in problem["advice"]
@@ -63,7 +63,7 @@ def test_a_cut_file_is_refused_before_the_first_byte(api: Api, sphere: bytes) ->
 
 def test_a_download_with_flipped_bytes_never_completes(api: Api, sphere: bytes) -> None:
     job_id = posted(api, sphere)
-    damage(api, api.record.get(job_id).asset.key, "flipped")
+    damage(api, api.record.get(job_id).files["asset"].key, "flipped")
     with pytest.raises(httpx.RemoteProtocolError):
         api.http.get(f"/v1/jobs/{job_id}/asset")
 
@@ -71,7 +71,7 @@ def test_a_download_with_flipped_bytes_never_completes(api: Api, sphere: bytes) 
 def test_a_job_with_a_damaged_file_cannot_be_retried_until_the_file_is_sent_again(api: Api, sphere: bytes) -> None:
     job_id = posted(api, sphere)
     assert api.http.post(f"/v1/jobs/{job_id}/cancel").status_code == 200
-    damage(api, api.record.get(job_id).asset.key, "flipped")
+    damage(api, api.record.get(job_id).files["asset"].key, "flipped")
     check_problem(api.http.post(f"/v1/jobs/{job_id}/retry"), 500, "file_damaged")
     posted(api, sphere)
     assert api.http.post(f"/v1/jobs/{job_id}/retry").status_code == 202

@@ -21,4 +21,4 @@ from tests.cases import each_case
 def test_a_download_is_named_after_asset_prompt_and_seed(
     artifact: str, asset: str, goal: str, seed: int | None, name: str
 ) -> None:
-    assert result_name(artifact, asset=asset, goal=goal, seed=seed) == name
+    assert result_name(artifact, source=asset, goal=goal, seed=seed) == name

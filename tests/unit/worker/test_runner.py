@@ -45,7 +45,7 @@ def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> No
 def test_a_run_gets_the_parameters_as_they_were_resolved_at_the_door(world: World) -> None:
     job = world.run(world.create())
     resolved = resolve(job.request.params)
-    world.run(world.record.create(NewJob(job.request, job.asset, job.target, resolved=resolved)))
+    world.run(world.record.create(NewJob(job.request, job.files, resolved=resolved)))
     before, after = world.kind.started
     assert before.resolved is None
     assert after.resolved == resolved.model_dump(mode="json")

@@ -21,7 +21,7 @@ JOB = Job(
     id="job_1",
     state=JobState.RUNNING,
     request=JobRequest(prompt="a vase"),
-    asset=StoredFile(key="assets/0", filename="a.glb", size=1, sha256="0"),
+    files={"asset": StoredFile(key="assets/0", filename="a.glb", size=1, sha256="0")},
     attempt=2,
     created_at=dt.datetime(2026, 1, 1, tzinfo=dt.UTC),
 )

@@ -107,8 +107,8 @@ def worked(world: World) -> Any:
         put = world.store.put(key, data, "model/gltf-binary")
         return StoredFile(key=key, filename="a.glb", size=put.size, sha256=put.sha256)
 
-    wanted = NewJob(request(usd=True), stored("assets/a", glb()), stored("assets/b", glb(2.0)))
-    job = world.record.create(wanted)
+    files = {"asset": stored("assets/a", glb()), "target": stored("assets/b", glb(2.0))}
+    job = world.record.create(NewJob(request(usd=True), files))
     world.runner(start=start_run).run(job.id)
     return world.record.get(job.id)
 
