@@ -31,7 +31,8 @@
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
     │   ├── TooManyJobsError           429  too_many_jobs          more unfinished jobs than the key is allowed
-    │   └── TooManyUploadsError        429  too_many_uploads       more unused uploads than the key is allowed
+    │   ├── TooManyUploadsError        429  too_many_uploads       more unused uploads than the key is allowed
+    │   └── TooMuchStoredError         429  too_much_stored        the owner's jobs keep more bytes than allowed
     ├── CheckpointError                500  checkpoint_invalid     damaged, or made with other parameters
     ├── StoredFileError                500  file_damaged           a stored file differs from what was stored
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
@@ -81,6 +82,7 @@ __all__ = [
     "StoredFileError",
     "TooManyJobsError",
     "TooManyUploadsError",
+    "TooMuchStoredError",
     "UnauthorizedError",
     "UnavailableError",
     "VocabularyError",
@@ -348,6 +350,16 @@ class TooManyUploadsError(LimitError):
 
     code = "too_many_uploads"
     advice = "Delete uploads that you do not need, use them in jobs, or wait until they expire."
+
+
+class TooMuchStoredError(LimitError):
+    """The jobs of this owner keep too many bytes."""
+
+    code = "too_much_stored"
+    advice = (
+        "Delete jobs that you do not need (DELETE /v1/jobs/{id} or meshdeform delete), or wait until their retention "
+        "ends. The service's operator can raise MESHDEFORM_MAX_STORED_BYTES."
+    )
 
 
 class CheckpointError(MeshdeformError):

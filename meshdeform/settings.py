@@ -112,6 +112,11 @@ class Settings(BaseSettings):
         description="Highest job priority of an API key that sets no limit itself. Above 0, its jobs can delay "
         "those of all others. Without keys, any priority is allowed.",
     )
+    max_stored_bytes: int = Field(
+        100 * 2**30,
+        ge=0,
+        description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep. 0: unlimited.",
+    )
     max_uploads: int = Field(1000, ge=0, description="Uploads of one owner that no job has used. 0: unlimited.")
     max_uploads_bytes: int = Field(
         20 * 2**30, ge=0, description="Bytes of these uploads altogether, as announced. 0: unlimited."

@@ -164,6 +164,10 @@ class JobLimits(BaseModel):
     max_priority: int = Field(description="Highest priority.", examples=[100])
     max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
     max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
+    max_stored_bytes: int | None = Field(
+        description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep; null: unlimited.",
+        examples=[107374182400],
+    )
     default_retention_s: float | None = Field(
         description="`retention_s` of a job that sets none; null: such a job is never deleted.", examples=[604800]
     )

@@ -237,6 +237,7 @@ class JobLimits(_Open):
 
     max_steps: int
     max_prompt_characters: int
+    max_stored_bytes: int | None = None
 
 
 class RequestLimits(_Open):

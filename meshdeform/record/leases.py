@@ -17,6 +17,7 @@ from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing, hold, stale
 from meshdeform.record.database import Database
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
+from meshdeform.record.quota import measure
 from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
 
 __all__ = ["RELEASED", "Leases", "WorkerIdentity"]
@@ -194,6 +195,7 @@ class Leases:
             if not changed:
                 raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
+            measure(change.connection, job_id)
             if changed[0].lost_attempts and not self._reached_before(change.connection, job_id, attempt, step):
                 change.connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0))
 
@@ -208,6 +210,7 @@ class Leases:
         with self._database.write() as connection:
             hold(connection, job_id, attempt)
             connection.execute(sa.delete(checkpoints).where(checkpoints.c.job_id == job_id, checkpoints.c.key == key))
+            measure(connection, job_id)
 
     def checkpoints(self, job_id: str) -> list[CheckpointRef]:
         """Return the checkpoints of all attempts, newest first."""
@@ -281,6 +284,7 @@ class Leases:
         for result in results:
             values = {**result.model_dump(), "job_id": job_id, "attempt": attempt}
             change.connection.execute(sa.insert(artifacts).values(values))
+        measure(change.connection, job_id)
 
     def release(self, job_id: str, attempt: int) -> None:
         """Hand a job back to the queue, with its checkpoints; cancel it if a cancellation was requested."""

@@ -285,6 +285,8 @@ class NewJob:
         The retention if the request has none.
     max_active : int
         Maximum number of unfinished jobs of the owner, including this one; 0: no limit.
+    max_stored_bytes : int
+        Maximum number of bytes that the jobs of the owner keep, with the files of this one; 0: no limit.
     max_priority : int
         Highest priority that its key allows.
     request_id, traceparent : str, optional
@@ -301,6 +303,7 @@ class NewJob:
     origin: Origin | None = None
     retention_s: float | None = None
     max_active: int = 0
+    max_stored_bytes: int = 0
     max_priority: int = MAX_PRIORITY
     request_id: str | None = None
     traceparent: str | None = None
@@ -308,10 +311,12 @@ class NewJob:
     claim: Claim | None = None
 
     @property
-    def keys(self) -> list[str]:
-        """The keys of the stored files that the job needs, with the checkpoint of its origin; sorted and distinct."""
-        origin = [self.origin.key] if self.origin is not None and self.origin.key else []
-        return sorted({*(file.key for file in self.files.values()), *origin})
+    def sizes(self) -> dict[str, int]:
+        """The bytes of the stored files that the job needs, with the checkpoint of its origin, by key; sorted."""
+        sizes = {file.key: file.size for file in self.files.values()}
+        if self.origin is not None and self.origin.key:
+            sizes[self.origin.key] = self.origin.size
+        return dict(sorted(sizes.items()))
 
 
 @dataclass(frozen=True)

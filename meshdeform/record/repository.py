@@ -27,6 +27,7 @@ from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_jo
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
+from meshdeform.record.quota import check_room
 from meshdeform.record.schema import artifacts, discarded, job_files, jobs, labels, secrets
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
@@ -103,6 +104,8 @@ class JobRecord:
             Another request has taken over the key of `new.claim`.
         TooManyJobsError
             The owner has the maximum number of unfinished jobs.
+        TooMuchStoredError
+            The owner's jobs would keep more bytes than allowed.
         ParameterError
             The priority is higher than the key allows.
         """
@@ -111,8 +114,8 @@ class JobRecord:
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
         with changing(self._database) as change:
             connection = change.connection
-            self._hold_to_limit(connection, new)
-            self.files.unpin(new.keys, connection)
+            self._hold_to_limits(connection, new)
+            self.files.unpin(new.sizes, connection)
             row = connection.execute(sa.insert(jobs).values(values).returning(jobs)).one()
             for values in rows.job_files(row.id, new):
                 connection.execute(sa.insert(job_files).values(values))
@@ -267,12 +270,38 @@ class JobRecord:
                 found = connection.execute(query).scalar_one()
         return base64.b64decode(found)
 
-    def _hold_to_limit(self, connection: sa.Connection, new: NewJob) -> None:
-        if not new.max_active:
+    def check_room(self, owner_id: str, files: Mapping[str, int], limit: int) -> None:
+        """Refuse a job before its files are stored if its owner has no room for them; `create` decides.
+
+        Parameters
+        ----------
+        owner_id : str
+        files : mapping of str to int
+            Sizes of the files in bytes, by key.
+        limit : int
+            Maximum number of bytes; 0: no limit.
+
+        Raises
+        ------
+        TooMuchStoredError
+            The owner's jobs would keep more bytes than allowed.
+        """
+        if limit:
+            with self._database.read() as connection:
+                check_room(connection, owner_id, files, limit)
+
+    def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> None:
+        if not (new.max_active or new.max_stored_bytes):
             return
         if not self._database.is_sqlite:
-            # Serialise the count: two concurrent requests would both find room for one more job.
+            # Serialise the counts: two concurrent requests would both find room for one more job.
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(new.owner_id))))
+        self._check_number(connection, new)
+        check_room(connection, new.owner_id, new.sizes, new.max_stored_bytes)
+
+    def _check_number(self, connection: sa.Connection, new: NewJob) -> None:
+        if not new.max_active:
+            return
         active = sa.and_(jobs.c.owner_id == new.owner_id, jobs.c.state.in_(_ACTIVE))
         count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(active)).scalar_one()
         if count >= new.max_active:

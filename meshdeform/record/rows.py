@@ -69,6 +69,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "fraction": 0.0,
         "phase": "queued",
         "losses": {},
+        "stored_bytes": 0,
     }
 
 

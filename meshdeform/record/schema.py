@@ -32,7 +32,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0005"
+HEAD = "0006"
 """The newest migration. A record at this version is opened without Alembic."""
 
 
@@ -119,9 +119,12 @@ jobs = sa.Table(
     sa.Column("eta_s", sa.Double),
     # Mean seconds per step of the attempt that ended the job.
     sa.Column("step_s", sa.Double),
+    # Bytes of its artifacts and checkpoints.
+    sa.Column("stored_bytes", sa.BigInteger, nullable=False),
     sa.Index(None, "state", "id"),
     sa.Index(None, "owner_id", "id"),
     sa.Index(None, "owner_id", "state", "id"),
+    sa.Index(None, "owner_id", "stored_bytes"),
     sa.Index(None, "workload", "state", "id"),
     sa.Index(None, "deadline_at"),
     sa.Index(None, "retain_until"),

@@ -24,6 +24,7 @@ from meshdeform.errors import (
     RequestError,
     RequestTimeoutError,
     TooManyJobsError,
+    TooMuchStoredError,
     UnauthorizedError,
     UnavailableError,
     VocabularyError,
@@ -70,7 +71,7 @@ CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 """Errors of every route that needs an API key."""
 
 ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
-NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, RequestTimeoutError)
+NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError)
 
 ETAG = {
     "ETag": {"description": "Identifies this version of the job.", "schema": {"type": "string"}, "example": 'W/"7"'}

@@ -11,7 +11,7 @@ from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, Origi
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument
-from service.jobs.intake import check_params, new_job, record_job, store_file
+from service.jobs.intake import check_params, key_of, new_job, record_job, store_file
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
@@ -42,6 +42,7 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 state=job.state.value,
             )
         params = check_params(job.request, app.settings, files=job.files)
+        app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())
             found = app.record.leases.checkpoints(job_id)
@@ -86,6 +87,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             for name, reference in document.references.items():
                 file = fetch(app, caller.owner_id, *reference, folder)
                 app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
+                app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)

@@ -27,7 +27,7 @@ from service.state import AppState
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["accept_job", "check_params", "new_job", "record_job", "store_file", "validate"]
+__all__ = ["accept_job", "check_params", "key_of", "new_job", "record_job", "store_file", "validate"]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
@@ -100,8 +100,8 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     ------
     AssetError, RequestError, ModelError
         A file or the request is not acceptable.
-    TooManyJobsError
-        The caller has as many unfinished jobs as its limit allows.
+    TooManyJobsError, TooMuchStoredError
+        The caller has as many unfinished jobs as its limit allows, or its jobs keep as many bytes.
     UnavailableError
         The record or the store does not answer. Redis is not needed: the reconciler enqueues the job later.
     """
@@ -112,6 +112,8 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
             return claim
         params, files, _ = _check(app, caller.owner_id, submission)
         failpoint("api.received")
+        sizes = {key_of(file): file.size for file in files.values()}
+        app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             stored = {part: store_file(app, leases, file) for part, file in files.items()}
             failpoint("api.stored")
@@ -147,11 +149,16 @@ def store_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredF
 
     The lease is taken first, so that the object stays. A damaged copy is replaced.
     """
-    stored = StoredFile(key=f"assets/{file.sha256}", filename=file.filename, size=file.size, sha256=file.sha256)
+    stored = StoredFile(key=key_of(file), filename=file.filename, size=file.size, sha256=file.sha256)
     leases.take(stored.key)
     if not app.store.holds(stored.key, file.sha256):
         app.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
     return stored
+
+
+def key_of(file: ReceivedFile) -> str:
+    """Return the key under which a file is stored: equal files have equal keys."""
+    return f"assets/{file.sha256}"
 
 
 def new_job(app: AppState, caller: Caller, request: JobRequest, files: Mapping[str, StoredFile], **more: Any) -> NewJob:
@@ -162,6 +169,7 @@ def new_job(app: AppState, caller: Caller, request: JobRequest, files: Mapping[s
         owner_id=caller.owner_id,
         retention_s=app.settings.retention_s or None,
         max_active=caller.principal.max_active_jobs,
+        max_stored_bytes=app.settings.max_stored_bytes,
         max_priority=caller.principal.max_priority,
         request_id=caller.request_id,
         traceparent=caller.traceparent,
@@ -173,7 +181,7 @@ def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
     """Record a job whose files are stored and leased, enqueue it, and return the answer."""
     job = app.record.create(new)
     failpoint("api.recorded")
-    leases.passed_on(new.keys)
+    leases.passed_on(new.sizes)
     try:
         app.queue.enqueue(job.id)
     except UnavailableError as error:

@@ -79,6 +79,7 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             max_priority=principal.max_priority,
             max_deadline_s=MAX_DEADLINE_S,
             max_retention_s=MAX_RETENTION_S,
+            max_stored_bytes=settings.max_stored_bytes or None,
             default_retention_s=settings.retention_s or None,
         ),
         requests=RequestLimits(

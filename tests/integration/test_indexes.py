@@ -172,6 +172,7 @@ QUESTIONS: dict[str, Ask] = {
     "who is queued": lambda record: record.upkeep.queued_ids(),
     "a worker that is gone": lambda record: record.leases.worker_ended("worker"),
     "an owner's unfinished jobs": lambda record: posted(record, OWNER, 10_000),
+    "room for an owner's files": lambda record: record.check_room(OWNER, {"assets/1": 1, "assets/2": 1}, 10**15),
     "deliveries that are due": lambda record: record.deliveries.due(10),
     "how many jobs are in each state": lambda record: statistics(record.database),
     "an estimate": lambda record: estimate(

@@ -20,7 +20,7 @@ from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.models import EventType, JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.schema import HEAD, metadata
+from meshdeform.record.schema import HEAD, jobs, metadata
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S
@@ -224,6 +224,9 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         assert opened.events.after(failed.id)[-1].data["error"] == failed.error.model_dump()
         assert opened.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
+        with opened.database.read() as connection:
+            kept = sa.select(jobs.c.stored_bytes).where(jobs.c.id == _old_id(JobState.SUCCEEDED))
+            assert connection.scalar(kept) == 7
         (checkpoint,) = opened.leases.checkpoints(_old_id(JobState.RUNNING))
         assert (checkpoint.step, checkpoint.size, checkpoint.created_at) == (5, 0, _MADE)
         _check_files(opened)
@@ -258,11 +261,10 @@ def test_files_of_parts_and_origins_are_carried_over_to_0005_and_back(
     tables = sa.MetaData()
     with record.database.write() as connection:
         tables.reflect(connection, only=["jobs"])
-        jobs = tables.tables["jobs"]
-        before = connection.execute(sa.select(jobs.c["id", *_OLD_FILES]).order_by(jobs.c.id)).all()
-        branch = sa.update(jobs).where(jobs.c.id == _old_id(JobState.QUEUED))
+        old = tables.tables["jobs"]
+        before = connection.execute(sa.select(old.c["id", *_OLD_FILES]).order_by(old.c.id)).all()
+        branch = sa.update(old).where(old.c.id == _old_id(JobState.QUEUED))
         connection.execute(branch.values(origin_key="assets/c", origin=origin, owner_id="me"))
-    migrate("0005")
     opened = JobRecord(database_url)
     try:
         _check_files(opened)
@@ -276,9 +278,9 @@ def test_files_of_parts_and_origins_are_carried_over_to_0005_and_back(
         other = opened.create(NewJob(JobRequest(prompt="a vase"), {"mesh": asset}))
         migrate("0004")
         with record.database.read() as connection:
-            after = connection.execute(sa.select(jobs.c["id", *_OLD_FILES]).order_by(jobs.c.id)).all()
+            after = connection.execute(sa.select(old.c["id", *_OLD_FILES]).order_by(old.c.id)).all()
             assert after == before
-            assert connection.scalar(sa.select(jobs.c.origin_key).where(jobs.c.origin_key.is_not(None))) == "assets/c"
+            assert connection.scalar(sa.select(old.c.origin_key).where(old.c.origin_key.is_not(None))) == "assets/c"
             assert connection.scalars(sa.text("SELECT prefix FROM discarded")).all() == [f"jobs/{other.id}/"]
         migrate(HEAD)
         _check_files(opened)

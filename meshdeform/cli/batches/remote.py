@@ -15,7 +15,15 @@ from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.batches.work import RowOutcome, Tick
 from meshdeform.cli.fetch import save_artifacts
 from meshdeform.cli.following import Deadline, follow
-from meshdeform.errors import AssetError, ConflictError, LimitError, ModelError, NotFoundError, RequestError
+from meshdeform.errors import (
+    AssetError,
+    ConflictError,
+    LimitError,
+    ModelError,
+    NotFoundError,
+    RequestError,
+    TooMuchStoredError,
+)
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import EventView, JobView
@@ -88,6 +96,8 @@ class ServiceRunner:
                     metadata={"batch": self._ledger.batch_id, "row": row.name},
                     idempotency_key=f"batch-{self._ledger.batch_id}-{row.key}-{tries}",
                 )
+            except TooMuchStoredError:
+                raise
             except LimitError:
                 # Wait until other rows of this batch have ended.
                 if time.monotonic() > deadline or self._stop.wait(_LIMIT_PAUSE_S):
