@@ -61,6 +61,12 @@ def batch(
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
+    compact: Annotated[
+        bool, typer.Option("--compact", help="Drop data that the new shapes made unused.", rich_help_panel=_WHAT)
+    ] = False,
+    provenance: Annotated[
+        bool, typer.Option("--provenance", help="Store prompt, seed and source in each GLB.", rich_help_panel=_WHAT)
+    ] = False,
     preset: Annotated[
         Preset | None,
         typer.Option(
@@ -117,8 +123,7 @@ def batch(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
-            morph=morph,
-            usd=usd,
+            output={"morph": morph, "usd": usd, "compact": compact, "provenance": provenance},
             known_names=session.ledger.known_names(),
             check=(lambda _request, _has_target: None) if url else _checker(),
         )

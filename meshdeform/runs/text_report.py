@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
+import meshdeform
 from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
+from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
@@ -19,7 +21,7 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
-__all__ = ["RunFacts", "build_report", "read_result"]
+__all__ = ["RunFacts", "build_report", "provenance", "read_result"]
 
 _UNBOUNDED = Limits(
     max_bytes=2**40,
@@ -45,6 +47,19 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+
+
+def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
+    """Return what `output.provenance` stores in a file with the shape of a step."""
+    return {
+        "version": meshdeform.__version__,
+        "prompt": facts.request.prompt,
+        "seed": facts.params.seed,
+        "preset": facts.params.preset.value,
+        "step": step,
+        "parameters_sha256": fingerprint(**facts.params.model_dump(mode="json")),
+        "source_sha256": facts.asset_sha256,
+    }
 
 
 def build_report(

@@ -55,8 +55,7 @@ def make_rows(
     *,
     defaults: Mapping[str, Any],
     seeds: Sequence[int] = (),
-    morph: bool = False,
-    usd: bool = False,
+    output: Mapping[str, bool] | None = None,
     known_names: Mapping[str, str] | None = None,
     check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
 ) -> tuple[list[Row], list[str]]:
@@ -69,8 +68,8 @@ def make_rows(
         Parameters for rows that do not set them.
     seeds : sequence of int
         A row without a seed is done once for each of these.
-    morph, usd : bool
-        Whether every row writes a morph, and a USDZ.
+    output : mapping of str to bool, optional
+        Options of `output` for every row.
     known_names : mapping, optional
         Names by key from an earlier run of the batch, which are kept.
     check : callable
@@ -94,7 +93,7 @@ def make_rows(
         for seed in seeds if seeds and "seed" not in entry.params else (None,):
             params = {**defaults, **({"seed": seed} if seed is not None else {})}
             try:
-                request = _request(entry, params, morph=morph, usd=usd)
+                request = _request(entry, params, output or {})
                 check(request, entry.target is not None)
                 key = digest.key(entry, request)
             except MeshdeformError as error:
@@ -113,14 +112,15 @@ def make_rows(
     return rows, repeated
 
 
-def _request(entry: Entry, defaults: Mapping[str, Any], *, morph: bool, usd: bool) -> JobRequest:
+def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, bool]) -> JobRequest:
     if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
         raise ParameterError(
             f"{entry.name!r} is not a valid folder name.", advice="Use letters, digits, spaces and -_.,+()."
         )
     guidance = {"guidance": "target"} if entry.target else {}
     params = {**defaults, **guidance, **entry.params}
-    return make_request(entry.prompt, params, morph=morph or entry.morph, usd=usd or entry.usd)
+    own = {name: True for name in ("morph", "usd") if getattr(entry, name)}
+    return make_request(entry.prompt, params, output={**output, **own})
 
 
 def _with_suggestions(error: MeshdeformError) -> str:
