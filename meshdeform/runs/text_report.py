@@ -17,6 +17,7 @@ from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors.public_names import public_name
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -115,11 +116,12 @@ def build_report(
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
-        "params": facts.params.model_dump(mode="json"),
+        # Clients read the report: a model in a folder is named as the service names it.
+        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {"filename": facts.filename, "bytes": facts.asset_bytes, "sha256": facts.asset_sha256},
-        "guidance": facts.guidance,
+        "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
         "versions": versions(),

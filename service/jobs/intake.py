@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.priors.public_names import public_names
 from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
@@ -134,6 +135,9 @@ def validate(app: AppState, owner_id: str, submission: Submission) -> Validation
         default_model=app.settings.model,
         queue=app.settings.queue,
     )
+    model = getattr(params, "model", None)
+    if model is not None:  # as clients name it
+        params = params.model_copy(update={"model": public_names(app.settings.offered_models).get(model, model)})
     return Validation(
         asset=found["asset"], target=found.get("target"), params=params, estimate=JobEstimate(**asdict(expected))
     )
