@@ -151,6 +151,11 @@ class Settings(BaseSettings):
         """Whether the workers of this deployment can write USDZ, according to the settings."""
         return self.usd == "on" or (self.usd == "auto" and find_spec("pxr") is not None)
 
+    @property
+    def offered_models(self) -> list[str]:
+        """Every model that a job may name, as configured, the default one first."""
+        return list(dict.fromkeys([self.model, BUILTIN_MODEL, *self.allowed_models]))
+
     @cached_property
     def resolved_storage_url(self) -> str:
         """The object store's URL or folder, with the default filled in."""

@@ -4,7 +4,8 @@ A message is deleted as soon as it is read, before the job starts, so that RQ ha
 and keeps no result. If the worker dies, the reconciler sends another message. Only public methods of RQ's worker are
 used and overridden.
 
-Whoever can write to Redis must not be able to run code here: functions and callbacks named in Redis are never imported.
+Whoever can write to Redis must not be able to run code here or to stop workers: functions and callbacks named in Redis
+are never imported, and RQ's commands are ignored.
 """
 
 from __future__ import annotations
@@ -102,6 +103,15 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         for queue in self.queues:
             clean_worker_registry(queue)
         self.last_cleaned_at = datetime.now(UTC)
+
+    def subscribe(self) -> None:
+        """Do not listen for RQ's commands: whoever reaches Redis could stop workers with them.
+
+        Signals stop a worker, and the record cancels a job.
+        """
+
+    def check_for_suspension(self, burst: bool) -> None:
+        """Ignore `rq suspend`, which would keep every worker waiting for as long as one key is in Redis."""
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:  # noqa: ARG002 - RQ's signature
         """Stop after the job, which is stopped after its current step; without a job, stop at once.

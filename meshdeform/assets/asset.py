@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from meshdeform.assets.draco import decode_draco
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
+from meshdeform.assets.references import Usage
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
@@ -38,9 +40,10 @@ class Asset:
         Counts, extensions and the source format.
     """
 
-    def __init__(self, document: Document, summary: AssetSummary, source: bytes) -> None:
+    def __init__(self, document: Document, summary: AssetSummary, source: bytes, usage: Usage) -> None:
         self._document = document
         self._source = source
+        self._usage = usage
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks = read_surface(document)
@@ -89,6 +92,8 @@ class Asset:
         tangents: NDArray[np.float64] | None = None,
         *,
         morph: bool = False,
+        compact: bool = False,
+        provenance: Mapping[str, Any] | None = None,
     ) -> bytes:
         """Write the asset with a new shape and everything else unchanged.
 
@@ -103,6 +108,11 @@ class Asset:
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
+        compact : bool
+            Drop the data that the new shape made unused. Everything that is still referenced keeps its values and
+            its index, but the binary chunk of the source is no longer a prefix of the new one.
+        provenance : mapping, optional
+            JSON to store as `asset.extras.meshdeform`.
 
         Returns
         -------
@@ -116,7 +126,10 @@ class Asset:
             An array does not have as many rows as the surface.
         """
         shape = Deformation.checked(self.surface, positions, normals, tangents)
-        return write_shape(self._document.fork(), self._blocks, shape, morph=morph)
+        source = self._usage if compact else None
+        return write_shape(
+            self._document.fork(), self._blocks, shape, morph=morph, source=source, provenance=provenance
+        )
 
 
 def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) -> Asset:
@@ -149,6 +162,7 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
         source = data = convert_to_glb(data, kind, limits)
     document = Document.parse(data, limits, glb=kind != "gltf")
     summary = check_document(document.root, document.binary_length, limits, kind)
+    usage = Usage.of(document.root, document.binary_length)
     decode_meshopt(document)
     decode_draco(document)
-    return Asset(document, summary, source)
+    return Asset(document, summary, source, usage)

@@ -158,14 +158,29 @@ class Document:
         accessors.append({"componentType": FLOAT, "count": count, "type": "VEC3", "min": zero, "max": list(zero)})
         return len(accessors) - 1
 
+    def buffer_zero(self) -> bytearray:
+        """Return a copy of the binary chunk with everything appended to it."""
+        if self.items("buffers") and "uri" in self.root["buffers"][0]:
+            self._own_buffer_zero()
+        return bytearray(b"".join(self._pieces()))
+
+    def use_buffer_zero(self, data: bytes) -> None:
+        """Replace the binary chunk; the caller has adapted the buffer views."""
+        self._binary, self._appended, self._end = memoryview(data), {}, len(data)
+        self.root["buffers"][0]["byteLength"] = len(data)
+
     def to_bytes(self) -> bytes:
         """Write the document as a GLB."""
+        return pack_glb(dump_json(self.root), self._pieces(), self._rest)
+
+    def _pieces(self) -> list[bytes | memoryview]:
+        """Return the binary chunk and what was appended to it, in order."""
         pieces: list[bytes | memoryview] = [] if self._binary is None else [self._binary]
         end = 0 if self._binary is None else len(self._binary)
         for offset, data in self._appended.items():
             pieces += [b"\0" * (offset - end), data]
             end = offset + len(data)
-        return pack_glb(dump_json(self.root), pieces, self._rest)
+        return pieces
 
 
 def decode_data_uri(uri: str, where: str) -> bytes:

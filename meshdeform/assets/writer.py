@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json, clone
+from meshdeform.assets.references import Usage
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
 from meshdeform.errors import NumericalError, ShapeError
 
@@ -78,18 +80,44 @@ def _where_changed(
     return np.where(changed[:, None], new, source).astype(np.float32)
 
 
-def write_shape(document: Document, blocks: list[Block], shape: Deformation, *, morph: bool) -> bytes:
-    """Write a new shape into the document and return it as a GLB; `Asset.replace` documents the rest."""
+def write_shape(
+    document: Document,
+    blocks: list[Block],
+    shape: Deformation,
+    *,
+    morph: bool,
+    source: Usage | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> bytes:
+    """Write a new shape into the document and return it as a GLB.
+
+    With `source`, which lists what the document used when it was read, data that became unused is dropped;
+    `Asset.replace` documents the rest.
+    """
     owners = own_meshes(document, blocks)
     locals_ = [local_shape(block, shape) for block in blocks]
+    replaced: list[tuple[int, int]] = []
     if morph:
         from meshdeform.assets.morph import add_morph_targets
 
         add_morph_targets(document, blocks, locals_, owners)
     else:
         for block, local in zip(blocks, locals_, strict=True):
-            _replace(document, block, local, document.root["meshes"][owners[block.node]])
+            replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    if source is not None:
+        from meshdeform.assets.compact import compact
+
+        compact(document, source, replaced)
+    if provenance is not None:
+        _record(document, provenance)
     return document.to_bytes()
+
+
+def _record(document: Document, provenance: Mapping[str, Any]) -> None:
+    """Store the provenance in `asset.extras`; extras that are not an object have no place for it and stay."""
+    extras = document.root["asset"].setdefault("extras", {})
+    if isinstance(extras, dict):
+        extras["meshdeform"] = clone(dict(provenance))
 
 
 def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
@@ -117,9 +145,11 @@ def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
     return owners
 
 
-def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) -> None:
+def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) -> list[tuple[int, int]]:
+    """Give a block new accessors; return each old one with its new one."""
     accessors = document.root["accessors"]
     new: dict[str, int] = {}
+    pairs: list[tuple[int, int]] = []
     for name, old, values in zip(
         ("POSITION", "NORMAL", "TANGENT"),
         block.accessors,
@@ -128,5 +158,7 @@ def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) ->
     ):
         if old is not None and values is not None:
             new[name] = document.append_accessor(values, like=accessors[old], bounds=name == "POSITION")
+            pairs.append((old, new[name]))
     for p in block.primitives:
         mesh["primitives"][p]["attributes"].update(new)
+    return pairs

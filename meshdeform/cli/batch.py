@@ -61,6 +61,18 @@ def batch(
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
+    compact: Annotated[
+        bool, typer.Option("--compact", help="Drop data that the new shapes made unused.", rich_help_panel=_WHAT)
+    ] = False,
+    provenance: Annotated[
+        bool, typer.Option("--provenance", help="Store prompt, seed and source in each GLB.", rich_help_panel=_WHAT)
+    ] = False,
+    flat: Annotated[
+        bool,
+        typer.Option(
+            "--flat", help="Put all results into one folder: duck-a-tall-vase-seed7.glb.", rich_help_panel=_WHAT
+        ),
+    ] = False,
     preset: Annotated[
         Preset | None,
         typer.Option(
@@ -112,14 +124,15 @@ def batch(
     entries = _entries(source, prompt or [], prompts_file)
     defaults = merge_params(settings or [], preset=preset, model=model, steps=steps, seed=seed)
     first = int(defaults.get("seed", 0))
-    with Session(output, as_json=as_json, quiet=quiet) as session:
+    with Session(output, as_json=as_json, quiet=quiet, flat=flat) as session:
         rows, repeated = make_rows(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
-            morph=morph,
-            usd=usd,
+            output={"morph": morph, "usd": usd, "compact": compact, "provenance": provenance},
             known_names=session.ledger.known_names(),
+            flat=flat,
+            occupied=(path.name for path in output.iterdir()),
             check=(lambda _request, _has_target: None) if url else _checker(),
         )
         if repeated:

@@ -62,8 +62,7 @@ def make_request(
     prompt: str,
     params: Mapping[str, Any],
     *,
-    morph: bool = False,
-    usd: bool = False,
+    output: Mapping[str, bool] | None = None,
     more: Mapping[str, Any] | None = None,
     place: str = "The request",
 ) -> JobRequest:
@@ -74,8 +73,8 @@ def make_request(
     prompt : str
     params : mapping
         As in docs/parameters.md.
-    morph, usd : bool
-        Whether to write the morph, and the result as USDZ, as well.
+    output : mapping of str to bool, optional
+        The options of `output` (docs/parameters.md).
     more : mapping, optional
         Further members of the document, such as `priority`.
     place : str
@@ -93,7 +92,7 @@ def make_request(
     document = {
         "prompt": prompt,
         "params": {name: value for name, value in params.items() if value is not None},
-        "output": {name: True for name, wanted in (("morph", morph), ("usd", usd)) if wanted},
+        "output": {name: True for name, wanted in (output or {}).items() if wanted},
         **{name: value for name, value in (more or {}).items() if value is not None},
     }
     try:

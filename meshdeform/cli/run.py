@@ -50,6 +50,14 @@ def run(
         bool,
         typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
     ] = False,
+    compact: Annotated[
+        bool,
+        typer.Option("--compact", help="Drop data that the new shape made unused.", rich_help_panel=_OUTPUTS),
+    ] = False,
+    provenance: Annotated[
+        bool,
+        typer.Option("--provenance", help="Store prompt, seed and source in the GLB.", rich_help_panel=_OUTPUTS),
+    ] = False,
     animate: Annotated[
         Path | None, _file("Also draw source to result and back, as this .webp or .gif.", _OUTPUTS)
     ] = None,
@@ -116,7 +124,8 @@ def run(
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
     )
-    request = make_request(prompt, params, morph=morph, usd=usd)
+    written = {"morph": morph, "usd": usd, "compact": compact, "provenance": provenance}
+    request = make_request(prompt, params, output=written)
     paths = {
         "result": output,
         "report": report or output.with_suffix(".report.json"),

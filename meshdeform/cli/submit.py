@@ -76,6 +76,12 @@ def submit(
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
+    compact: Annotated[
+        bool, typer.Option("--compact", help="Drop data that the new shape made unused.", rich_help_panel=_JOB)
+    ] = False,
+    provenance: Annotated[
+        bool, typer.Option("--provenance", help="Store prompt, seed and source in the GLB.", rich_help_panel=_JOB)
+    ] = False,
     label: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=TEXT", help="A label of your own; repeatable.", rich_help_panel=_JOB),
@@ -130,7 +136,8 @@ def submit(
     )
     more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.
-    request = make_request(prompt, params, morph=morph, usd=usd, more=more)
+    wanted = {"morph": morph, "usd": usd, "compact": compact, "provenance": provenance}
+    request = make_request(prompt, params, output=wanted, more=more)
     with connect(url, api_key, api_key_file) as client:
         job = _submitted(
             client,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
+from meshdeform.priors.public_names import hidden_folders, public_names
 from meshdeform.requests.document import BUILTIN_MODEL
 
 __all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "list_models"]
@@ -75,7 +76,9 @@ class ModelInfo:
     vocabulary: Vocabulary | None
 
 
-def list_models(default_model: str, allowed_models: Sequence[str] = (), revision: str = "") -> list[ModelInfo]:
+def list_models(
+    default_model: str, allowed_models: Sequence[str] = (), revision: str = "", *, public: bool = False
+) -> list[ModelInfo]:
     """Return every model that jobs of a deployment may name, the default one first.
 
     Parameters
@@ -86,12 +89,15 @@ def list_models(default_model: str, allowed_models: Sequence[str] = (), revision
         Models that jobs may name besides the default one and `builtin`.
     revision : str
         Revision of the default model.
+    public : bool
+        Whether the list is for clients, which see a folder's id instead of its path.
     """
-    names = dict.fromkeys([default_model, BUILTIN_MODEL, *allowed_models])
-    return [_describe(name, revision if name == default_model else "") for name in names]
+    models = list(dict.fromkeys([default_model, BUILTIN_MODEL, *allowed_models]))
+    ids = public_names(models) if public else {model: model for model in models}
+    return [_describe(model, ids[model], revision if model == default_model else "") for model in models]
 
 
-def _describe(model: str, revision: str) -> ModelInfo:
+def _describe(model: str, name: str, revision: str) -> ModelInfo:
     if model == BUILTIN_MODEL:
         return ModelInfo(
             id=model,
@@ -102,9 +108,9 @@ def _describe(model: str, revision: str) -> ModelInfo:
             problem=None,
             vocabulary=Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), NOUNS, MAX_ATTRIBUTES, EXAMPLES),
         )
-    available, problem = _find(model, revision)
+    available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
-        id=model,
+        id=name,
         # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
         description="A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended.",
@@ -114,11 +120,12 @@ def _describe(model: str, revision: str) -> ModelInfo:
     )
 
 
-def _find(model: str, revision: str) -> tuple[bool | None, str | None]:
+def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None, str | None]:
     if importlib.util.find_spec("torch") is None:
         return None, None  # this environment does not run models; the worker may have it
     try:
-        check_model(model, revision)
+        with hidden_folders(hidden):
+            check_model(model, revision)
     except MeshdeformError as error:
         return False, f"{error.detail} {error.advice_text}"
     return True, None

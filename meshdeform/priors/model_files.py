@@ -203,11 +203,10 @@ def _read_json(path: Path, model: str) -> dict[str, Any]:
     try:
         document = json.loads(path.read_bytes())
     except FileNotFoundError:
-        raise ModelError(
-            f"The model {model!r} lacks {path.name} (looked in {path.parent}).", advice=_LAYOUT_ADVICE
-        ) from None
+        raise ModelError(f"The model {model!r} lacks {path.parent.name}/{path.name}.", advice=_LAYOUT_ADVICE) from None
     except (OSError, ValueError) as error:
-        raise ModelError(f"The model {model!r} has an unreadable {path.name}: {error}.") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ModelError(f"The model {model!r} has an unreadable {path.name}: {reason}.") from error
     if not isinstance(document, dict):
         raise ModelError(f"The model {model!r} has a {path.name} that is no JSON object.", advice=_LAYOUT_ADVICE)
     return document

@@ -43,7 +43,9 @@ class Estimate:
     basis: str
 
 
-def estimate(database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str) -> Estimate:
+def estimate(
+    database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str, owner_id: str = ""
+) -> Estimate:
     """Estimate a job from the newest successful jobs, the jobs ahead, and the number of live workers.
 
     Parameters
@@ -57,6 +59,8 @@ def estimate(database: Database, leases: Leases, request: JobRequest, *, default
         The model used if a request names none.
     queue : str
         The deployment's queue.
+    owner_id : str
+        The job's owner, who takes turns with the others.
     """
     with database.read() as connection:
         same = jobs.c.workload == request.workload
@@ -67,7 +71,7 @@ def estimate(database: Database, leases: Leases, request: JobRequest, *, default
             basis = f"{_jobs(count)} of this kind with other models"
         if step_s is None:
             return Estimate(None, None, "no job of this kind has succeeded here yet")
-        ahead = _Ahead.of(connection, request.priority, default_model)
+        ahead = _Ahead.of(connection, request.priority, owner_id, default_model)
     run_s = step_s * kind_of(request.kind).steps(request, default_model, None)
     workers = leases.alive(queue)
     if workers == 0:
@@ -101,17 +105,25 @@ class _Ahead:
     more: int
 
     @classmethod
-    def of(cls, connection: sa.Connection, priority: int, default_model: str) -> Self:
-        before = sa.and_(jobs.c.state == JobState.QUEUED, jobs.c.priority >= priority)
-        count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(before)).scalar_one()
+    def of(cls, connection: sa.Connection, priority: int, owner_id: str, default_model: str) -> Self:
+        """Return the work before a new job of this owner: at its own priority, one job of each owner in every turn."""
+        queued = jobs.c.state == JobState.QUEUED
+        alike = sa.and_(queued, jobs.c.priority == priority)
+        own = _count(connection, sa.and_(alike, jobs.c.owner_id == owner_id))
+        turn = sa.func.row_number().over(partition_by=jobs.c.owner_id, order_by=jobs.c.id)
+        turns = sa.select(jobs.c.id, turn.label("turn")).where(alike).subquery()
+        before = sa.select(turns.c.id).where(turns.c.turn <= own + 1)
+        urgent, in_turn = sa.and_(queued, jobs.c.priority > priority), sa.and_(alike, jobs.c.id.in_(before))
 
-        def left(which: sa.ColumnElement[bool]) -> list[int]:
+        def left(which: sa.ColumnElement[bool], limit: int = _COUNTED) -> list[int]:
             query = sa.select(jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step).where(which)
-            found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(_COUNTED)).all()
+            found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(limit)).all()
             return [_steps_left(*row, default_model) for row in found]
 
-        queued = left(before)
-        return cls(left(jobs.c.state.in_(OWNED)), queued, count - len(queued))
+        steps = left(urgent)
+        steps += left(in_turn, _COUNTED - len(steps))
+        total = _count(connection, urgent) + _count(connection, in_turn)
+        return cls(left(jobs.c.state.in_(OWNED)), steps, total - len(steps))
 
     def steps_until_free(self, workers: int) -> float:
         """Return the steps until a worker is free for the new job, if each free worker takes the next job."""
@@ -122,6 +134,10 @@ class _Ahead:
         for steps in self.queued:
             heapq.heapreplace(free_at, free_at[0] + steps)
         return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
+
+
+def _count(connection: sa.Connection, which: sa.ColumnElement[bool]) -> int:
+    return connection.execute(sa.select(sa.func.count()).select_from(jobs).where(which)).scalar_one()
 
 
 def _steps_left(

@@ -109,7 +109,7 @@ class JobRecord:
         ParameterError
             The priority is higher than the key allows.
         """
-        _check_priority(new)
+        check_priority(new.request.priority, new.max_priority)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
         with changing(self._database) as change:
@@ -331,14 +331,21 @@ def _owned(owner: str | None) -> sa.ColumnElement[bool]:
     return sa.true() if owner is None else jobs.c.owner_id == owner
 
 
-def _check_priority(new: NewJob) -> None:
-    if new.request.priority > new.max_priority:
-        detail = f"The priority {new.request.priority} is higher than this API key allows: {new.max_priority}."
+def check_priority(priority: int, limit: int) -> None:
+    """Refuse a priority above the limit of an API key.
+
+    Raises
+    ------
+    ParameterError
+        It is higher.
+    """
+    if priority > limit:
+        detail = f"The priority {priority} is higher than this API key allows: {limit}."
         raise ParameterError(
             detail,
             advice="Set a lower priority. The service's operator can raise MESHDEFORM_MAX_PRIORITY or the key's limit.",
             errors=[{"loc": ["priority"], "msg": detail, "type": "less_than_equal"}],
-            limit=new.max_priority,
+            limit=limit,
         )
 
 

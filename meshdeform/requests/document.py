@@ -77,6 +77,18 @@ class OutputOptions(StrictModel):
         "where jobs run; a server without it refuses the request.",
         examples=[False],
     )
+    compact: bool = Field(
+        False,
+        description="Drop the data that the new shape made unused, such as the old positions: the file is then about "
+        "as large as the source. Everything still referenced keeps its values, but not its place in the file.",
+        examples=[False],
+    )
+    provenance: bool = Field(
+        False,
+        description="Store in the file, as `asset.extras.meshdeform`, where it comes from: prompt, seed, preset, step, "
+        "version, and SHA-256 of parameters and source.",
+        examples=[False],
+    )
 
 
 _Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]

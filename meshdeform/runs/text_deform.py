@@ -32,7 +32,7 @@ from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.text_guidance import score_distillation
-from meshdeform.runs.text_report import RunFacts, build_report, read_result
+from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -202,7 +202,7 @@ class TextDeformRun:
         NumericalError
             The shape is not finite.
         """
-        return ArtifactData(self._asset.replace(*self._surface(self._world_verts())), _GLB)
+        return ArtifactData(self._written(*self._surface(self._world_verts())), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
@@ -215,12 +215,12 @@ class TextDeformRun:
         verts = self._world_verts()
         with self._clock.phase("write"):
             positions, normals, tangents = self._surface(verts)
-            result = self._asset.replace(positions, normals, tangents)
+            result = self._written(positions, normals, tangents)
             # Read the file back, so that the report describes what is in the file.
             written = read_result(result)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph:
-                morph = self._asset.replace(positions, normals, tangents, morph=True)
+                morph = self._written(positions, normals, tangents, morph=True)
                 artifacts["morph.glb"] = ArtifactData(morph, _GLB)
             usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
@@ -247,6 +247,12 @@ class TextDeformRun:
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
+
+    def _written(self, positions: _Floats, normals: _Floats, tangents: _Floats, *, morph: bool = False) -> bytes:
+        """Return the asset with a new shape as a GLB, with the options of the request."""
+        output = self._facts.request.output
+        origin = provenance(self._facts, self.step) if output.provenance else None
+        return self._asset.replace(positions, normals, tangents, morph=morph, compact=output.compact, provenance=origin)
 
     def _likeness(self, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
     DeformParams,
@@ -92,7 +93,7 @@ def check(
                 raise
         return resolved
     if model != default_model and model not in allowed_models:
-        known = list(dict.fromkeys([BUILTIN_MODEL, default_model, *allowed_models]))
+        known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
         raise ModelError(
             f"This server does not run the model {model!r}.",
             advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
@@ -121,13 +122,19 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             advice="Omit output.usd. The service's operator can install the extra `usd` and set MESHDEFORM_USD.",
             errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
         )
-    return check(
-        request,
-        default_model=settings.model,
-        allowed_models=settings.allowed_models,
-        revision=settings.model_revision,
-        has_target="target" in files,
-    )
+    models = settings.offered_models
+    named = request.params.model
+    if named is not None:
+        params = request.params.model_copy(update={"model": configured_name(named, models)})
+        request = request.model_copy(update={"params": params})
+    with hidden_folders(models):
+        return check(
+            request,
+            default_model=settings.model,
+            allowed_models=settings.allowed_models,
+            revision=settings.model_revision,
+            has_target="target" in files,
+        )
 
 
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
@@ -138,6 +145,8 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
         except ValidationError as error:
             # Another version with other parameters wrote them; the request is still valid.
             _log.info("the resolved parameters cannot be read and are resolved again: %s", error)
+        if isinstance(kept.get("model"), str):  # the request may name a folder by its id
+            request = request.model_copy(update={"params": request.params.model_copy(update={"model": kept["model"]})})
     return resolve(request.params, default_model=default_model)
 
 
@@ -165,11 +174,15 @@ def _load() -> StartRun:
     def start(given: RunInput) -> JobRun:
         asset, target = given.files["asset"], given.files.get("target")
         params = _resolved(given.request, given.default_model, given.resolved)
+        prior = None
+        if params.guidance is GuidanceKind.SDS:
+            with hidden_folders([params.model]):
+                prior = given.load_prior(params.model)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
             request=given.request,
-            prior=given.load_prior(params.model) if params.guidance is GuidanceKind.SDS else None,
+            prior=prior,
             target=target.data if target else None,
             target_filename=target.filename if target else "",
             checkpoint=given.checkpoint,

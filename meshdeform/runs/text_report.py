@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
+import meshdeform
 from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
+from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors.public_names import public_name
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
-__all__ = ["RunFacts", "build_report", "read_result"]
+__all__ = ["RunFacts", "build_report", "provenance", "read_result"]
 
 _UNBOUNDED = Limits(
     max_bytes=2**40,
@@ -45,6 +48,19 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+
+
+def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
+    """Return what `output.provenance` stores in a file with the shape of a step."""
+    return {
+        "version": meshdeform.__version__,
+        "prompt": facts.request.prompt,
+        "seed": facts.params.seed,
+        "preset": facts.params.preset.value,
+        "step": step,
+        "parameters_sha256": fingerprint(**facts.params.model_dump(mode="json")),
+        "source_sha256": facts.asset_sha256,
+    }
 
 
 def build_report(
@@ -100,11 +116,12 @@ def build_report(
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
-        "params": facts.params.model_dump(mode="json"),
+        # Clients read the report: a model in a folder is named as the service names it.
+        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {"filename": facts.filename, "bytes": facts.asset_bytes, "sha256": facts.asset_sha256},
-        "guidance": facts.guidance,
+        "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
         "versions": versions(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["result_name", "slug"]
+__all__ = ["artifact_name", "result_name", "slug"]
 
 _MAX_LENGTH = 48
 
@@ -12,6 +12,11 @@ _MAX_LENGTH = 48
 def slug(text: str) -> str:
     """Return text as part of a file name: words joined by hyphens, at most 48 characters; empty if there is no word."""
     return re.sub(r"\W+", "-", text).strip("-_")[:_MAX_LENGTH].strip("-_")
+
+
+def artifact_name(artifact: str, base: str) -> str:
+    """Return the file name for an artifact: `BASE.glb` for `result.glb`, `BASE.preview.png` for `preview.png`."""
+    return f"{base}{artifact.removeprefix('result')}" if artifact.startswith("result.") else f"{base}.{artifact}"
 
 
 def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> str:
@@ -32,6 +37,4 @@ def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> s
     stem = filename.rpartition(".")[0] or filename
     parts = [slug(stem), slug(goal), "" if seed is None else f"seed{seed}"]
     base = "-".join(filter(None, parts))
-    if not base:
-        return artifact
-    return f"{base}{artifact.removeprefix('result')}" if artifact.startswith("result.") else f"{base}.{artifact}"
+    return artifact_name(artifact, base) if base else artifact

@@ -171,7 +171,7 @@ async def validate_job(
 ) -> Response:
     """Takes the bodies of `POST /v1/jobs`, reports the same problems, and estimates the run time. Stores nothing."""
     async with _submitted(request, app, principal.owner_id) as submission:
-        validation = await app.take_in(principal.owner_id, validate, app, principal.owner_id, submission)
+        validation = await app.take_in(principal.owner_id, validate, app, principal, submission)
     return Response(validation.model_dump_json(), media_type="application/json")
 
 

@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.priors.public_names import public_names
 from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
+from meshdeform.record.repository import check_priority
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, kind_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
+from service.http.auth import Principal
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.http.multipart import ReceivedFile
 from service.jobs.sources import Submission
@@ -121,9 +124,10 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
             return record_job(app, new, leases)
 
 
-def validate(app: AppState, owner_id: str, submission: Submission) -> Validation:
+def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
-    params, files, summaries = _check(app, owner_id, submission)
+    check_priority(submission.document.priority, principal.max_priority)
+    params, files, summaries = _check(app, principal.owner_id, submission)
     found = {
         name: AssetFound(filename=file.filename, size=file.size, sha256=file.sha256, **asdict(summaries[name]))
         for name, file in files.items()
@@ -134,7 +138,11 @@ def validate(app: AppState, owner_id: str, submission: Submission) -> Validation
         submission.document,
         default_model=app.settings.model,
         queue=app.settings.queue,
+        owner_id=principal.owner_id,
     )
+    model = getattr(params, "model", None)
+    if model is not None:  # as clients name it
+        params = params.model_copy(update={"model": public_names(app.settings.offered_models).get(model, model)})
     return Validation(
         files=found,
         asset=next(iter(found.values())),

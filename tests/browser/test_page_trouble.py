@@ -11,7 +11,7 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-from tests.acceptance.service import Service  # noqa: E402
+from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch, held_jobs, watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
 from tests.fault_proxy import FaultProxy  # noqa: E402
@@ -131,7 +131,8 @@ def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, servic
     page.get_by_role("button", name="Delete").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     page.wait_for_url("**/#/jobs")
-    assert service.http.get(f"/v1/jobs/{retry}").status_code == 404
+    page.reload()
+    until("the job is deleted", lambda: service.http.get(f"/v1/jobs/{retry}").status_code == 404)
 
 
 def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(

@@ -35,7 +35,13 @@ def test_the_pages_load_nothing_from_another_host(api: Api, openapi: dict[str, A
     assert api.http.get("/openapi.json").json() == openapi
     page = api.http.get("/docs")
     assert page.headers["content-type"].startswith("text/html")
-    assert not re.search(r"<script|<link|src=|@import|url\(", page.text)
+    assert not re.search(r"<script|<link|src=|@import", page.text)
+    fonts = re.findall(r"url\((.*?)\)", page.text)
+    assert len(fonts) == 3
+    assert "font-src 'self'" in page.headers["content-security-policy"]
+    for font in fonts:
+        answer = api.http.get("/" + font.strip('"'))
+        assert (answer.status_code, answer.headers["content-type"]) == (200, "font/woff2")
     for path in openapi["paths"]:
         assert path in page.text
     assert api.http.get("/redoc").status_code == 404

@@ -25,7 +25,7 @@ def test_the_models_of_a_server(redis_server_url: str, tmp_path: Path, openapi: 
         assert answer.status_code == 200, answer.text
         document = answer.json()
         check_document(document, "ModelList", openapi)
-        assert document["default"] == str(tmp_path / "checkpoint")
+        assert document["default"] == "checkpoint"
         first, builtin, other = document["models"]
         assert (first["id"], first["available"], first["vocabulary"]) == (document["default"], False, None)
         assert first["problem"]

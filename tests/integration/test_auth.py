@@ -250,8 +250,11 @@ def test_a_key_sets_priorities_up_to_its_limit(start: Start, record: JobRecord, 
         for priority in (*accepted, refused):
             document = json.dumps({"prompt": "a mushroom", "priority": priority})
             files = {"asset": asset, "request": (None, document)}
+            tried = http.post("/v1/jobs:validate", files=files, headers=bearer(text))
             answer = http.post("/v1/jobs", files=files, headers=bearer(text))
             assert answer.status_code == (422 if priority == refused else 202), answer.text
+            assert tried.status_code == (422 if priority == refused else 200), tried.text
+        assert tried.json()["errors"] == answer.json()["errors"]
         assert answer.json()["errors"][0]["loc"] == ["priority"]
         assert http.get("/v1/limits", headers=bearer(text)).json()["jobs"]["max_priority"] == accepted[0]
 

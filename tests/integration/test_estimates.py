@@ -13,10 +13,11 @@ from tests.integration.record_calls import at, claimed, posted
 QUEUE = "test"
 
 
-def estimated(record: JobRecord, **request: object) -> Estimate:
-    """What is told about a job of ten steps, or of this request."""
+def estimated(record: JobRecord, owner_id: str = "", **request: object) -> Estimate:
+    """Return the estimate for a job of ten steps, or for this request."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": 10}, **request})
-    return estimate(record.database, record.leases, asked, default_model="builtin", queue=QUEUE)
+    places = {"default_model": "builtin", "queue": QUEUE, "owner_id": owner_id}
+    return estimate(record.database, record.leases, asked, **places)
 
 
 def measured(record: JobRecord, *step_s: float, **request: object) -> None:
@@ -85,6 +86,19 @@ def test_a_job_waits_for_the_work_before_it_on_the_workers_that_are_alive(record
     assert estimated(record).queue_s == 13.0
     assert estimated(record, priority=-1).queue_s == 63.0
     assert estimated(record, priority=1).queue_s == 3.0
+
+
+def test_owners_take_turns_in_the_estimate(record: JobRecord) -> None:
+    measured(record, 1.0)
+    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
+    for owner, steps in (("many", 10), ("many", 10), ("many", 10), ("other", 7)):
+        posted(record, owner, params={"steps": steps})
+    posted(record, "many", params={"steps": 1}, priority=1)
+    # One job of each owner comes before the first of a new one, two before the second of `other`.
+    assert estimated(record, "new").queue_s == 1 + 10 + 7
+    assert estimated(record, "other").queue_s == 1 + 10 + 10 + 7
+    assert estimated(record, "many").queue_s == 1 + 30 + 7
+    assert estimated(record, "new", priority=1).queue_s == 1
 
 
 def test_a_job_that_waits_counts_with_the_parameters_that_it_was_accepted_with(record: JobRecord) -> None:

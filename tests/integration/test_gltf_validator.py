@@ -11,6 +11,8 @@ import numpy as np
 from meshdeform.assets import load_asset
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_NORMALS, Builder
+from tests.unit.assets.test_compact import ASSETS as COMPACTED
+from tests.unit.assets.test_compact import written as deformed
 from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
 from tests.unit.assets.test_convert import OBJ, PLY, stl
 from tests.unit.assets.test_fuzz import kitchen_sink
@@ -57,11 +59,19 @@ ASSETS: dict[str, Callable[[], tuple[bytes, str]]] = {
 
 @each_case("name", list(ASSETS))
 @each_case("morph", [False, True])
-def test_no_new_error(validate_glb: Validate, name: str, morph: bool) -> None:
+@each_case("compact", [False, True])
+def test_no_new_error(validate_glb: Validate, name: str, morph: bool, compact: bool) -> None:
     data, filename = ASSETS[name]()
     asset = load_asset(data, filename)
     surface = asset.surface
     moved = surface.positions + np.sin(surface.positions[:, [1, 2, 0]])
-    written = asset.replace(moved, surface.normals[:, [1, 2, 0]], surface.tangents, morph=morph)
+    written = asset.replace(moved, surface.normals[:, [1, 2, 0]], surface.tangents, morph=morph, compact=compact)
     before, after = errors(validate_glb(asset.to_bytes())), errors(validate_glb(written))
     assert not after - before
+
+
+@each_case("name", ["interleaved", "quantized", "embedded"])
+def test_a_compact_result_has_no_issue_that_the_source_has_not(validate_glb: Validate, name: str) -> None:
+    source = COMPACTED[name]()
+    before, after = (validate_glb(data)["issues"]["messages"] for data in (source, deformed(source, compact=True)))
+    assert Counter(issue["code"] for issue in after) <= Counter(issue["code"] for issue in before)

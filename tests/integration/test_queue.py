@@ -76,6 +76,21 @@ def test_what_others_put_into_redis_is_dropped_and_nothing_of_it_is_imported(
     assert "planted" not in sys.modules
 
 
+def test_a_worker_obeys_no_command_from_redis(queue: JobQueue, redis_url: str, signals: None) -> None:
+    """RQ's `shutdown` would stop a worker, `rq suspend` would keep every worker waiting."""
+    heard = []
+    with redis.Redis.from_url(redis_url) as connection:
+        queue.enqueue("job_1")
+        connection.set("rq:suspended", 1)
+
+        def run(_job_id: str) -> None:
+            heard.append(connection.publish(worker.pubsub_channel_name, '{"command": "shutdown"}'))
+
+        worker = InProcessWorker("test", connection, run, on_idle=lambda: None, on_stop=lambda: None)
+        worker.work(burst=True, logging_level="WARNING")
+    assert heard == [0]  # subscribers
+
+
 def test_telling_twice_is_two_deliveries_of_one_id(queue: JobQueue) -> None:
     queue.enqueue("job_1")
     queue.enqueue("job_1")

@@ -2,7 +2,8 @@
 
 ::
 
-    {"ledger": 1, "batch": ID, "created_at": ...}
+    {"ledger": 1, "batch": ID, "created_at": ..., "flat": false}
+    {"event": "named", "key": KEY, "name": NAME}
     {"event": "submitted", "key": KEY, "name": NAME, "job_id": ..., "try": 0}
     {"event": "done", "key": KEY, "name": NAME, "seconds": ..., "files": {...}}
     {"event": "failed", "key": KEY, "name": NAME, "error": {...}}
@@ -37,6 +38,8 @@ class Ledger:
     ----------
     folder : Path
         The folder of the batch; created if missing.
+    flat : bool
+        Whether all results are files in this folder.
 
     Attributes
     ----------
@@ -52,11 +55,12 @@ class Ledger:
     UnavailableError
         The file cannot be written, or another process has locked it.
     ParameterError
-        The file is not a ledger.
+        The file is not a ledger, or the batch was started with another `flat`.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, flat: bool = False) -> None:
         self.path = folder / _NAME
+        self.flat = flat
         self.last: dict[str, dict[str, Any]] = {}
         self.tries: dict[str, int] = {}
         self.batch_id = ""
@@ -115,7 +119,7 @@ class Ledger:
                     advice="Remove the line, or choose another folder with -o.",
                 ) from error
         if not self.batch_id:
-            self._write({"ledger": _VERSION, "batch": uuid.uuid4().hex, "created_at": _now()})
+            self._write({"ledger": _VERSION, "batch": uuid.uuid4().hex, "created_at": _now(), "flat": self.flat})
             _sync_folder(self.path.parent)
 
     def _note(self, document: dict[str, Any]) -> None:
@@ -123,6 +127,12 @@ class Ledger:
             if document["ledger"] != _VERSION:
                 raise ValueError(document["ledger"])
             self.batch_id = str(document["batch"])
+            started = bool(document.get("flat", False))
+            if started != self.flat:
+                raise ParameterError(
+                    f"The batch in {self.path.parent} was started {'with' if started else 'without'} --flat.",
+                    advice=f"{'Add' if started else 'Leave out'} --flat, or choose another folder with -o.",
+                )
             return
         key = document["key"]
         self.last[key] = document

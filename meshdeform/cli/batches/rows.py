@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.cli.batches.manifest import Entry
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
-from meshdeform.support.file_names import slug
+from meshdeform.support.file_names import artifact_name, slug
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest
 
-__all__ = ["Row", "make_rows"]
+__all__ = ["ARTIFACTS", "Row", "make_rows"]
+
+ARTIFACTS = ("report.json", "preview.png", "morph.glb", "result.usdz", "result.glb")
+"""Files of a row, the result last: where it exists, the others do."""
 
 _MAX_LISTED = 20
 _MAX_NAME = 100
@@ -34,12 +37,14 @@ class Row:
     key : str
         A digest of everything that decides the result: the bytes of the files, the prompt, the parameters.
     name : str
-        Its folder in the folder of the batch; unique.
+        Its folder in the folder of the batch, or the beginning of its file names; unique.
     place : str
         Where it was written, for errors.
     asset : Path
     request : JobRequest
     target : Path, optional
+    flat : bool
+        Whether its files are in the folder of the batch itself.
     """
 
     key: str
@@ -48,6 +53,11 @@ class Row:
     asset: Path
     request: JobRequest
     target: Path | None = None
+    flat: bool = False
+
+    def path(self, folder: Path, artifact: str) -> Path:
+        """Return the path of an artifact in the folder of the batch."""
+        return folder / artifact_name(artifact, self.name) if self.flat else folder / self.name / artifact
 
 
 def make_rows(
@@ -55,9 +65,10 @@ def make_rows(
     *,
     defaults: Mapping[str, Any],
     seeds: Sequence[int] = (),
-    morph: bool = False,
-    usd: bool = False,
+    output: Mapping[str, bool] | None = None,
     known_names: Mapping[str, str] | None = None,
+    flat: bool = False,
+    occupied: Iterable[str] = (),
     check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
 ) -> tuple[list[Row], list[str]]:
     """Validate every row before the first one begins.
@@ -69,10 +80,14 @@ def make_rows(
         Parameters for rows that do not set them.
     seeds : sequence of int
         A row without a seed is done once for each of these.
-    morph, usd : bool
-        Whether every row writes a morph, and a USDZ.
+    output : mapping of str to bool, optional
+        Options of `output` for every row.
     known_names : mapping, optional
         Names by key from an earlier run of the batch, which are kept.
+    flat : bool
+        Whether all files are in the folder of the batch itself; names then always have a seed.
+    occupied : iterable of str
+        Files in that folder, whose names are not taken.
     check : callable
         Called with each request and whether it has a target; raises if it is invalid.
 
@@ -94,7 +109,7 @@ def make_rows(
         for seed in seeds if seeds and "seed" not in entry.params else (None,):
             params = {**defaults, **({"seed": seed} if seed is not None else {})}
             try:
-                request = _request(entry, params, morph=morph, usd=usd)
+                request = _request(entry, params, output or {})
                 check(request, entry.target is not None)
                 key = digest.key(entry, request)
             except MeshdeformError as error:
@@ -106,21 +121,23 @@ def make_rows(
                 found[key] = (entry, request)
     if wrong:
         raise _refusal(wrong, len(entries))
-    names = _names(found, known_names or {}, with_seed=len(seeds) > 1)
+    names = _names(found, known_names or {}, with_seed=len(seeds) > 1, flat=flat, occupied=occupied)
     rows = [
-        Row(key, names[key], entry.place, entry.asset, request, entry.target) for key, (entry, request) in found.items()
+        Row(key, names[key], entry.place, entry.asset, request, entry.target, flat)
+        for key, (entry, request) in found.items()
     ]
     return rows, repeated
 
 
-def _request(entry: Entry, defaults: Mapping[str, Any], *, morph: bool, usd: bool) -> JobRequest:
+def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, bool]) -> JobRequest:
     if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
         raise ParameterError(
             f"{entry.name!r} is not a valid folder name.", advice="Use letters, digits, spaces and -_.,+()."
         )
     guidance = {"guidance": "target"} if entry.target else {}
     params = {**defaults, **guidance, **entry.params}
-    return make_request(entry.prompt, params, morph=morph or entry.morph, usd=usd or entry.usd)
+    own = {name: True for name in ("morph", "usd") if getattr(entry, name)}
+    return make_request(entry.prompt, params, output={**output, **own})
 
 
 def _with_suggestions(error: MeshdeformError) -> str:
@@ -170,21 +187,32 @@ def _chosen(params: DeformParams) -> dict[str, Any]:
 
 
 def _names(
-    found: Mapping[str, tuple[Entry, JobRequest]], known: Mapping[str, str], *, with_seed: bool
+    found: Mapping[str, tuple[Entry, JobRequest]],
+    known: Mapping[str, str],
+    *,
+    with_seed: bool,
+    flat: bool,
+    occupied: Iterable[str],
 ) -> dict[str, str]:
     names = {key: known[key] for key in found if key in known}
-    taken = {name.casefold() for name in known.values()}
+    taken = {place for name in known.values() for place in _places(name, flat=flat)}
+    taken |= {name.casefold() for name in occupied if flat}
     for key, (entry, request) in found.items():
         if key in names:
             continue
         base = entry.name or "-".join(slug(text) or "x" for text in (entry.asset.stem, _goal(entry, request)))
-        if with_seed and "seed" not in entry.params:
+        if (flat and not entry.name) or (with_seed and "seed" not in entry.params):
             base += f"-seed{request.params.seed}"
         # With its digest, the name does not depend on rows added later.
-        name = base if base.casefold() not in taken else f"{base}-{key[:8]}"
+        name = f"{base}-{key[:8]}" if taken & _places(base, flat=flat) else base
         names[key] = name
-        taken.add(name.casefold())
+        taken |= _places(name, flat=flat)
     return names
+
+
+def _places(name: str, *, flat: bool) -> set[str]:
+    """Return the folder and files a row of this name may write, in lower case, since some file systems ignore it."""
+    return {name.casefold(), *(artifact_name(artifact, name).casefold() for artifact in ARTIFACTS if flat)}
 
 
 def _goal(entry: Entry, request: JobRequest) -> str:

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from meshdeform.cli.batches.display import BatchView, show_batch
 from meshdeform.cli.batches.ledger import Ledger
-from meshdeform.cli.batches.rows import Row
+from meshdeform.cli.batches.rows import ARTIFACTS, Row
 from meshdeform.cli.batches.summary import count_states, record_of, write_summary
 from meshdeform.cli.batches.work import RowOutcome, Runner, do_rows
 from meshdeform.cli.exits import ExitCode, OutcomeError
@@ -28,11 +28,13 @@ class Session:
     as_json : bool
         Whether to print a line on standard output for each row that ends.
     quiet : bool
+    flat : bool
+        Whether all results are files in the folder itself.
     """
 
-    def __init__(self, folder: Path, *, as_json: bool, quiet: bool) -> None:
+    def __init__(self, folder: Path, *, as_json: bool, quiet: bool, flat: bool = False) -> None:
         self.folder, self._as_json, self._quiet = folder, as_json, quiet
-        self.ledger = Ledger(folder)
+        self.ledger = Ledger(folder, flat=flat)
 
     def __enter__(self) -> Self:
         return self
@@ -57,6 +59,10 @@ class Session:
             The batch cannot continue: the service or the disk is unavailable.
         """
         todo = self.left(rows, retry_failed=retry_failed)
+        for row in todo:
+            if row.flat and row.key not in self.ledger.last:
+                # So that a file of an interrupted run does not look like somebody else's.
+                self.ledger.append("named", row.key, row.name)
         if len(todo) < len(rows):
             note(f"{len(rows) - len(todo)} of {len(rows)} rows are finished already.", quiet=self._quiet)
         try:
@@ -90,8 +96,9 @@ class Session:
             The files cannot be written.
         """
         records = [record_of(row, self.ledger.last.get(row.key), self.folder) for row in rows]
+        pictures = [row.path(self.folder, "preview.png") for row in rows]
         try:
-            files = write_summary(self.folder, self.ledger.batch_id, records)
+            files = write_summary(self.folder, self.ledger.batch_id, records, pictures)
         except OSError as error:
             raise UnavailableError(
                 f"The summary cannot be written: {error}.", advice="Free some space, then run the same command again."
@@ -102,13 +109,28 @@ class Session:
         line = self.ledger.last.get(row.key, {})
         if line.get("event") == "failed":
             return retry_failed
-        return line.get("event") != "done" or not (self.folder / row.name / "result.glb").exists()
+        return line.get("event") != "done" or not row.path(self.folder, "result.glb").exists()
+
+    def _flatten(self, row: Row) -> None:
+        """Move the files of a row out of the folder in which they were written."""
+        folder = self.folder / row.name
+        try:
+            for artifact in ARTIFACTS:
+                if (folder / artifact).exists():
+                    (folder / artifact).replace(row.path(self.folder, artifact))
+            folder.rmdir()
+        except OSError as error:
+            raise UnavailableError(
+                f"The results in {folder} cannot be moved: {error}.", advice="Run the same command again."
+            ) from error
 
     def _end(self, row: Row, outcome: RowOutcome, view: BatchView) -> None:
         more: dict[str, Any] = {"state": outcome.state, "seconds": outcome.seconds, "losses": outcome.losses}
         if outcome.job_id is not None:
             more["job_id"] = outcome.job_id
         if outcome.state == "succeeded":
+            if row.flat:
+                self._flatten(row)
             self.ledger.append("done", row.key, row.name, files=outcome.files, **more)
         else:
             self.ledger.append("failed", row.key, row.name, error=outcome.error, **more)

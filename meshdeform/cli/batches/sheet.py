@@ -17,15 +17,15 @@ _MAX_TILES = 600
 _RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
-def contact_sheet(folder: Path, records: Sequence[Mapping[str, Any]]) -> bytes | None:
+def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
     """Return a PNG with the first 600 rows; None if no row succeeded.
 
     Parameters
     ----------
-    folder : Path
-        The folder of the batch; the picture of a row is `NAME/preview.png`.
     records : sequence of mapping
         `name`, `state`, `prompt` and `error_code` of each row, in order.
+    pictures : sequence of Path
+        The `preview.png` of each row, which need not exist.
     """
     if not any(record["state"] == "succeeded" for record in records):
         return None
@@ -34,17 +34,17 @@ def contact_sheet(folder: Path, records: Sequence[Mapping[str, Any]]) -> bytes |
     lines = math.ceil(len(shown) / columns)
     size = (_GAP + columns * (_WIDTH + _GAP), _GAP + lines * (_HEIGHT + _CAPTION + _GAP))
     sheet = Image.new("RGB", size, "white")
-    for index, record in enumerate(shown):
+    for index, (record, path) in enumerate(zip(shown, pictures, strict=False)):
         row, column = divmod(index, columns)
-        _tile(sheet, (_GAP + column * (_WIDTH + _GAP), _GAP + row * (_HEIGHT + _CAPTION + _GAP)), folder, record)
+        _tile(sheet, (_GAP + column * (_WIDTH + _GAP), _GAP + row * (_HEIGHT + _CAPTION + _GAP)), path, record)
     out = io.BytesIO()
     sheet.save(out, "PNG", optimize=True)
     return out.getvalue()
 
 
-def _tile(sheet: Image.Image, at: tuple[int, int], folder: Path, record: Mapping[str, Any]) -> None:
+def _tile(sheet: Image.Image, at: tuple[int, int], path: Path, record: Mapping[str, Any]) -> None:
     draw, (x, y) = ImageDraw.Draw(sheet), at
-    picture = _picture(folder / str(record["name"]) / "preview.png") if record["state"] == "succeeded" else None
+    picture = _picture(path) if record["state"] == "succeeded" else None
     if picture is not None:
         sheet.paste(picture, (x + (_WIDTH - picture.width) // 2, y + (_HEIGHT - picture.height) // 2))
     colour = _GREY if record["state"] in ("succeeded", "pending") else _RED

@@ -38,7 +38,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
     line, request = line or {}, row.request
     done = line.get("event") == "done"
     state = "succeeded" if done else line.get("state", "failed") if line.get("event") == "failed" else "pending"
-    report = _report(folder / row.name / "report.json") if done else {}
+    report = _report(row.path(folder, "report.json")) if done else {}
     params, quality = report.get("params", {}), report.get("quality", {})
     error = line.get("error") or {}
     return {
@@ -57,7 +57,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
         "job_id": line.get("job_id"),
         "error_code": error.get("code"),
         "error": error.get("detail"),
-        "result": str(folder / row.name / "result.glb") if done else None,
+        "result": str(row.path(folder, "result.glb")) if done else None,
     }
 
 
@@ -68,8 +68,20 @@ def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     return {"rows": len(records), "succeeded": good, "failed": len(records) - good - waiting, "pending": waiting}
 
 
-def write_summary(folder: Path, batch_id: str, records: Sequence[dict[str, Any]]) -> dict[str, str]:
+def write_summary(
+    folder: Path, batch_id: str, records: Sequence[dict[str, Any]], pictures: Sequence[Path]
+) -> dict[str, str]:
     """Write the files, all or none, and return their paths by name. Without Pillow there is no sheet.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the batch.
+    batch_id : str
+    records : sequence of dict
+        What `record_of` returns for each row.
+    pictures : sequence of Path
+        The picture of each row, which need not exist.
 
     Raises
     ------
@@ -81,16 +93,16 @@ def write_summary(folder: Path, batch_id: str, records: Sequence[dict[str, Any]]
         folder / "summary.csv": _table(records).encode(),
         folder / "summary.json": (json.dumps(document, indent=1) + "\n").encode(),
     }
-    if find_spec("PIL") is not None and (sheet := _sheet(folder, records)):
+    if find_spec("PIL") is not None and (sheet := _sheet(records, pictures)):
         files[folder / "sheet.png"] = sheet
     write_files(files)
     return {path.name: str(path) for path in files}
 
 
-def _sheet(folder: Path, records: Sequence[Mapping[str, Any]]) -> bytes | None:
+def _sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
     from meshdeform.cli.batches.sheet import contact_sheet
 
-    return contact_sheet(folder, records)
+    return contact_sheet(records, pictures)
 
 
 def _table(records: Sequence[Mapping[str, Any]]) -> str:

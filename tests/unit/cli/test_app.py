@@ -132,6 +132,14 @@ def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_
     assert (tmp_path / "egg.glb").read_bytes()[:4] == b"glTF"
 
 
+def test_a_run_is_compact_and_says_where_it_comes_from(sphere: Path, egg: Path, tmp_path: Path) -> None:
+    common = ["run", sphere, "--target", egg, "--steps", 1, "-q", "--compact", "--provenance", "-o", "egg.glb"]
+    assert run_here(*common, cwd=tmp_path).exit_code == 0
+    written = (tmp_path / "egg.glb").read_bytes()
+    assert len(written) < sphere.stat().st_size + 500
+    assert b'"meshdeform":{"version":' in written
+
+
 def test_a_run_overwrites_only_what_a_run_wrote(sphere: Path, egg: Path, tmp_path: Path) -> None:
     common = ["run", sphere, "--target", egg, "--steps", 1, "-o", "egg.glb"]
 

@@ -35,7 +35,7 @@ FUTURE = {
     "kind": "image_deform",
     "state": "paused",
     "params": {"preset": "ultra", "seed": 7, "wobble": 3},
-    "output": {"morph": True, "usd": True},
+    "output": {"morph": True, "usd": True, "compact": False, "provenance": False},
     "asset": {**JOB["asset"], "license": "CC0"},
     "progress": {"gpu": 3},
     "team": "a",

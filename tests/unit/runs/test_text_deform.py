@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 
@@ -10,13 +11,15 @@ import pytest
 import torch
 from PIL import Image
 
+import meshdeform
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.runs import text_deform
 from meshdeform.testing import FakePrior
+from tests.unit.assets.builders import unpack
 
 
 def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes:
@@ -76,6 +79,25 @@ def test_results_keep_the_asset_and_say_so() -> None:
     assert report["quality"]["flipped_faces"] == 0
     assert set(report["seconds"]) == {"read", "prepare", "optimize", "write", "measure"}
     assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size == (1024, 512)
+
+
+def test_results_are_compact_and_have_their_provenance_if_requested() -> None:
+    asset = glb(icosphere(1))
+    results = {}
+    for wanted in (False, True):
+        output = {"morph": True, "compact": wanted, "provenance": wanted}
+        run = start(asset, request(steps=1).model_copy(update={"output": OutputOptions.model_validate(output)}))
+        list(run)
+        results[wanted] = {"snapshot": run.snapshot().data} | {n: a.data for n, a in run.finish().items()}
+    assert len(results[True]["result.glb"]) < len(asset) + 500 < len(results[False]["result.glb"])
+    for name in ("result.glb", "morph.glb", "snapshot"):
+        plain, extended = (unpack(results[wanted][name])[0]["asset"] for wanted in (False, True))
+        assert plain == unpack(asset)[0]["asset"]
+        found = extended["extras"]["meshdeform"]
+        assert len(found.pop("parameters_sha256")) == 64
+        origin = {"prompt": "an egg", "seed": 5, "preset": "preview", "step": 1}
+        source = {"source_sha256": hashlib.sha256(asset).hexdigest()}
+        assert found == {"version": meshdeform.__version__, **origin, **source}
 
 
 def test_split_vertices_stay_together() -> None:

@@ -3,6 +3,7 @@
 import { toast } from "../announce.js";
 import { request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
+import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
@@ -127,12 +128,11 @@ export class JobActions {
     ask(
       {
         title: "Delete this job?",
-        body: [h("p", null, "Its results, steps and asset are deleted too. This can't be undone.")],
+        body: [h("p", null, "Its results, steps and asset are deleted too.")],
         action: "Delete",
         danger: true,
         act: async () => {
-          await requestJson(`v1/jobs/${this.job.id}`, { method: "DELETE" });
-          toast("Deleted");
+          deleteJobs([this.job.id]);
           location.hash = routeHash({ name: "jobs", state: null });
         },
       },

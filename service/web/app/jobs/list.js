@@ -1,7 +1,8 @@
 // @ts-check
 /** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
-import { announce, toast } from "../announce.js";
+import { announce } from "../announce.js";
 import { isAbort, requestJson } from "../api.js";
+import { CHANGED, deleteJobs, isDeleted } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { counted, STATE_WORDS } from "../format.js";
@@ -53,6 +54,7 @@ export class ListView {
       : h("div", { class: "row" }, this.search, filter(state), this.select);
     const head = h("div", { class: "section-head" }, this.title, tools);
     fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
+    scope.listen(document, CHANGED, () => this._deletionsChanged());
     this._run();
   }
 
@@ -106,7 +108,7 @@ export class ListView {
   /** Show only the jobs that were searched for, and read older ones while there are few. */
   async _search() {
     const text = this.search.value.trim();
-    for (const card of this.cards.values()) card.element.hidden = !card.matches(text);
+    this._match();
     this._selection();
     while (text && text === this.search.value.trim() && this.cursor && this.jobs.size < SEARCHED && this._shown().length < FOUND) {
       const before = this.jobs.size;
@@ -115,6 +117,18 @@ export class ListView {
     }
     this._words(false);
     if (text) announce(this._searchWords());
+  }
+
+  /** Show the cards that were searched for, without those that are being deleted. */
+  _match() {
+    const text = this.search.value.trim();
+    for (const card of this.cards.values()) card.element.hidden = isDeleted(card.id) || !card.matches(text);
+  }
+
+  _deletionsChanged() {
+    this._match();
+    this._selection();
+    this._words(!this._shown().length);
   }
 
   /** @returns {JobCard[]} */
@@ -162,17 +176,12 @@ export class ListView {
     ask(
       {
         title: `Delete ${counted(chosen.length, "job")}?`,
-        body: [h("p", null, "Their results, steps and assets are deleted too. This can't be undone.")],
+        body: [h("p", null, "Their results, steps and assets are deleted too.")],
         action: "Delete",
         danger: true,
         act: async () => {
-          for (const card of chosen) {
-            await requestJson(`v1/jobs/${card.id}`, { method: "DELETE" });
-            this._forget(card.id);
-          }
-          toast(`${counted(chosen.length, "job")} deleted`);
+          deleteJobs(chosen.map((card) => card.id));
           this._selectMode(false);
-          this._words(!this.jobs.size);
         },
       },
       this.scope,
@@ -215,7 +224,7 @@ export class ListView {
       }
       const heading = this.group ? `Variation ${job.params?.seed ?? 0}` : undefined;
       const card = new JobCard(job, this.scope, { heading, onSelect: () => this._selection() });
-      card.element.hidden = !card.matches(this.search.value.trim());
+      card.element.hidden = isDeleted(job.id) || !card.matches(this.search.value.trim());
       this.cards.set(job.id, card);
       if (this.group || (atFront && this.grid.childElementCount)) this.grid.prepend(card.element);
       else this.grid.append(card.element);
@@ -225,7 +234,7 @@ export class ListView {
   /** @param {boolean} none */
   _words(none) {
     this.more.hidden = !this.cursor;
-    const jobs = [...this.jobs.values()];
+    const jobs = [...this.jobs.values()].filter((job) => !isDeleted(job.id));
     if (none && !jobs.length) {
       fill(this.summary, this.query.has("state") ? "No jobs in this state." : "No jobs yet. ", this.query.has("state") ? null : h("a", { href: "#/" }, "Create the first one"));
       return;

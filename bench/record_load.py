@@ -1,0 +1,227 @@
+"""Measure the record with a thousand and with a hundred thousand jobs, and five hundred jobs of several owners at once.
+
+    python -m bench.record_load                          SQLite
+    python -m bench.record_load --database postgresql
+
+Prints for each question its statements, its duration with a hundred thousand jobs relative to that with a thousand in
+the same run, and the tables and indices that a statement's plan reads from end to end, or until it has enough rows.
+Then 500 jobs are posted by 20 threads for five owners and claimed by four workers. Durations on a shared machine mean
+little, so only ratios are printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+import statistics
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from meshdeform.record.counters import statistics as job_statistics
+from meshdeform.record.estimates import estimate
+from meshdeform.record.models import JobState, NewJob, StoredFile
+from meshdeform.record.reconciler import RECONCILE_EVERY_S
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import files, jobs, labels
+from meshdeform.requests.document import JobRequest
+from tests.servers import PostgresServer
+
+SMALL, LARGE = 1_000, 100_000
+REPEATS = 15
+OWNERS, POSTED, POSTERS, WORKERS = 5, 500, 20, 4
+_PREFIX = "job_01kg9zqk2xf3v8c5m7n"
+_REQUEST = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview"}})
+_TABLES = "jobs|events|labels|files"
+
+Question = Callable[[JobRecord], object]
+
+
+def stored_file(name: str = "a") -> StoredFile:
+    """Return the description of an asset that is not really stored."""
+    return StoredFile(key=f"assets/{name}", filename="a.glb", size=1, sha256="a" * 64)
+
+
+def fill(record: JobRecord, count: int) -> None:
+    """Write jobs as copies of one, 1 in 100 queued and the others over, each with a label and a file of its own."""
+    record.create(NewJob(_REQUEST, stored_file("first"), owner_id="owner-0"))
+    numbers = sa.select(sa.literal(0).label("n")).cte("numbers", recursive=True)
+    numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < count - 1))
+    n, now, later = numbers.c.n, record.database.now(), record.database.now(86_400.0)
+    text = sa.cast(n + LARGE, sa.String)
+    queued = n % 100 == 1
+    first = jobs.alias("first")
+    changed: dict[str, Any] = {
+        "id": sa.literal(_PREFIX) + text,
+        "owner_id": sa.literal("owner-") + sa.cast(n % 50, sa.String),
+        "state": sa.case((queued, "queued"), else_="succeeded"),
+        "step_s": sa.case((queued, None), else_=0.5),
+        "retain_until": sa.case((queued, None), else_=later),
+        "asset_key": sa.literal("assets/") + text,
+    }
+
+    def put(table: sa.Table, values: dict[str, Any], source: Any) -> None:
+        columns = [sa.type_coerce(value, table.c[name].type).label(name) for name, value in values.items()]
+        connection.execute(sa.insert(table).from_select(list(values), sa.select(*columns).select_from(source)))
+
+    with record.database.write() as connection:
+        every = {column.name: changed.get(column.name, first.c[column.name]) for column in jobs.c}
+        put(jobs, every, numbers.join(first, sa.true()))
+        label = {"job_id": changed["id"], "name": "batch", "value": sa.cast(n % 100, sa.String)}
+        put(labels, label, numbers)
+        put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now}, numbers)
+    if not record.database.is_sqlite:
+        # As the server does by itself after a while; SQLite never does.
+        engine = sa.create_engine(record.database._engine.url, isolation_level="AUTOCOMMIT")
+        with engine.connect() as connection:
+            connection.exec_driver_sql("VACUUM ANALYZE")
+        engine.dispose()
+
+
+def claim_and_release(record: JobRecord) -> None:
+    """Take the next job as a worker does, and hand it back."""
+    job = record.leases.claim_next("worker", 60.0)
+    assert job is not None
+    record.leases.release(job.id, job.attempt)
+
+
+QUESTIONS: dict[str, Question] = {
+    "get a job": lambda record: record.get(f"{_PREFIX}{LARGE + SMALL // 2}"),
+    "list a page": lambda record: record.list_jobs(),
+    "list an owner's page": lambda record: record.list_jobs(owner="owner-7"),
+    "list a state": lambda record: record.list_jobs(JobState.QUEUED),
+    "list a label": lambda record: record.list_jobs(metadata={"batch": "7"}),
+    "claim and release": claim_and_release,
+    "post": lambda record: record.create(NewJob(_REQUEST, stored_file(), owner_id="owner-7", max_active=10**6)),
+    "estimate": lambda record: estimate(
+        record.database, record.leases, _REQUEST, default_model="builtin", queue="q", owner_id="owner-7"
+    ),
+    "files.unused": lambda record: record.files.unused(),
+    "delete_retained": lambda record: record.upkeep.delete_retained(),
+    "expire_deadlines": lambda record: record.upkeep.expire_deadlines(),
+    "reclaim_expired": lambda record: record.upkeep.reclaim_expired(3),
+    "metrics": lambda record: job_statistics(record.database),
+}
+PERIODIC = ("files.unused", "delete_retained", "expire_deadlines", "reclaim_expired")
+
+
+@contextlib.contextmanager
+def sent(record: JobRecord) -> Iterator[list[tuple[str, Any]]]:
+    """Collect the statements that are sent in the `with` block."""
+    found: list[tuple[str, Any]] = []
+
+    def note(_c: Any, _k: Any, statement: str, parameters: Any, _x: Any, many: bool) -> None:
+        found.append((statement, None if many else parameters))
+
+    engine = record.database._engine
+    sa.event.listen(engine, "before_cursor_execute", note)
+    try:
+        yield found
+    finally:
+        sa.event.remove(engine, "before_cursor_execute", note)
+
+
+def scanned(record: JobRecord, statements: list[tuple[str, Any]]) -> set[str]:
+    """Return the tables and indices that the plans of the statements read from end to end."""
+    explain = "EXPLAIN QUERY PLAN " if record.database.is_sqlite else "EXPLAIN "
+    scan = rf"^SCAN ((?:{_TABLES})(?: USING.*)?)" if record.database.is_sqlite else rf"Seq Scan on ({_TABLES})\b"
+    found: set[str] = set()
+    with record.database.write() as connection:
+        for statement, parameters in statements:
+            if parameters is not None and statement.lstrip().startswith(("SELECT", "UPDATE", "DELETE", "WITH")):
+                plan = connection.exec_driver_sql(explain + statement, parameters)
+                found |= set(re.findall(scan, "\n".join(str(row[-1]) for row in plan), re.MULTILINE))
+    return found
+
+
+def seconds(question: Question, record: JobRecord) -> float:
+    """Return the median duration of a question."""
+    taken = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        question(record)
+        taken.append(time.perf_counter() - start)
+    return statistics.median(taken)
+
+
+def ask(small: JobRecord, large: JobRecord) -> None:
+    """Print what each question costs."""
+    print(f"{'':22}{'statements':>11}{'large / small':>15}  read from end to end")
+    counts = {}
+    for name, question in QUESTIONS.items():
+        ratio = seconds(question, large) / seconds(question, small)
+        with sent(large) as statements:
+            question(large)
+        counts[name] = len(statements)
+        tables = ", ".join(sorted(scanned(large, statements))) or "nothing"
+        print(f"{name:22}{len(statements):>11}{ratio:>15.1f}  {tables}")
+    rate = sum(counts[name] for name in PERIODIC) / RECONCILE_EVERY_S
+    print(f"the four periodic ones, every {RECONCILE_EVERY_S:g} s: {rate:.1f} statements a second")
+
+
+def post_and_claim(record: JobRecord) -> None:
+    """Post the jobs of several owners at once and claim all of them."""
+    with ThreadPoolExecutor(POSTERS) as pool:
+        posted = list(pool.map(lambda n: _post(record, f"key-{n * OWNERS // POSTED}"), range(POSTED)))
+    order: list[tuple[str, str]] = []
+    lock = threading.Lock()
+
+    def work(name: str) -> None:
+        while (job := record.leases.claim_next(name, 600.0)) is not None:
+            with lock:
+                order.append((job.id, job.owner_id))
+
+    workers = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(WORKERS)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    lead, served = 0, Counter[str](dict.fromkeys((owner for _, owner in order), 0))
+    for _, owner in order:
+        served[owner] += 1
+        lead = max(lead, max(served.values()) - min(served.values()))
+    once = len({job_id for job_id, _ in order}) == len(order) == POSTED and set(posted) == {i for i, _ in order}
+    print(f"{POSTED} jobs of {OWNERS} owners: {len(set(posted))} ids; each claimed exactly once: {once}")
+    print(f"the owner served most was at most {lead} jobs ahead of the one served least")
+
+
+def _post(record: JobRecord, owner: str) -> str:
+    return record.create(NewJob(_REQUEST, stored_file(), owner_id=owner, max_active=POSTED)).id
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--database", choices=["sqlite", "postgresql"], default="sqlite")
+    options = parser.parse_args()
+    with contextlib.ExitStack() as cleanup:
+        base = Path(cleanup.enter_context(tempfile.TemporaryDirectory(prefix="meshdeform-record-", dir="/tmp")))
+        base.chmod(0o755)
+        records = []
+        for name, count in (("small", SMALL), ("large", LARGE), ("empty", 0)):
+            (base / name).mkdir()
+            url = f"sqlite:///{base / name / 'record.sqlite'}"
+            if options.database == "postgresql":
+                server = PostgresServer(base / name, durable=True)
+                server.start()
+                cleanup.callback(server.kill)
+                url = server.url
+            record = JobRecord(url)
+            cleanup.callback(record.close)
+            if count:
+                fill(record, count)
+            records.append(record)
+        ask(records[0], records[1])
+        post_and_claim(records[2])
+
+
+if __name__ == "__main__":
+    main()
