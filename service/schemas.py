@@ -100,6 +100,9 @@ class AssetFound(BaseModel):
     meshes: int = Field(ge=0, description="Mesh instances in the default scene.", examples=[1])
     extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
     skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
+    warnings: list[str] = Field(
+        description="Sentences about anything in the file that may surprise or get in the way.", examples=[[]]
+    )
 
 
 class JobEstimate(BaseModel):

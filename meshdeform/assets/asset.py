@@ -13,9 +13,11 @@ from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.document import Document
 from meshdeform.assets.draco import decode_draco
+from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
+from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
@@ -35,11 +37,14 @@ class Asset:
     surface : Surface
         The surface to deform, in world space.
     summary : AssetSummary
-        Counts, extensions and the source format.
+        Counts, extensions, warnings and the source format.
+    repairs : Repairs
+        How many normals and tangents had no direction and were rebuilt.
     """
 
     def __init__(self, document: Document, summary: AssetSummary, source: bytes) -> None:
         self._document = document
+        self.repairs = rebuild_directions(document)
         self._source = source
         self.surface: Surface
         self._blocks: list[Block]
@@ -49,11 +54,16 @@ class Asset:
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             skipped=tuple(self.surface.skipped),
+            warnings=(*summary.warnings, *self.repairs.warnings),
         )
 
     def to_bytes(self) -> bytes:
         """Return the unchanged asset as a GLB: the loaded bytes themselves if they were a GLB."""
-        return self._source if self._source.startswith(GLB_MAGIC) else self._document.to_bytes()
+        if self._source.startswith(GLB_MAGIC):
+            return self._source
+        document = self._document.fork()
+        embed_data_uris(document)
+        return document.to_bytes()
 
     def scene(self) -> SceneView:
         """Return a read-only view of the default scene, for writing other formats.

@@ -213,7 +213,8 @@ def _error(verdict: dict[str, Any]) -> MeshdeformError:
 
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
-    return AssetSummary(**{**verdict, "extensions": tuple(verdict["extensions"]), "skipped": tuple(verdict["skipped"])})
+    lists = {name: tuple(verdict[name]) for name in ("extensions", "skipped", "warnings")}
+    return AssetSummary(**{**verdict, **lists})
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -23,6 +23,7 @@ from meshdeform.assets.scenegraph import (
     check_geometry,
     check_meshes,
     check_nodes,
+    instance_count,
     instances_of,
 )
 from meshdeform.assets.storage import check_storage
@@ -49,6 +50,8 @@ class AssetSummary:
         `extensionsUsed`.
     skipped : tuple of dict
         Parts that are not deformed, and why.
+    warnings : tuple of str
+        Sentences about anything in the file that may surprise or get in the way.
     """
 
     format: str
@@ -57,6 +60,7 @@ class AssetSummary:
     meshes: int = 1
     extensions: tuple[str, ...] = ()
     skipped: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:
@@ -143,6 +147,7 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
     vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
+    drawn: list[int] = []
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
     weights = [_weight(mesh) for mesh in objects(root, "meshes")]
@@ -154,9 +159,9 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(each instance of a mesh counts).",
                 advice="Join meshes of the same material, or leave instances out.",
             )
-        if GPU_INSTANCING in root["nodes"][instance.node].get("extensions", {}):
-            skipped.append({"node": instance.node, "reason": f"{GPU_INSTANCING} draws its mesh many times"})
-            continue
+        many = instance_count(root, instance.node)
+        if many is not None:
+            drawn.append(many)
         mesh_vertices, mesh_triangles, mesh_skipped = per_mesh[instance.mesh]
         vertices, triangles, meshes = vertices + mesh_vertices, triangles + mesh_triangles, meshes + 1
         skipped += [{"node": instance.node, "mesh": instance.mesh, **item} for item in mesh_skipped]
@@ -166,21 +171,36 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(MESHDEFORM_MAX_TRIANGLES; each instance of a mesh counts)."
             )
     if triangles == 0:
-        raise _empty(skipped, primitives > 0)
-    return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped))
+        raise _empty(root, skipped, primitives > 0)
+    warnings = (_many(drawn),) if drawn else ()
+    return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _empty(skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
+def _many(drawn: list[int]) -> str:
+    meshes = "1 mesh" if len(drawn) == 1 else f"{len(drawn)} meshes"
+    return (
+        f"{GPU_INSTANCING} draws {meshes} {sum(drawn)} times. Each is deformed once, in the place of its first "
+        "instance, and all its instances get the new shape."
+    )
+
+
+def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
     """Return the error of an asset without triangles, with advice that fits the reason."""
-    if not has_meshes:
+    if has_meshes:
+        reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
+        return AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
+    meshes = len(objects(root, "meshes"))
+    if not meshes:
+        return AssetEmptyError("The file contains no mesh.", advice="Export the objects as meshes.")
+    count = "1 mesh" if meshes == 1 else f"{meshes} meshes"
+    if not any("mesh" in node for node in objects(root, "nodes")):
         return AssetEmptyError(
-            "The default scene shows no mesh.",
-            advice="Add the nodes with meshes to the default scene, and export again.",
+            f"The file contains {count}, but no node shows a mesh.",
+            advice="Export the objects together with the scene that they are in.",
         )
-    reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
-    advice = "Turn the instances into meshes of their own, and export again." if GPU_INSTANCING in reasons else None
     return AssetEmptyError(
-        "The default scene shows no triangles" + (f": {reasons}." if reasons else "."), advice=advice
+        f"The default scene shows no mesh; the file contains {count}.",
+        advice="Add the nodes with meshes to the default scene, or name their scene in `scene`, and export again.",
     )
 
 

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.scenegraph import (
-    GPU_INSTANCING,
     MODE_NAMES,
     POINTS,
     TRIANGLES,
@@ -98,8 +96,8 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
     start = 0
     for number, instance in enumerate(instances_of(document.root)):
         placement = placement_matrix(document, instance, worlds)
-        reason = _reason_to_leave(document.root["nodes"][instance.node], placement)
-        if reason:
+        if not is_invertible(placement):
+            reason = "its transform flattens the mesh and cannot be inverted"
             skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": reason})
             continue
         for accessors, primitives in _groups(document, instance, skipped).items():
@@ -116,12 +114,6 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
         reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
         raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
     return _join(blocks, joined, owner, skipped), blocks
-
-
-def _reason_to_leave(node: Json, placement: Matrix) -> str | None:
-    if GPU_INSTANCING in node.get("extensions", {}):
-        return f"{GPU_INSTANCING} draws its mesh many times"
-    return None if is_invertible(placement) else "its transform flattens the mesh and cannot be inverted"
 
 
 def _groups(

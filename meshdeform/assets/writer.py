@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.document import Document
+from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.json_text import Json, clone
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
 from meshdeform.errors import NumericalError, ShapeError
@@ -89,6 +90,7 @@ def write_shape(document: Document, blocks: list[Block], shape: Deformation, *, 
     else:
         for block, local in zip(blocks, locals_, strict=True):
             _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    embed_data_uris(document)
     return document.to_bytes()
 
 

@@ -119,7 +119,7 @@ class LocalJob:
             "resumed_from": first or None,
             "losses": self._last_losses,
             "likeness": report.get("likeness"),
-            "warnings": report["warnings"],
+            "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
 

@@ -1,8 +1,8 @@
 """Apply meshopt's filters, which expand unit vectors, quaternions, floats and colours from fewer bits.
 
 Source: EXT_meshopt_compression and KHR_meshopt_compression, appendix B (filters 1 to 4), which allow one unit in the
-last place. Results equal those of meshoptimizer's SIMD code, which viewers and browsers run: the same order of sums, and
-halves rounded to even. Only its 8-bit octahedral filter for x86 differs, whose reciprocal square root is approximate.
+last place. Results equal those of meshoptimizer's SIMD code, which viewers and browsers run: the same order of sums,
+and halves rounded to even. Only its 8-bit octahedral filter for x86 differs, whose reciprocal root is approximate.
 """
 
 from __future__ import annotations
