@@ -226,6 +226,8 @@ def read_image(document: Document, at: int) -> Image:
     """
     image = document.root["images"][at]
     if "uri" in image:
+        if image["uri"][:5].lower() != "data:":
+            raise AssetError(f"images[{at}] is in another file.")
         data = decode_data_uri(image["uri"], f"images[{at}]")
     elif "bufferView" in image:
         data = bytes(document.view_bytes(image["bufferView"]))

@@ -34,6 +34,8 @@ __all__ = [
 DRACO = "KHR_draco_mesh_compression"
 GPU_INSTANCING = "EXT_mesh_gpu_instancing"
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
+LOOSE = "points and lines only follow a surface"
+"""Why a file of nothing but points and lines is refused."""
 MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
 
 # Required extensions that are supported, or that change neither positions nor their meaning.

@@ -59,8 +59,8 @@ _BODY: dict[str, Any] = {
                     "properties": {
                         "asset": {
                             **_FILE,
-                            "description": "The file to deform: GLB, OBJ, PLY or STL. If it is absent, `request.asset` "
-                            "names a stored file.",
+                            "description": "The file to deform: GLB, OBJ, PLY, STL or ZIP. If it is absent, "
+                            "`request.asset` names a stored file.",
                         },
                         "request": {"$ref": "#/components/schemas/JobDocument"},
                         "target": {

@@ -10,7 +10,10 @@ import numpy as np
 
 from meshdeform.assets import load_asset
 from tests.cases import each_case
+from tests.unit.assets.archives import packed
 from tests.unit.assets.builders import QUAD_NORMALS, Builder
+from tests.unit.assets.test_archive import scene
+from tests.unit.assets.test_carried import mixed
 from tests.unit.assets.test_compressed import draco_asset, draco_skin, draco_stream, meshopt_asset
 from tests.unit.assets.test_convert import OBJ, PLY, stl
 from tests.unit.assets.test_fuzz import kitchen_sink
@@ -51,6 +54,8 @@ ASSETS: dict[str, Callable[[], tuple[bytes, str]]] = {
     "draco with a skin": lambda: (draco_skin().glb(), ""),
     "data uris": lambda: (text_gltf(), "a.gltf"),
     "meshopt": lambda: (meshopt_asset().glb(), ""),
+    "points and lines": lambda: (mixed().glb(), ""),
+    "a gltf with its files": lambda: (packed(scene()), "scene.zip"),
     "obj": lambda: (OBJ, "a.obj"),
     "ply": lambda: (PLY, "a.ply"),
     "stl": lambda: (stl(), "a.stl"),
