@@ -34,10 +34,10 @@ def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> l
     from meshdeform.geometry.scattered import interpolate
 
     used = np.unique(surface.triangles)
-    found = []
-    for block in blocks:
-        linear = block.placement[:3, :3]
-        world = block.positions @ linear.T + block.placement[:3, 3]
-        shift = interpolate(surface.positions[used], moved[used], world)
-        found.append((block.positions + shift @ np.linalg.inv(linear).T).astype(np.float32))
-    return found
+    world = [block.positions @ block.placement[:3, :3].T + block.placement[:3, 3] for block in blocks]
+    shift = interpolate(surface.positions[used], moved[used], np.concatenate(world))  # one search tree for all
+    ends = np.cumsum([len(positions) for positions in world])[:-1]
+    return [
+        (block.positions + part @ np.linalg.inv(block.placement[:3, :3]).T).astype(np.float32)
+        for block, part in zip(blocks, np.split(shift, ends), strict=True)
+    ]
