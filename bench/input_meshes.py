@@ -35,6 +35,8 @@ class Input:
     meets : bool
         Whether its components cut or touch each other at rest. Cuts between components are then not counted, only
         those within a component.
+    file : str
+        The name in `bench.input_files.FILES` of the way to pack it.
     """
 
     special: str
@@ -42,6 +44,7 @@ class Input:
     faces: _Faces
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     meets: bool = False
+    file: str = "plain"
 
 
 def _of(special: str, mesh: TriangleMesh, *, meets: bool = False) -> Input:
@@ -269,6 +272,26 @@ def _large(size: float) -> Input:
     return _of("100,000 triangles", torus(0.7, 0.25, _count(size, 500), _count(size, 100)))
 
 
+def _packed(file: str, special: str) -> Callable[[float], Input]:
+    def made(size: float) -> Input:
+        ball = _sphere(size)
+        return Input(special, ball.verts.numpy(), ball.faces.numpy(), file=file)
+
+    return made
+
+
+_PACKED = {
+    "draco-skin": "Draco, with skin weights that it rounds",
+    "instanced": "drawn 50 times by EXT_mesh_gpu_instancing",
+    "broken-normals": "normals and tangents of which some are NaN or zero",
+    "loose": "points and lines in the same mesh",
+    "backdrop": "over a ground plane of ten times its width",
+    "image-outside": "a GLB whose image is in another file",
+    "data-uris": "glTF JSON with a buffer and an image as data URIs",
+    "gltf-zip": "a ZIP of a .gltf, its buffer and its image",
+    "obj-zip": "a ZIP of an OBJ of two materials, its MTL and a texture",
+}
+
 INPUTS: dict[str, Callable[[float], Input]] = {
     "sphere": lambda size: _of("plain: the reference of the ratios", _sphere(size)),
     "parts": _parts,
@@ -303,6 +326,7 @@ INPUTS: dict[str, Callable[[float], Input]] = {
     "moebius-narrow": lambda size: _moebius(size, 1, "one-sided, one row of faces: every vertex on the border"),
     "genus-1": lambda size: _of("a through-hole", torus(0.7, 0.25, _count(size, 45), _count(size, 22))),
     "genus-2": _genus_two,
+    **{name: _packed(name, special) for name, special in _PACKED.items()},
     "large": _large,
 }
 """Every input by name, as a function of its size: 1 in the benchmark, less for a coarser mesh of the same kind."""

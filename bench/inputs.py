@@ -1,8 +1,8 @@
 """Deform difficult input meshes from file to file: ``python -m bench.inputs [--steps N] [--only NAME]``.
 
-Each input is generated (`bench/input_meshes.py`), written as a GLB, deformed from start to end by the builtin
-prior ("a mushroom", preset `preview`, safeguard `intersections`), and read back. Prints a table and fails when an
-invariant of any input does.
+Each input is generated (`bench/input_meshes.py`) and written as a GLB or another file (`bench/input_files.py`). The
+builtin prior deforms it from start to end ("a mushroom", preset `preview`, safeguard `intersections`), and it is read
+back. Prints a table and fails when an invariant of any input does.
 
 * prepare, step: processor time of reading and preparing, and of a step, as ratios to the plain sphere of the same run
 * look: cost of a check by the surface guard, in steps without one; there is one every five steps
@@ -27,6 +27,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
+from bench.input_files import FILES
 from bench.input_meshes import INPUTS, Input
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document
@@ -50,7 +51,7 @@ def glb(made: Input) -> bytes:
     uvs = (made.verts - box_low)[:, :2] / max(float(np.ptp(made.verts, axis=0).max()), 1e-300)
     data = build_glb(made.verts, made.faces, uvs=uvs, material="clay")
     if not any(made.translation):
-        return data
+        return FILES[made.file](data)
     document = Document.parse(data, Limits(), glb=True)
     document.root["nodes"][0]["translation"] = list(made.translation)
     return document.to_bytes()
@@ -97,7 +98,7 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
     params = {"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     start = time.process_time()
-    run = text_deform.start(asset=asset, filename="input.glb", request=request, prior=prior)
+    run = text_deform.start(asset=asset, filename="input", request=request, prior=prior)
     prepared = time.process_time()
     plain: list[float] = []
     checked: list[float] = []

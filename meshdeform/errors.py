@@ -4,7 +4,7 @@
 
     MeshdeformError                    500  internal
     ├── AssetError                     422  asset_invalid          the uploaded file
-    │   ├── AssetFormatError           415  asset_format           not a GLB, OBJ, PLY or STL
+    │   ├── AssetFormatError           415  asset_format           not a GLB, OBJ, PLY, STL or ZIP
     │   ├── AssetTruncatedError        422  asset_truncated        bytes are missing, or a length is wrong
     │   ├── AssetTooLargeError         413  asset_too_large        exceeds a limit of this server
     │   ├── AssetExternalError         422  asset_external_uri     refers to a file that was not sent
@@ -138,7 +138,7 @@ class AssetFormatError(AssetError):
 
     status = 415
     code = "asset_format"
-    advice = "Send a binary glTF 2.0 file (.glb), or a mesh as OBJ, PLY or STL."
+    advice = "Send glTF 2.0 (.glb, or .gltf with its files as a ZIP), or a mesh as OBJ, PLY or STL."
 
 
 class AssetTruncatedError(AssetError):
@@ -160,7 +160,7 @@ class AssetExternalError(AssetError):
     """The asset refers to a file that was not sent."""
 
     code = "asset_external_uri"
-    advice = "Pack buffers and images into one .glb file (for example: gltf-transform copy scene.gltf scene.glb)."
+    advice = "Send the .gltf and its files as a ZIP, or pack them into a .glb: gltf-transform copy in.gltf out.glb"
 
 
 class AssetUnsupportedError(AssetError):

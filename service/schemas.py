@@ -92,7 +92,7 @@ class AssetFound(BaseModel):
     filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
     size: int = Field(ge=0, description="Bytes.", examples=[30720])
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
-    format: str = Field(description="`glb`, `gltf`, `obj`, `ply` or `stl`.", examples=["glb"])
+    format: str = Field(description="`glb`, `gltf`, `obj`, `ply`, `stl` or `zip`.", examples=["glb"])
     vertices: int = Field(ge=0, description="Vertices in the default scene, counting every instance.", examples=[642])
     triangles: int = Field(
         ge=0, description="Triangles in the default scene, counting every instance.", examples=[1280]
@@ -100,6 +100,9 @@ class AssetFound(BaseModel):
     meshes: int = Field(ge=0, description="Mesh instances in the default scene.", examples=[1])
     extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
     skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
+    warnings: list[str] = Field(
+        description="Sentences about anything in the file that may surprise or get in the way.", examples=[[]]
+    )
 
 
 class JobEstimate(BaseModel):
@@ -133,7 +136,7 @@ class Validation(BaseModel):
 class FileLimits(BaseModel):
     """Limits on a file."""
 
-    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl"]])
+    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "zip"]])
     max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
     max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
     max_json_values: int = Field(description="Values in that JSON.", examples=[500000])
@@ -216,7 +219,7 @@ class FilePartView(BaseModel):
     """A file that a kind of job reads."""
 
     name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
-    summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY or STL."])
+    summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY, STL or ZIP."])
     required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
     media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
 

@@ -11,17 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.archive import Archive, open_archive
+from meshdeform.assets.backdrop import backdrop_warnings
+from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.document import Document
 from meshdeform.assets.draco import decode_draco
+from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
 from meshdeform.assets.references import Usage
+from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
-from meshdeform.errors import AssetTooLargeError
+from meshdeform.errors import AssetFormatError, AssetTooLargeError
 
 if TYPE_CHECKING:
     from meshdeform.assets.appearance import Appearance
@@ -37,26 +42,35 @@ class Asset:
     surface : Surface
         The surface to deform, in world space.
     summary : AssetSummary
-        Counts, extensions and the source format.
+        Counts, extensions, warnings and the source format.
+    repairs : Repairs
+        How many normals and tangents had no direction and were rebuilt.
     """
 
     def __init__(self, document: Document, summary: AssetSummary, source: bytes, usage: Usage) -> None:
         self._document = document
+        self.repairs = rebuild_directions(document)
         self._source = source
         self._usage = usage
         self.surface: Surface
         self._blocks: list[Block]
-        self.surface, self._blocks = read_surface(document)
+        self.surface, self._blocks, self._loose = read_surface(document)
+        backdrops = backdrop_warnings(document, self.surface, self._blocks)
         self.summary = dataclasses.replace(
             summary,
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             skipped=tuple(self.surface.skipped),
+            warnings=(*summary.warnings, *self.repairs.warnings, *backdrops),
         )
 
     def to_bytes(self) -> bytes:
         """Return the unchanged asset as a GLB: the loaded bytes themselves if they were a GLB."""
-        return self._source if self._source.startswith(GLB_MAGIC) else self._document.to_bytes()
+        if self._source.startswith(GLB_MAGIC):
+            return self._source
+        document = self._document.fork()
+        embed_data_uris(document)
+        return document.to_bytes()
 
     def scene(self) -> SceneView:
         """Return a read-only view of the default scene, for writing other formats.
@@ -126,10 +140,24 @@ class Asset:
             An array does not have as many rows as the surface.
         """
         shape = Deformation.checked(self.surface, positions, normals, tangents)
+        document = self._document.fork()
         source = self._usage if compact else None
         return write_shape(
-            self._document.fork(), self._blocks, shape, morph=morph, source=source, provenance=provenance
+            document, self._blocks, self._loose, shape, morph=morph, source=source, provenance=provenance
         )
+
+
+def _unpack(archive: Archive, limits: Limits) -> bytes:
+    """Return the asset of a ZIP, with the files that it refers to, as a GLB."""
+    data = archive.files[archive.main]
+    kind = asset_format(data, archive.main)
+    if kind == "zip":
+        raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
+    if kind in {"glb", "gltf"}:
+        return pack_gltf(archive, limits)
+    from meshdeform.assets.convert import convert_to_glb
+
+    return convert_to_glb(data, kind, limits, archive)
 
 
 def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) -> Asset:
@@ -138,7 +166,8 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     Parameters
     ----------
     data : bytes
-        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL.
+        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL, or a ZIP of one of them and the files that it
+        refers to.
     filename : str
         Its name. The extension decides the format where the content does not.
     limits : Limits, optional
@@ -156,11 +185,13 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
         )
     kind = asset_format(data, filename)
     source = data
-    if kind not in {"glb", "gltf"}:
+    if kind == "zip":
+        source = data = _unpack(open_archive(data, limits), limits)
+    elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
         source = data = convert_to_glb(data, kind, limits)
-    document = Document.parse(data, limits, glb=kind != "gltf")
+    document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     summary = check_document(document.root, document.binary_length, limits, kind)
     usage = Usage.of(document.root, document.binary_length)
     decode_meshopt(document)

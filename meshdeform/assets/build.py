@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.json_text import Json
+from meshdeform.assets.materials import image_type
 from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 
 __all__ = ["Primitive", "build_glb"]
@@ -36,7 +37,11 @@ class Primitive:
     material : str
         Name of the material. If empty, no material is written.
     base_color : tuple of 4 floats, optional
-        Linear RGBA of the material.
+        Linear RGBA of the material. A material that is not opaque is blended.
+    metallic, roughness : float
+        Of the material.
+    texture : bytes
+        The material's encoded base colour image, PNG or JPEG; others and empty ones are left out.
     """
 
     verts: NDArray[Any]
@@ -47,6 +52,9 @@ class Primitive:
     name: str = ""
     material: str = ""
     base_color: tuple[float, float, float, float] | None = None
+    metallic: float = 0.0
+    roughness: float = 0.8
+    texture: bytes = b""
 
 
 def build_glb(
@@ -90,7 +98,7 @@ def build_glb(
             key = (primitive.material, primitive.base_color)
             if key not in materials:
                 materials[key] = len(materials)
-                document.items("materials").append(_material(primitive))
+                document.items("materials").append(_material(document, primitive))
             written["material"] = materials[key]
         title = {"name": primitive.name} if primitive.name else {}
         root["nodes"].append({**title, "mesh": i})
@@ -98,11 +106,30 @@ def build_glb(
     return document.to_bytes()
 
 
-def _material(primitive: Primitive) -> Json:
-    shading: Json = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+def _material(document: Document, primitive: Primitive) -> Json:
+    shading: Json = {"metallicFactor": primitive.metallic, "roughnessFactor": primitive.roughness}
     if primitive.base_color is not None:
         shading["baseColorFactor"] = [float(value) for value in primitive.base_color]
-    return {"name": primitive.material, "pbrMetallicRoughness": shading}
+    kind = image_type(primitive.texture)
+    if kind in {"image/png", "image/jpeg"} and primitive.uvs is not None:
+        shading["baseColorTexture"] = {"index": _texture(document, primitive.texture, kind)}
+        if primitive.base_color is not None:  # the texture takes the place of the colour
+            shading["baseColorFactor"] = [1.0, 1.0, 1.0, float(primitive.base_color[3])]
+    material: Json = {"name": primitive.material, "pbrMetallicRoughness": shading}
+    if primitive.base_color is not None and primitive.base_color[3] < 1.0:
+        material["alphaMode"] = "BLEND"
+    return material
+
+
+def _texture(document: Document, data: bytes, kind: str) -> int:
+    """Append an image and a texture, unless there is one of the same image; return the texture's index."""
+    images, textures = document.items("images"), document.items("textures")
+    for i, image in enumerate(images):
+        if bytes(document.view_bytes(image["bufferView"])) == data:
+            return next(t for t, texture in enumerate(textures) if texture["source"] == i)
+    images.append({"bufferView": document.append_view(data), "mimeType": kind})
+    textures.append({"source": len(images) - 1})
+    return len(textures) - 1
 
 
 def _write(document: Document, primitive: Primitive) -> Json:

@@ -21,6 +21,7 @@ from dataclasses import asdict, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
@@ -213,7 +214,8 @@ def _error(verdict: dict[str, Any]) -> MeshdeformError:
 
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
-    return AssetSummary(**{**verdict, "extensions": tuple(verdict["extensions"]), "skipped": tuple(verdict["skipped"])})
+    lists = {name: tuple(verdict[name]) for name in ("extensions", "skipped", "warnings")}
+    return AssetSummary(**{**verdict, **lists})
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -234,7 +236,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.memory_bytes(path.stat().st_size), limits.max_check_s)
+    with path.open("rb") as file:
+        packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
+    bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
     _inspect_file(path, filename or path.name, limits)
     from meshdeform.assets.asset import load_asset
 

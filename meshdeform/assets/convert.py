@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from meshdeform.assets.archive import Archive
 from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.obj_materials import LIBRARY, ObjMaterial, library_of_names, read_obj_materials
 from meshdeform.assets.other_formats import inspect_foreign, is_ascii_stl
 from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError, AssetTooLargeError, DependencyError
 
 __all__ = ["convert_to_glb"]
 
 
-def convert_to_glb(data: bytes, kind: str, limits: Limits) -> bytes:
+def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive | None = None) -> bytes:
     """Convert a mesh file.
 
     Parameters
@@ -27,11 +29,13 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits) -> bytes:
         `obj`, `ply` or `stl`.
     limits : Limits
         Upper bounds on the asset.
+    archive : Archive, optional
+        The ZIP that the file is in, with material libraries and textures.
 
     Returns
     -------
-    A GLB with one mesh per object. Vertices are not merged. Normals are written only where the file has them.
-    Materials and textures in other files (MTL libraries, images) are left out.
+    A GLB with one mesh per object, group and material. Vertices are not merged. Normals are written only where the file
+    has them. Materials have their names, and the colours and textures that are in the archive.
 
     Raises
     ------
@@ -39,7 +43,8 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits) -> bytes:
         The file cannot be parsed, is empty, or exceeds a limit.
     """
     inspect_foreign(data, kind, limits)
-    primitives = [found for mesh in _parse(data, kind) if (found := _primitive(mesh)) is not None]
+    materials = read_obj_materials(data, archive) if kind == "obj" else {}
+    primitives = [found for mesh in _parse(data, kind) if (found := _primitive(mesh, materials)) is not None]
     if not primitives:
         raise AssetEmptyError("The file has no faces.")
     faces = sum(len(primitive.faces) for primitive in primitives)
@@ -58,7 +63,11 @@ def _parse(data: bytes, kind: str) -> list[Any]:
     file_type = "stl_ascii" if kind == "stl" and is_ascii_stl(data) else kind
     options: dict[str, Any] = {"process": False}
     if kind == "obj":
-        options |= {"skip_materials": True, "split_objects": True}  # the material library was not sent
+        library = library_of_names(data)
+        options |= {"skip_materials": not library, "split_objects": True, "split_groups": True}
+        if library:
+            data = f"mtllib {LIBRARY}\n".encode() + data  # the first one counts
+            options["resolver"] = {LIBRARY: library}
     try:
         # Silence warnings about odd numbers; the numbers are checked below.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -74,7 +83,7 @@ def _parse(data: bytes, kind: str) -> list[Any]:
         ) from error
 
 
-def _primitive(named: tuple[str, Any]) -> Primitive | None:
+def _primitive(named: tuple[str, Any], materials: dict[str, ObjMaterial]) -> Primitive | None:
     name, mesh = named
     faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))))
     if len(faces) == 0:
@@ -86,6 +95,8 @@ def _primitive(named: tuple[str, Any]) -> Primitive | None:
         raise AssetError(f"A face uses a vertex that the file does not have; it has {len(verts)}.")
     uvs = getattr(mesh.visual, "uv", None) if mesh.visual.kind == "texture" else None
     colors = mesh.visual.vertex_colors if mesh.visual.kind == "vertex" else None
+    material = str(getattr(getattr(mesh.visual, "material", None), "name", None) or "")
+    look = materials.get(material)
     return Primitive(
         verts,
         faces,
@@ -94,6 +105,11 @@ def _primitive(named: tuple[str, Any]) -> Primitive | None:
         uvs=None if uvs is None or len(uvs) != len(verts) else np.asarray(uvs) * [1.0, -1.0] + [0.0, 1.0],
         colors=colors,
         name=str(name),
+        material=material if look else "",
+        base_color=look.base_color if look else None,
+        metallic=look.metallic if look else 0.0,
+        roughness=look.roughness if look else 0.8,
+        texture=look.texture if look else b"",
     )
 
 

@@ -79,6 +79,10 @@ class Document:
             raise AssetTruncatedError(f"buffers[{buffer}] holds less than its byteLength.")
         return self._decoded[buffer]
 
+    def attach_buffer(self, buffer: int, data: bytes) -> None:
+        """Set the data of a buffer whose `uri` names another file."""
+        self._decoded[buffer] = memoryview(data)
+
     def view_bytes(self, view: int) -> memoryview:
         """Return the bytes of a buffer view."""
         description = self.root["bufferViews"][view]

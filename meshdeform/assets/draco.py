@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import DTYPES, refresh_bounds
+from meshdeform.assets.decoded import restore_exactness
 from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import DRACO, TRIANGLE_STRIP, TRIANGLES, instances_of
@@ -65,12 +66,14 @@ def _decode_primitive(document: Document, primitive: Json, where: str) -> None:
     if "indices" in primitive and all("bufferView" in accessors[at] for at in needed):
         return  # the file also contains the plain data
     stream = _decode_stream(bytes(document.view_bytes(draco["bufferView"])), where)
-    for name, unique_id in draco.get("attributes", {}).items():
-        if name not in attributes:
-            continue
+    rows = {
+        name: _attribute_rows(stream, unique_id, accessors[attributes[name]], f"{where}: {name}")
+        for name, unique_id in draco.get("attributes", {}).items()
+        if name in attributes
+    }
+    for name, values in restore_exactness(rows).items():
         at = _fillable(document, attributes[name])
-        rows = _attribute_rows(stream, unique_id, accessors[at], f"{where}: {name}")
-        accessors[at]["bufferView"] = _append_vertex_rows(document, rows, accessors[at])
+        accessors[at]["bufferView"] = _append_vertex_rows(document, values, accessors[at])
         refresh_bounds(document, at)
         attributes[name] = at
     _write_indices(document, primitive, np.asarray(stream.faces).reshape(-1), where)
@@ -145,4 +148,5 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
         primitive["mode"] = TRIANGLES
     dtype = DTYPES[accessors[at]["componentType"]]
     accessors[at]["bufferView"] = document.append_view(corners.astype(dtype).tobytes(), ELEMENT_ARRAY_BUFFER)
+    refresh_bounds(document, at)  # encoders may reorder or remove vertices and leave the old maximum
     primitive["indices"] = at

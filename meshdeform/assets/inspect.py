@@ -9,28 +9,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
 from meshdeform.assets.container import GLB_MAGIC, Data, glb_layout
 from meshdeform.assets.fields import member, objects, text
 from meshdeform.assets.json_text import Json, parse_json
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.other_formats import inspect_foreign
+from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, refuse_other_format
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
-    MODE_NAMES,
-    POINTS,
+    LOOSE,
     TRIANGLES,
     check_extensions,
     check_geometry,
     check_meshes,
     check_nodes,
+    instance_count,
     instances_of,
 )
-from meshdeform.assets.storage import check_storage
+from meshdeform.assets.storage import check_storage, outside_images
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetUnsupportedError
 
 __all__ = ["FORMATS", "AssetSummary", "asset_format", "check_document", "inspect_asset"]
 
-FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl"})
+FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", *CONVERTERS})
+"""File extensions that `asset_format` distinguishes."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +42,18 @@ class AssetSummary:
     Attributes
     ----------
     format : str
-        `glb`, `gltf`, `obj`, `ply` or `stl`.
+        `glb`, `gltf`, `obj`, `ply`, `stl` or `zip`.
     vertices, triangles : int
-        Counts in the default scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded.
+        Counts in the default scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded,
+        and 0 for ZIP.
     meshes : int
         Number of mesh instances in the default scene.
     extensions : tuple of str
         `extensionsUsed`.
     skipped : tuple of dict
         Parts that are not deformed, and why.
+    warnings : tuple of str
+        Sentences about anything in the file that may surprise or get in the way.
     """
 
     format: str
@@ -57,6 +62,7 @@ class AssetSummary:
     meshes: int = 1
     extensions: tuple[str, ...] = ()
     skipped: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:
@@ -82,6 +88,9 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
             f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
         )
     kind = asset_format(data, filename)
+    if kind == "zip":
+        inspect_archive(data, limits)
+        return AssetSummary(kind, 0, 0)
     if kind not in {"glb", "gltf"}:
         vertices, triangles = inspect_foreign(data, kind, limits)
         return AssetSummary(kind, vertices, triangles)
@@ -100,7 +109,7 @@ def asset_format(data: Data, filename: str) -> str:
     Raises
     ------
     AssetFormatError
-        Neither indicates glTF, OBJ, PLY or STL.
+        Neither indicates glTF, OBJ, PLY, STL or ZIP.
     """
     head = bytes(data[:64])
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
@@ -108,13 +117,16 @@ def asset_format(data: Data, filename: str) -> str:
         return "glb"
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
+    refuse_other_format(head, ending)
+    if head.startswith(ZIP_MAGIC):
+        return "zip"
     if ending == "gltf" or (not ending and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")):
         return "gltf"
     if ending in {"obj", "stl"} and head:
         return ending
-    if ending in {"glb", "ply"}:
+    if ending in {"glb", "ply", "zip"}:
         raise AssetFormatError(f"The file is named .{ending}, but its content is something else.")
-    raise AssetFormatError("The file is neither glTF (.glb) nor an OBJ, PLY or STL mesh.")
+    raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, nor a ZIP of one.")
 
 
 def check_document(root: Json, binary_length: int | None, limits: Limits, kind: str) -> AssetSummary:
@@ -143,6 +155,8 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
     vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
+    drawn: list[int] = []
+    loose = 0
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
     weights = [_weight(mesh) for mesh in objects(root, "meshes")]
@@ -154,33 +168,58 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(each instance of a mesh counts).",
                 advice="Join meshes of the same material, or leave instances out.",
             )
-        if GPU_INSTANCING in root["nodes"][instance.node].get("extensions", {}):
-            skipped.append({"node": instance.node, "reason": f"{GPU_INSTANCING} draws its mesh many times"})
-            continue
-        mesh_vertices, mesh_triangles, mesh_skipped = per_mesh[instance.mesh]
+        many = instance_count(root, instance.node)
+        if many is not None:
+            drawn.append(many)
+        mesh_vertices, mesh_triangles, mesh_loose, mesh_skipped = per_mesh[instance.mesh]
+        loose += mesh_loose
         vertices, triangles, meshes = vertices + mesh_vertices, triangles + mesh_triangles, meshes + 1
         skipped += [{"node": instance.node, "mesh": instance.mesh, **item} for item in mesh_skipped]
-        if triangles > limits.max_triangles or vertices > limits.max_vertices:
+        if triangles > limits.max_triangles or vertices + loose > limits.max_vertices:
             raise AssetTooLargeError(
                 f"The scene has more than {limits.max_triangles} triangles or {limits.max_vertices} vertices "
                 "(MESHDEFORM_MAX_TRIANGLES; each instance of a mesh counts)."
             )
     if triangles == 0:
-        raise _empty(skipped, primitives > 0)
-    return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped))
+        raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0)
+    outside = outside_images(root)
+    warnings = (*([_many(drawn)] if drawn else []), *([_outside(outside)] if outside else []))
+    return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _empty(skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
+def _outside(links: list[str]) -> str:
+    names = ", ".join(link[:60] for link in links[:3]) + (" ..." if len(links) > 3 else "")
+    return (
+        f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "
+        "the asset and these files as a ZIP."
+    )
+
+
+def _many(drawn: list[int]) -> str:
+    meshes = "1 mesh" if len(drawn) == 1 else f"{len(drawn)} meshes"
+    return (
+        f"{GPU_INSTANCING} draws {meshes} {sum(drawn)} times. Each is deformed once, in the place of its first "
+        "instance, and all its instances get the new shape."
+    )
+
+
+def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
     """Return the error of an asset without triangles, with advice that fits the reason."""
-    if not has_meshes:
+    if has_meshes:
+        reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
+        return AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
+    meshes = len(objects(root, "meshes"))
+    if not meshes:
+        return AssetEmptyError("The file contains no mesh.", advice="Export the objects as meshes.")
+    count = "1 mesh" if meshes == 1 else f"{meshes} meshes"
+    if not any("mesh" in node for node in objects(root, "nodes")):
         return AssetEmptyError(
-            "The default scene shows no mesh.",
-            advice="Add the nodes with meshes to the default scene, and export again.",
+            f"The file contains {count}, but no node shows a mesh.",
+            advice="Export the objects together with the scene that they are in.",
         )
-    reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
-    advice = "Turn the instances into meshes of their own, and export again." if GPU_INSTANCING in reasons else None
     return AssetEmptyError(
-        "The default scene shows no triangles" + (f": {reasons}." if reasons else "."), advice=advice
+        f"The default scene shows no mesh; the file contains {count}.",
+        advice="Add the nodes with meshes to the default scene, or name their scene in `scene`, and export again.",
     )
 
 
@@ -191,14 +230,18 @@ def _weight(mesh: Json) -> int:
     return max(1, len(primitives) * (1 + targets), len(mesh.get("weights", [])))
 
 
-def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, list[dict[str, Any]]]:
-    """Return a mesh's vertices (counting each set of accessors once), its triangles, and the skipped primitives."""
+def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, int, list[dict[str, Any]]]:
+    """Return a mesh's vertices (each set of accessors once), triangles, loose vertices, and the skipped primitives.
+
+    Loose vertices are those of points and lines.
+    """
     blocks: dict[tuple[int | None, ...], int] = {}
-    triangles, skipped = 0, []
+    triangles, skipped, loose = 0, [], dict[int, int]()
     for p, primitive in enumerate(objects(mesh, "primitives")):
         attributes, mode = primitive.get("attributes", {}), primitive.get("mode", TRIANGLES)
-        if POINTS <= mode < TRIANGLES:
-            skipped.append({"primitive": p, "reason": f"{MODE_NAMES[mode]} are not deformed"})
+        if mode < TRIANGLES:
+            if "POSITION" in attributes:
+                loose[attributes["POSITION"]] = accessors[attributes["POSITION"]]["count"]
             continue
         if "POSITION" not in attributes:
             skipped.append({"primitive": p, "reason": "no POSITION attribute"})
@@ -207,4 +250,4 @@ def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, list[dict
         blocks[block] = count = accessors[attributes["POSITION"]]["count"]
         corners = accessors[primitive["indices"]]["count"] if "indices" in primitive else count
         triangles += corners // 3 if mode == TRIANGLES else max(corners - 2, 0)
-    return sum(blocks.values()), triangles, skipped
+    return sum(blocks.values()), triangles, sum(loose.values()), skipped

@@ -40,6 +40,8 @@ class Limits:
         describe a thousand instances of a thousand primitives.
     max_chunks : int
         Number of chunks in a GLB.
+    max_archive_files : int
+        Entries of a ZIP; together they may unpack to `max_bytes`.
     max_memory_bytes : int
         Address space of the process that first decodes a file. Small files get less.
     max_check_s : float
@@ -55,6 +57,7 @@ class Limits:
     max_json_depth: int = 128
     max_primitives: int = 100_000
     max_chunks: int = 1000
+    max_archive_files: int = 1000
     max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20
     max_check_s: float = 30.0
 

@@ -13,7 +13,7 @@ from meshdeform.assets.fields import extension, index, integer, member, numbers,
 from meshdeform.assets.json_text import Json
 from meshdeform.errors import AssetError
 
-__all__ = ["Image", "Material", "TextureUse", "read_image", "read_material", "read_materials"]
+__all__ = ["Image", "Material", "TextureUse", "image_type", "read_image", "read_material", "read_materials"]
 
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
@@ -226,12 +226,22 @@ def read_image(document: Document, at: int) -> Image:
     """
     image = document.root["images"][at]
     if "uri" in image:
+        if image["uri"][:5].lower() != "data:":
+            raise AssetError(f"images[{at}] is in another file.")
         data = decode_data_uri(image["uri"], f"images[{at}]")
     elif "bufferView" in image:
         data = bytes(document.view_bytes(image["bufferView"]))
     else:
         raise AssetError(f"images[{at}] has neither a uri nor a bufferView.")
     return Image(data, _kind(data))
+
+
+def image_type(data: bytes) -> str:
+    """Return the media type of an encoded image according to its first bytes, or "" if it is none of glTF's."""
+    kind = _kind(data)
+    if not kind and data.startswith(b"\xabKTX 20"):
+        return "image/ktx2"
+    return f"image/{'jpeg' if kind == 'jpg' else kind}" if kind else ""
 
 
 def _kind(data: bytes) -> str:

@@ -14,7 +14,21 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = ["inspect_foreign", "is_ascii_stl"]
+__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "refuse_other_format"]
+
+_WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
+_READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
+_USD = ("usd", "usda", "usdc", "usdz")
+CONVERTERS = {
+    "fbx": "FBX2glTF --binary --input in.fbx --output out.glb",
+    **{ending: _READ_BY_BLENDER.format("usd_import", ending, _WRITE) for ending in _USD},
+    "abc": _READ_BY_BLENDER.format("alembic_import", "abc", _WRITE),
+    "blend": f'blender -b in.blend --python-expr "import bpy; {_WRITE}"',
+    "dae": "assimp export in.dae out.glb",
+    "3ds": "assimp export in.3ds out.glb",
+}
+"""Commands that convert files of other formats to GLB, by file extension."""
+_MAGICS = ((b"Kaydara FBX Binary", "fbx"), (b"PXR-USDC", "usdc"), (b"#usda ", "usda"), (b"BLENDER", "blend"))
 
 _MAX_PLY_HEADER = 64 * 1024
 _OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
@@ -33,6 +47,21 @@ def inspect_foreign(data: Data, kind: str, limits: Limits) -> tuple[int, int]:
     if faces == 0:
         raise AssetEmptyError("The file has no faces.")
     return vertices, faces
+
+
+def refuse_other_format(head: bytes, ending: str) -> None:
+    """Refuse a format that must be converted first, with the command that does it.
+
+    Raises
+    ------
+    AssetFormatError
+    """
+    kind = next((kind for magic, kind in _MAGICS if head.startswith(magic)), ending)
+    if kind in CONVERTERS:
+        raise AssetFormatError(
+            f"The file is {kind.upper()}, which Meshdeform does not read.",
+            advice=f"Convert it to GLB: {CONVERTERS[kind]}",
+        )
 
 
 def _obj_counts(data: Data) -> tuple[int, int]:

@@ -77,7 +77,8 @@ class Pictures:
         try:
             image = read_image(self._document, at)
         except AssetError:
-            self._leave_out("invalid image")
+            outside = self._document.root["images"][at].get("uri", "data:")[:5].lower() != "data:"
+            self._leave_out("image in another file" if outside else "invalid image")
             return _UNREADABLE
         if not image.kind:
             self._leave_out(next((what for magic, what in _OTHER_KINDS if image.data.startswith(magic)), "other image"))

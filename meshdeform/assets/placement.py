@@ -3,9 +3,10 @@
 A mesh is placed by the product of the transforms of its node and the node's ancestors. A skinned mesh ignores its
 node; it is deformed in its bind pose, where `joint_world @ inverse_bind` is the same matrix for every joint. If the
 file's nodes are in another pose, these matrices differ; then the joint that agrees best with all others places the
-mesh, and the skin bends the result as it bent the source.
+mesh, and the skin bends the result as it bent the source. A mesh that EXT_mesh_gpu_instancing draws many times has the
+place of its first instance.
 
-Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins).
+Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins); EXT_mesh_gpu_instancing.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from numpy.typing import NDArray
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json
-from meshdeform.assets.scenegraph import Instance
+from meshdeform.assets.scenegraph import GPU_INSTANCING, Instance, instance_count
 
 __all__ = ["is_invertible", "local_matrix", "placement_matrix", "world_matrices"]
 
 Matrix = NDArray[np.float64]
+_INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 
 
 def local_matrix(node: Json) -> Matrix:
@@ -66,7 +68,7 @@ def world_matrices(nodes: list[Json]) -> list[Matrix]:
 def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix]) -> Matrix:
     """Return the matrix from an instance's mesh space to world space, (4, 4) float64."""
     if instance.skin is None:
-        return worlds[instance.node]
+        return worlds[instance.node] @ _first_instance(document, instance.node)
     skin = document.root["skins"][instance.skin]
     joints = np.stack([worlds[joint] for joint in skin["joints"]])
     if "inverseBindMatrices" in skin:
@@ -74,6 +76,19 @@ def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix
         joints = joints @ inverse_binds.reshape(-1, 4, 4).transpose(0, 2, 1)
     distance = np.abs(joints - joints.mean(axis=0)).sum(axis=(1, 2))
     return np.asarray(joints[int(np.argmin(distance))])
+
+
+def _first_instance(document: Document, node: int) -> Matrix:
+    """Return the transform of the first GPU instance that does not flatten the mesh, or the identity."""
+    if instance_count(document.root, node) is None:
+        return np.eye(4)
+    attributes = document.root["nodes"][node]["extensions"][GPU_INSTANCING].get("attributes", {})
+    rows = {name: read_floats(document, attributes[name]) for name in _INSTANCE_KEYS if name in attributes}
+    first = 0
+    if "SCALE" in rows:
+        usable = np.isfinite(rows["SCALE"]).all(axis=1) & (rows["SCALE"] != 0.0).all(axis=1)
+        first = int(usable.argmax())
+    return local_matrix({_INSTANCE_KEYS[name]: values[first].tolist() for name, values in rows.items()})
 
 
 def is_invertible(matrix: Matrix) -> bool:

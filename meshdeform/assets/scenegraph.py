@@ -20,11 +20,22 @@ from meshdeform.assets.storage import (
 )
 from meshdeform.errors import AssetError, AssetUnsupportedError
 
-__all__ = ["DRACO", "GPU_INSTANCING", "Instance", "check_extensions", "check_meshes", "check_nodes", "instances_of"]
+__all__ = [
+    "DRACO",
+    "GPU_INSTANCING",
+    "Instance",
+    "check_extensions",
+    "check_meshes",
+    "check_nodes",
+    "instance_count",
+    "instances_of",
+]
 
 DRACO = "KHR_draco_mesh_compression"
 GPU_INSTANCING = "EXT_mesh_gpu_instancing"
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
+LOOSE = "points and lines only follow a surface"
+"""Why a file of nothing but points and lines is refused."""
 MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
 
 # Required extensions that are supported, or that change neither positions nor their meaning.
@@ -34,6 +45,7 @@ _HARMLESS = (
     *("EXT_texture_", "EXT_lights_", "EXT_materials_", "MSFT_texture_", "VRMC_", "VRM", "EXT_structural_metadata"),
     *("EXT_mesh_features", "EXT_instance_features", "CESIUM_primitive_outline", "CESIUM_RTC", "GODOT_", "AGI_"),
 )
+_INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
 
 
@@ -73,12 +85,13 @@ def check_nodes(root: Json) -> None:
         for key, length in (("matrix", 16), ("translation", 3), ("rotation", 4), ("scale", 3)):
             numbers(node, key, length, where)
         numbers(node, "weights", None, where)
-        extension(node, GPU_INSTANCING, where)
         for child in indices(node, "children", len(nodes), where):
             if parents.setdefault(child, i) != i:
                 raise AssetError(f"nodes[{child}] is a child of two nodes.")
     _refuse_cycles(parents, len(nodes))
     scenes, accessors = objects(root, "scenes"), objects(root, "accessors")
+    for i, node in enumerate(nodes):
+        _check_instancing(node, accessors, f"nodes[{i}]")
     for i, scene in enumerate(scenes):
         indices(scene, "nodes", len(nodes), f"scenes[{i}]")
     index(root, "scene", len(scenes), "the document")
@@ -93,6 +106,32 @@ def check_nodes(root: Json) -> None:
             and accessors[matrices]["count"] >= len(joints)
         ):
             raise AssetError(f"skins[{i}].inverseBindMatrices must be a MAT4 of floats for each joint.")
+
+
+def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
+    many = extension(node, GPU_INSTANCING, where)
+    if many is None:
+        return
+    where = f"{where}.extensions.{GPU_INSTANCING}"
+    attributes, counts = member(many, "attributes", where), set[int]()
+    for name in attributes:
+        at = index(attributes, name, len(accessors), f"{where}.attributes")
+        accessor = accessors[at or 0]
+        counts.add(accessor["count"])
+        if name in _INSTANCE_TYPES and (
+            accessor["type"] != _INSTANCE_TYPES[name] or accessor["componentType"] not in (FLOAT, BYTE, SHORT)
+        ):
+            raise AssetError(f"{where}: {name} must be a {_INSTANCE_TYPES[name]} of floats or signed integers.")
+    if len(counts) > 1:
+        raise AssetError(f"{where}: its attributes have different counts: {', '.join(map(str, sorted(counts)))}.")
+
+
+def instance_count(root: Json, node: int) -> int | None:
+    """Return how many times EXT_mesh_gpu_instancing draws a node's mesh, or None if the node does not use it."""
+    many = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
+    if many is None:
+        return None
+    return next((int(root["accessors"][at]["count"]) for at in many.get("attributes", {}).values()), 1)
 
 
 def _refuse_cycles(parents: dict[int, int], count: int) -> None:

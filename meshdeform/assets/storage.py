@@ -27,6 +27,7 @@ __all__ = [
     "compressed_view",
     "data_uri_bytes",
     "is_placeholder",
+    "outside_images",
 ]
 
 BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
@@ -77,7 +78,7 @@ def check_storage(
     Raises
     ------
     AssetExternalError
-        A buffer or an image is in another file.
+        A buffer is in another file.
     AssetTruncatedError
         A buffer, view or accessor reaches past its data.
     AssetTooLargeError
@@ -88,7 +89,7 @@ def check_storage(
     # Check each array once; doing so for every element would take hours for a hostile file.
     views = objects(root, "bufferViews")
     for i, image in enumerate(objects(root, "images")):
-        _refuse_external(text(image, "uri", f"images[{i}]"), f"images[{i}]")
+        text(image, "uri", f"images[{i}]")  # a link to another file stays as it is; the deformation reads no image
         index(image, "bufferView", len(views), f"images[{i}]")
     for i, buffer in enumerate(objects(root, "buffers")):
         _check_buffer(buffer, i, binary_length)
@@ -113,6 +114,12 @@ def _refuse_external(uri: str | None, where: str) -> None:
     if uri is not None and uri[:5].lower() != "data:":
         name = uri if len(uri) <= 80 else uri[:77] + "..."
         raise AssetExternalError(f"{where} refers to another file: {name!r}.")
+
+
+def outside_images(root: Json) -> list[str]:
+    """Return the links of images that are in other files."""
+    links = [image.get("uri", "") for image in root.get("images", [])]
+    return [link for link in links if link and link[:5].lower() != "data:"]
 
 
 def data_uri_bytes(uri: str) -> int:

@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.scenegraph import (
-    GPU_INSTANCING,
-    MODE_NAMES,
-    POINTS,
+    LOOSE,
     TRIANGLES,
     Instance,
     instances_of,
@@ -73,8 +70,12 @@ class Block:
     tangents: NDArray[np.float32] | None
 
 
-def read_surface(document: Document) -> tuple[Surface, list[Block]]:
+def read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]]:
     """Gather the default scene's surface.
+
+    Returns
+    -------
+    The surface, its blocks, and the blocks of points and lines, whose `rows` are empty.
 
     Raises
     ------
@@ -89,17 +90,18 @@ def read_surface(document: Document) -> tuple[Surface, list[Block]]:
         return _read_surface(document)
 
 
-def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
+def _read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]]:
     worlds = world_matrices(document.root.get("nodes", []))
     blocks: list[Block] = []
+    loose: list[Block] = []
     triangles: list[NDArray[np.int64]] = []
     owner: list[int] = []
     skipped: list[dict[str, Any]] = []
     start = 0
     for number, instance in enumerate(instances_of(document.root)):
         placement = placement_matrix(document, instance, worlds)
-        reason = _reason_to_leave(document.root["nodes"][instance.node], placement)
-        if reason:
+        if not is_invertible(placement):
+            reason = "its transform flattens the mesh and cannot be inverted"
             skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": reason})
             continue
         for accessors, primitives in _groups(document, instance, skipped).items():
@@ -111,17 +113,13 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
             blocks.append(block)
             owner.append(number)
             start += count
+        loose += _loose_blocks(document, instance, placement, skipped)
     joined = np.concatenate(triangles) if triangles else np.empty((0, 3), np.int64)
     if len(joined) == 0:
-        reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
+        found = {item["reason"] for item in skipped} | ({LOOSE} if loose else set())
+        reasons = "; ".join(sorted(found)[:5])
         raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
-    return _join(blocks, joined, owner, skipped), blocks
-
-
-def _reason_to_leave(node: Json, placement: Matrix) -> str | None:
-    if GPU_INSTANCING in node.get("extensions", {}):
-        return f"{GPU_INSTANCING} draws its mesh many times"
-    return None if is_invertible(placement) else "its transform flattens the mesh and cannot be inverted"
+    return _join(blocks, joined, owner, skipped), blocks, loose
 
 
 def _groups(
@@ -130,17 +128,37 @@ def _groups(
     groups: dict[tuple[int, int | None, int | None], list[int]] = {}
     for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
         attributes, mode = primitive.get("attributes", {}), primitive.get("mode", TRIANGLES)
-        reason = None
-        if POINTS <= mode < TRIANGLES:
-            reason = f"{MODE_NAMES[mode]} are not deformed"
-        elif "POSITION" not in attributes:
+        if mode < TRIANGLES:
+            continue
+        if "POSITION" not in attributes:
             reason = "no POSITION attribute"
-        if reason:
             skipped.append({"node": instance.node, "mesh": instance.mesh, "primitive": p, "reason": reason})
             continue
         key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"))
         groups.setdefault(key, []).append(p)
     return groups
+
+
+def _loose_blocks(
+    document: Document, instance: Instance, placement: Matrix, skipped: list[dict[str, Any]]
+) -> list[Block]:
+    """Return the points and lines of an instance, by their positions; those that are not finite are skipped."""
+    groups: dict[int, list[int]] = {}
+    for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
+        if primitive.get("mode", TRIANGLES) < TRIANGLES and "POSITION" in primitive.get("attributes", {}):
+            groups.setdefault(primitive["attributes"]["POSITION"], []).append(p)
+    found = []
+    for position, primitives in groups.items():
+        positions = read_floats(document, position)
+        if np.isfinite(positions).all():
+            accessors, rows = (position, None, None), slice(0, 0)
+            place = instance.node, instance.mesh, tuple(primitives)
+            found.append(Block(*place, accessors, rows, placement, positions, None, None))
+        else:
+            reason = "points or lines whose positions are not finite"
+            place_of = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
+            skipped.append({**place_of, "reason": reason})
+    return found
 
 
 def _read_block(

@@ -10,7 +10,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.carried import carried_positions
 from meshdeform.assets.document import Document
+from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.json_text import Json, clone
 from meshdeform.assets.references import Usage
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
@@ -83,6 +85,7 @@ def _where_changed(
 def write_shape(
     document: Document,
     blocks: list[Block],
+    loose: list[Block],
     shape: Deformation,
     *,
     morph: bool,
@@ -91,11 +94,14 @@ def write_shape(
 ) -> bytes:
     """Write a new shape into the document and return it as a GLB.
 
-    With `source`, which lists what the document used when it was read, data that became unused is dropped;
-    `Asset.replace` documents the rest.
+    `loose` are the points and lines, which follow the surface. With `source`, which lists what the document used when
+    it was read, data that became unused is dropped; `Asset.replace` documents the rest.
     """
-    owners = own_meshes(document, blocks)
     locals_ = [local_shape(block, shape) for block in blocks]
+    moved = shape.positions - shape.surface.positions
+    locals_ += [LocalShape(positions, None, None) for positions in carried_positions(shape.surface, moved, loose)]
+    blocks = [*blocks, *loose]
+    owners = own_meshes(document, blocks)
     replaced: list[tuple[int, int]] = []
     if morph:
         from meshdeform.assets.morph import add_morph_targets
@@ -104,6 +110,7 @@ def write_shape(
     else:
         for block, local in zip(blocks, locals_, strict=True):
             replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    embed_data_uris(document)
     if source is not None:
         from meshdeform.assets.compact import compact
 
@@ -127,10 +134,10 @@ def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
     instancing) also shows the mesh and needs the original.
     """
     nodes, meshes = document.root["nodes"], document.items("meshes")
-    deformed: dict[int, list[int]] = defaultdict(list)
+    found: dict[int, dict[int, None]] = defaultdict(dict)
     for block in blocks:
-        if not deformed[block.mesh] or deformed[block.mesh][-1] != block.node:  # a node's blocks follow each other
-            deformed[block.mesh].append(block.node)
+        found[block.mesh][block.node] = None
+    deformed = {mesh: list(shown_by) for mesh, shown_by in found.items()}
     shown: dict[int, set[int]] = defaultdict(set)
     for i, node in enumerate(nodes):
         if "mesh" in node:

@@ -60,6 +60,7 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
         The animation cannot be written.
     """
     from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets.bundle import read_with_files
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
@@ -67,7 +68,8 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
     from meshdeform.support.atomic_files import write_files
 
     use_threads(settings.threads)
-    asset = load_asset(source.read_bytes(), source.name, Limits.from_settings(settings))
+    limits = Limits.from_settings(settings)
+    asset = load_asset(read_with_files(source, limits), source.name, limits)
     before, kind = Pose(asset.surface.positions, asset.surface.normals), FORMATS[path.suffix.lower()]
     if result is None:
         data = turntable_animation(asset.appearance(), before, kind=kind)

@@ -15,9 +15,10 @@ from types import FrameType
 from typing import Any
 
 from meshdeform.assets import Limits
+from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.progress import ProgressView
-from meshdeform.errors import AssetTooLargeError, UnavailableError
+from meshdeform.errors import UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import GuidanceKind, JobRequest, resolve
@@ -119,7 +120,7 @@ class LocalJob:
             "resumed_from": first or None,
             "losses": self._last_losses,
             "likeness": report.get("likeness"),
-            "warnings": report["warnings"],
+            "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
 
@@ -135,7 +136,7 @@ class LocalJob:
 
     def _start(self) -> JobRun:
         limits = Limits.from_settings(self._settings)
-        asset = _read(self._asset, limits)
+        asset = read_with_files(self._asset, limits)
         use_threads(self._settings.threads)
         device = resolve_device(self._settings.device)
         params = resolve(self._request.params, default_model=self._settings.model)
@@ -148,7 +149,7 @@ class LocalJob:
             filename=self._asset.name,
             request=self._request,
             prior=prior,
-            target=_read(self._target, limits) if self._target else None,
+            target=read_with_files(self._target, limits) if self._target else None,
             target_filename=self._target.name if self._target else "",
             checkpoint=self._resume.read_bytes() if self._resume else None,
             default_model=self._settings.model,
@@ -217,16 +218,6 @@ def _try_folder(path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path.parent):
         pass
-
-
-def _read(path: Path, limits: Limits) -> bytes:
-    size = path.stat().st_size
-    if size > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"{path.name} has {size} bytes; the limit is {limits.max_bytes}.",
-            advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or use a smaller file.",
-        )
-    return path.read_bytes()
 
 
 @contextmanager

@@ -29,7 +29,8 @@ def _file(text: str, panel: str, *, exists: bool = False) -> Any:
 @clean_errors
 def run(
     asset: Annotated[
-        Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False, readable=True)
+        Path,
+        typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False, readable=True),
     ],
     prompt: Annotated[
         str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')

@@ -36,7 +36,7 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 
 @clean_errors
 def submit(
-    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY or STL to deform.", exists=True, dir_okay=False)],
+    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
         str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
     ] = "",

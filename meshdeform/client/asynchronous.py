@@ -180,7 +180,7 @@ class AsyncClient:
         Parameters
         ----------
         asset : path, bytes, binary stream, UploadView or mapping
-            GLB, OBJ, PLY or STL. A mapping names a file of the service: `{"job_id": ..., "artifact": "result.glb"}`.
+            GLB, OBJ, PLY, STL or ZIP. A mapping names a stored file: `{"job_id": ..., "artifact": "result.glb"}`.
         prompt : str
             What the asset should become.
         params : DeformParams or mapping, optional

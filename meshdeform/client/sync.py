@@ -178,7 +178,7 @@ class Client:
         Parameters
         ----------
         asset : path, bytes, binary stream, UploadView or mapping
-            GLB, OBJ, PLY or STL. A mapping names a file of the service: `{"job_id": ..., "artifact": "result.glb"}`.
+            GLB, OBJ, PLY, STL or ZIP. A mapping names a stored file: `{"job_id": ..., "artifact": "result.glb"}`.
         prompt : str
             What the asset should become.
         params : DeformParams or mapping, optional

@@ -4,11 +4,10 @@ The figures of `meshdeform.geometry.quality`, which every job's report has, and 
 
 ::
 
-    self_intersections_added   faces that cut another now but none at rest
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
-with d the diagonal of the source's bounding box, so both distances are dimensionless. The first follows every vertex;
+with d the diagonal of the source's bounding box, so both are dimensionless. The first follows every vertex;
 the second compares only the surfaces and ignores vertices that slide on them.
 
 Source of the Chamfer distance: Fan et al. 2017, A Point Set Generation Network, eq. 2, here with distances instead of
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 
@@ -45,7 +43,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     Returns
     -------
     dict
-        The fields of `meshdeform.geometry.quality.MeshQuality`, and the three above.
+        The fields of `meshdeform.geometry.quality.MeshQuality`, and the two above.
 
     Raises
     ------
@@ -59,11 +57,9 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
         raise ShapeError("the deformed mesh must have the faces of the rest mesh")
     if not np.isfinite(after).all():
         raise NumericalError("The deformed mesh is not finite.")
-    added = intersecting_faces(after, faces) & ~intersecting_faces(before, faces)
     diagonal = float(np.linalg.norm(np.ptp(before, axis=0)))
     return {
         **measure(before, faces, after).to_dict(),
-        "self_intersections_added": int(added.sum()),
         "displacement": displacement(before, faces, after) / diagonal,
         "chamfer": chamfer_distance(before, after, faces) / diagonal,
     }

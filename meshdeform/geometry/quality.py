@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from meshdeform.geometry.intersections import intersecting_faces
+from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
 
 __all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "measure"]
@@ -21,6 +21,11 @@ __all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "measure"]
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
 _COLLAPSED_SHARE = 1e-6
+_UNMOVED = 1e-7
+"""Displacement, as a share of the bounding box's diagonal, that counts as none: about what 32-bit floats resolve.
+Rounding would otherwise flip needles and make sheets that touch cut each other."""
+_ROUNDING = 1e-15
+"""Of the largest coordinate: what entering and leaving another frame may change."""
 
 FOLD_MARGIN = 0.2
 """Faces with a smaller cosine to their neighbours at rest (at a sharp crease, beside a much larger face) are so near
@@ -42,6 +47,8 @@ class MeshQuality:
     symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
         Area-weighted mean and 99th percentile; a similarity has 1.
     self_intersecting_faces_before, self_intersecting_faces_after : int
+    self_intersections_added : int
+        Faces that cut a face which they did not cut at rest.
     volume_ratio : float
         Signed volume after over before; 0 if the rest mesh encloses none.
     area_ratio : float
@@ -58,6 +65,7 @@ class MeshQuality:
     symmetric_dirichlet_p99: float
     self_intersecting_faces_before: int
     self_intersecting_faces_after: int
+    self_intersections_added: int
     volume_ratio: float
     area_ratio: float
     area_ratio_spread: float
@@ -78,9 +86,11 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
 
     Notes
     -----
-    Faces without area at rest count only in the self-intersections.
+    Faces without area at rest count only in the self-intersections. Vertices that moved less than rounding count as
+    unmoved, so that a result equal to its source has no flipped face and no added self-intersection.
     """
     diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
+    verts = _without_rounding(rest_verts, verts, diagonal_sq**0.5)
     area_old, area_new = _areas(rest_verts, faces), _areas(verts, faces)
     solid = area_old > COLLAPSED_SHAPE * _longest_sq(rest_verts, faces)
     f, a, b = faces[solid], area_old[solid], area_new[solid]
@@ -91,6 +101,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
     beside = FaceNeighbours(f)
+    cuts_before, cuts_after = intersecting_faces(rest_verts, faces), intersecting_faces(verts, faces)
     folded_before, folded_after = beside.folded(rest_verts, margin=FOLD_MARGIN), beside.folded(verts)
     return MeshQuality(
         flipped_faces=int((folded_after & ~folded_before & ~collapsed).sum()),
@@ -99,12 +110,30 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
         min_angle_p1_deg_after=_min_angle_p1(verts, f[~collapsed]),
         symmetric_dirichlet_mean=float((energy * weights).sum() / weights.sum()) if len(energy) else 0.0,
         symmetric_dirichlet_p99=float(np.percentile(energy, 99)) if len(energy) else 0.0,
-        self_intersecting_faces_before=int(intersecting_faces(rest_verts, faces).sum()),
-        self_intersecting_faces_after=int(intersecting_faces(verts, faces).sum()),
+        self_intersecting_faces_before=int(cuts_before.sum()),
+        self_intersecting_faces_after=int(cuts_after.sum()),
+        self_intersections_added=_added(rest_verts, verts, faces, cuts_before, cuts_after),
         volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
         area_ratio=scale,
         area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,
     )
+
+
+def _without_rounding(rest: _Floats, verts: _Floats, diagonal: float) -> _Floats:
+    """Return the positions with those of vertices that hardly moved replaced by their rest positions."""
+    limit = _UNMOVED * diagonal + _ROUNDING * float(np.abs(rest).max(initial=0.0))
+    still = np.linalg.norm(verts - rest, axis=1) <= limit
+    return np.where(still[:, None], rest, verts)
+
+
+def _added(rest: _Floats, verts: _Floats, faces: _Faces, before: NDArray[np.bool_], after: NDArray[np.bool_]) -> int:
+    """Count the faces in pairs that cut each other now and did not at rest."""
+    if not before.any():
+        return int(after.sum())
+    pairs = cutting_pairs(verts, faces)
+    keys = [p[:, 0] * len(faces) + p[:, 1] for p in (pairs, cutting_pairs(rest, faces))]
+    new = pairs[~np.isin(keys[0], keys[1])]
+    return len(np.unique(new))
 
 
 def _cross(verts: _Floats, faces: _Faces) -> _Floats:

@@ -62,7 +62,7 @@ def start(
     Parameters
     ----------
     asset, target : bytes
-        A GLB, OBJ, PLY or STL; `target` is required by `params.guidance = target`.
+        A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
     request : JobRequest
     prior : Prior, optional

@@ -30,7 +30,7 @@ __all__ = ["TEXT_DEFORM", "check"]
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
-_MESHES = (_GLB, "model/obj", "model/ply", "model/stl")
+_MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
 def check(
@@ -201,7 +201,7 @@ TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
     summary="Deforms an asset until its pictures match a prompt, or until it looks like a second mesh.",
     reads=(
-        FilePart("asset", "The file to deform: GLB, OBJ, PLY or STL.", required=True, media_types=_MESHES),
+        FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
     ),
     params=DeformParams,

@@ -99,7 +99,8 @@ def build_report(
     history : LossHistory
     holds : HoldCounter
     rebuilt_normals : int
-        Normals that were replaced, since they would have pointed behind a face.
+        Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
+        had without a direction.
     first_step : int
         Number of steps done by earlier attempts.
     clock : PhaseClock
@@ -120,7 +121,12 @@ def build_report(
         "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
-        "input": {"filename": facts.filename, "bytes": facts.asset_bytes, "sha256": facts.asset_sha256},
+        "input": {
+            "filename": facts.filename,
+            "bytes": facts.asset_bytes,
+            "sha256": facts.asset_sha256,
+            "warnings": list(asset.summary.warnings),
+        },
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
@@ -131,7 +137,8 @@ def build_report(
             "source_triangles": len(asset.surface.triangles),
             "welded_vertices": welded.mesh.verts.shape[0],
             "welded_faces": welded.mesh.faces.shape[0],
-            "rebuilt_normals": rebuilt_normals,
+            "rebuilt_normals": rebuilt_normals + asset.repairs.normals,
+            "rebuilt_tangents": asset.repairs.tangents,
             **invariants,
         },
         "quality": quality.to_dict(),

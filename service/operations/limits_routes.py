@@ -38,7 +38,7 @@ from service.state import AppStateDep
 __all__ = ["router"]
 
 router = APIRouter(prefix="/v1/limits", tags=["limits"], dependencies=KNOWN_QUERY)
-_FORMATS = ["glb", "obj", "ply", "stl"]
+_FORMATS = ["glb", "obj", "ply", "stl", "zip"]
 
 
 @router.get(

@@ -98,7 +98,7 @@ EXTERNAL = {**NAN, "buffers": [{"byteLength": 36, "uri": "file:///etc/passwd"}]}
     ("asset", "status", "code"),
     [
         (b"", 422, "asset_truncated"),
-        (b"PK\x03\x04 no mesh at all", 415, "asset_format"),
+        (b"PK\x03\x04 no mesh at all", 422, "asset_truncated"),
         (glb(BARE)[:-4], 422, "asset_truncated"),
         (glb(HUGE), 413, "asset_too_large"),
         (glb(EXTERNAL), 422, "asset_external_uri"),

@@ -15,6 +15,10 @@ test("good news, bad news and no news of a mesh", () => {
     ["warn", "12 flipped faces of 5,120"], ["warn", "3 self-intersecting faces"], ["warn", "1 collapsed face of 5,120"],
   ]);
   assert.equal(findings({ quality: { self_intersecting_faces_before: 3, self_intersecting_faces_after: 3 } })[0].tone, "plain");
+  const quality = { self_intersecting_faces_before: 3, self_intersecting_faces_after: 3, self_intersections_added: 2 };
+  assert.equal(findings({ quality })[0].tone, "warn");
+  const [about] = findings({ input: { warnings: ["2 normals were rebuilt."] } });
+  assert.deepEqual([about.tone, about.text, about.note], ["plain", "About your file", "2 normals were rebuilt."]);
   assert.deepEqual(findings({}), []);
   assert.deepEqual(findings(null), []);
 });

@@ -7,8 +7,10 @@ and appended; the placeholders and the extension are removed.
 from __future__ import annotations
 
 from meshdeform.assets.accessors import refresh_bounds
+from meshdeform.assets.decoded import normalize_weights
 from meshdeform.assets.document import Document
 from meshdeform.assets.draco import drop_extension
+from meshdeform.assets.embed import remove_buffers
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.meshopt.attributes import decode_attributes
 from meshdeform.assets.meshopt.filters import apply_filter
@@ -46,9 +48,10 @@ def decode_meshopt(document: Document) -> None:
     for i, accessor in enumerate(root.get("accessors", [])):
         if accessor.get("bufferView") in filtered:
             refresh_bounds(document, i)
+    normalize_weights(document, filtered)
     for buffer in placeholders:
         _drop(root["buffers"][buffer])
-    _remove_buffers(root, placeholders - {0})
+    remove_buffers(root, placeholders - {0})
     for name in MESHOPT_EXTENSIONS:
         if not any(name in item.get("extensions", {}) for item in root.get("bufferViews", [])):
             drop_extension(root, name)
@@ -83,21 +86,3 @@ def _drop(holder: Json, *names: str) -> None:
             del extensions[name]
     if extensions == {}:
         del holder["extensions"]
-
-
-def _remove_buffers(root: Json, gone: set[int]) -> None:
-    """Remove unreferenced buffers and renumber the others."""
-    if not gone:
-        return
-    kept = [i for i in range(len(root["buffers"])) if i not in gone]
-    number = {old: new for new, old in enumerate(kept)}
-    root["buffers"] = [root["buffers"][i] for i in kept]
-    holders = list(root.get("bufferViews", []))
-    holders += [
-        view["extensions"][name]
-        for view in holders
-        for name in MESHOPT_EXTENSIONS
-        if name in view.get("extensions", {})
-    ]
-    for holder in holders:
-        holder["buffer"] = number[holder["buffer"]]

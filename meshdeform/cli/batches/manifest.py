@@ -13,7 +13,7 @@ from meshdeform.errors import ParameterError
 
 __all__ = ["ASSET_SUFFIXES", "TABLE_SUFFIXES", "Entry", "combine", "read_prompts", "read_table"]
 
-ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl"})
+ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl", ".zip"})
 TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
 _ADVICE = "docs/cli.md describes manifests under meshdeform batch."
 _MEMBERS = ("asset", "prompt", "name", "target", "morph", "usd")

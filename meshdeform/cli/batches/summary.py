@@ -16,7 +16,7 @@ from meshdeform.support.atomic_files import write_files
 
 __all__ = ["count_states", "record_of", "write_summary"]
 
-_QUALITY = ("flipped_faces", "self_intersecting_faces_after", "symmetric_dirichlet_p99", "volume_ratio")
+_QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
 _COLUMNS = (
     *("name", "state", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),
     *_QUALITY,

@@ -22,6 +22,9 @@ export function findings(report) {
   if (report?.movement?.stalled_by && Array.isArray(report.warnings)) {
     found.push(...report.warnings.map((/** @type {unknown} */ text) => warn("Hardly moved", String(text))));
   }
+  if (Array.isArray(report?.input?.warnings)) {
+    found.push(...report.input.warnings.map((/** @type {unknown} */ text) => plain("About your file", String(text))));
+  }
   const faces = number(mesh.welded_faces) ?? number(mesh.source_triangles);
   const of = faces === null ? "" : ` of ${count(faces)}`;
   const flipped = number(quality.flipped_faces);
@@ -87,10 +90,11 @@ function likeness(judged) {
 function crossings(quality) {
   const before = number(quality.self_intersecting_faces_before);
   const after = number(quality.self_intersecting_faces_after);
+  const added = number(quality.self_intersections_added);
   if (after === null) return [];
   if (after === 0) return [good("No self-intersections", "The surface doesn't cut through itself.")];
-  if (before !== null && after <= before) {
-    return [plain(`${counted(after, "self-intersecting face")}`, `Your asset had ${count(before)}.`)];
+  if (added === 0 || (added === null && before !== null && after <= before)) {
+    return [plain(counted(after, "self-intersecting face"), before === null ? "None is new." : `Your asset had ${count(before)}.`)];
   }
   return [warn(counted(after, "self-intersecting face"), before === null ? "" : `Your asset had ${count(before)}.`)];
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -12,11 +13,15 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.accessors import read_accessor
 from meshdeform.assets.document import Document
 from tests.cases import each_case
+from tests.unit.assets.archives import packed
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder, pack, unpack
+from tests.unit.assets.test_archive import scene
+from tests.unit.assets.test_carried import mixed
 from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
 from tests.unit.assets.test_fuzz import kitchen_sink
 from tests.unit.assets.test_morph import with_targets
-from tests.unit.assets.test_replace import position
+from tests.unit.assets.test_repair import damaged
+from tests.unit.assets.test_replace import DOT, position, text_gltf
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
@@ -108,6 +113,10 @@ ASSETS: dict[str, Callable[[], bytes]] = {
     "skin, strip, sparse, targets": kitchen_sink,
     "draco": lambda: draco_asset(draco_stream()).glb(),
     "meshopt": lambda: meshopt_asset().glb(),
+    "data URIs": text_gltf,
+    "zip": lambda: packed(scene()),
+    "points and lines": lambda: mixed().glb(),
+    "normals without a direction": lambda: damaged(np.nan).glb(),
 }
 
 
@@ -175,6 +184,23 @@ def test_compressed_streams_are_dropped(name: str) -> None:
     assert stream not in binary
     referenced = sum(view["byteLength"] for view in root["bufferViews"])
     assert referenced <= len(binary) <= referenced + 4 * len(root["bufferViews"])
+
+
+def test_data_uris_are_moved_and_their_old_positions_overwritten() -> None:
+    data = text_gltf()
+    root, binary, _ = unpack(written(data, compact=True))
+    sizes = [buffer["byteLength"] for buffer in json.loads(data)["buffers"]]
+    assert len(root["buffers"]) == 1
+    assert sum(sizes) + len(DOT) <= len(binary) < sum(sizes) + len(DOT) + 12
+    assert root["meshes"] == json.loads(data)["meshes"]
+
+
+def test_rebuilt_normals_replace_those_of_the_file() -> None:
+    data = damaged(np.nan).glb()
+    before, after = unpack(data), unpack(written(data, compact=True))
+    assert len(after[1]) == len(before[1])
+    for key in ("accessors", "bufferViews"):
+        assert len(after[0][key]) == len(before[0][key])
 
 
 def test_quantized_positions_leave_only_their_rows() -> None:

@@ -12,7 +12,7 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import AssetError, AssetTooLargeError, AssetTruncatedError
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder, unpack
-from tests.unit.assets.test_replace import position
+from tests.unit.assets.test_replace import accessor, position
 
 DRACO = "KHR_draco_mesh_compression"
 UVS = QUAD_VERTS[:, :2].copy()
@@ -77,6 +77,53 @@ def test_draco_becomes_plain_accessors() -> None:
     rows = np.frombuffer(binary, np.uint8, 16, view["byteOffset"]).reshape(4, 4)
     np.testing.assert_array_equal(rows[:, :3], COLORS)
     assert load_asset(asset.replace(surface.positions * 2)).surface.triangles.tolist() == QUAD_FACES.tolist()
+
+
+def draco_skin() -> Builder:
+    """Return a skinned patch of 81 vertices whose weights Draco rounds, with an index maximum that is too low."""
+    import DracoPy
+
+    side = np.arange(9, dtype=np.float32) / 8
+    verts = np.stack([*(axis.reshape(-1) for axis in np.meshgrid(side, side)), np.zeros(81, np.float32)], axis=1)
+    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).reshape(-1)
+    faces = np.concatenate([corner[:, None] + [0, 1, 9], corner[:, None] + [9, 1, 10]]).astype(np.uint32)
+    weights = np.random.default_rng(0).random((81, 4)).astype(np.float32)
+    weights /= weights.sum(axis=1, keepdims=True)
+    tangents = np.tile(np.float32([0.6, 0.8, 0, -1]), (81, 1))
+    generic = {1: weights, 2: np.tile(np.arange(4, dtype=np.uint8), (81, 1)), 3: tangents}
+    stream = DracoPy.encode(verts, faces, quantization_bits=11, preserve_order=True, generic_attributes=generic)
+    builder = Builder()
+    primitive = builder.primitive(verts, faces.astype(np.uint16), JOINTS_0=generic[2], WEIGHTS_0=weights)
+    builder.binary = b""
+    builder.root["bufferViews"] = []
+    normals = {"componentType": 5126, "count": 81, "type": "VEC4"}
+    builder.root["accessors"].append(normals)
+    primitive["attributes"]["TANGENT"] = len(builder.root["accessors"]) - 1
+    for item in builder.root["accessors"]:
+        item.pop("bufferView", None)
+    builder.root["accessors"][primitive["indices"]] |= {"min": [0], "max": [40]}
+    position = next(item["unique_id"] for item in DracoPy.decode(stream).attributes if item["attribute_type"] == 0)
+    ids = {"POSITION": position, "WEIGHTS_0": 1, "JOINTS_0": 2, "TANGENT": 3}
+    primitive["extensions"] = {DRACO: {"bufferView": builder.view(stream), "attributes": ids}}
+    builder.node(builder.mesh(primitive), skin=0)
+    builder.root["skins"] = [{"joints": [builder.node() for _ in range(4)]}]
+    builder.root |= {"extensionsUsed": [DRACO], "extensionsRequired": [DRACO]}
+    return builder
+
+
+def test_weights_and_tangents_are_exact_after_draco_and_the_bounds_of_indices_are_those_of_the_data() -> None:
+    pytest.importorskip("DracoPy", reason="DracoPy is not installed")
+    asset = load_asset(draco_skin().glb())
+    written = asset.replace(asset.surface.positions)
+    root, binary, _ = unpack(written)
+    primitive = root["meshes"][0]["primitives"][0]
+    weights = accessor(root, binary, primitive["attributes"]["WEIGHTS_0"])
+    np.testing.assert_allclose(weights.astype(np.float64).sum(axis=1), 1.0, atol=4e-7, rtol=0)  # the validator's bound
+    tangents = accessor(root, binary, primitive["attributes"]["TANGENT"])
+    np.testing.assert_allclose(np.linalg.norm(tangents[:, :3], axis=1), 1.0, atol=1e-6)
+    assert set(tangents[:, 3]) == {-1.0}
+    indices = root["accessors"][primitive["indices"]]
+    assert (indices["min"], indices["max"]) == ([0], [80])
 
 
 def test_a_draco_primitive_that_is_not_deformed_stays_compressed() -> None:
@@ -157,6 +204,32 @@ def meshopt_asset(*, fallback: bool = False, name: str = "EXT_meshopt_compressio
 
 def triangles_up_to_rotation(triangles: np.ndarray) -> list[list[int]]:
     return sorted(np.roll(row, -int(np.argmin(row))).tolist() for row in triangles)
+
+
+def test_weights_sum_to_one_after_a_lossy_filter() -> None:
+    builder = meshopt_asset()
+    weights = np.random.default_rng(0).random((4, 4)).astype(np.float32)
+    weights /= weights.sum(axis=1, keepdims=True)
+    mantissas = np.round(weights * 2**10).astype(np.int64)
+    packed = (np.int64(-10) << 24 | mantissas & 0xFFFFFF).astype(np.uint32).view("<u4")
+    import meshoptimizer
+
+    stream = meshoptimizer.encode_vertex_buffer(packed, 4, 16)
+    extension = {"buffer": 0, "byteOffset": len(builder.binary) + -len(builder.binary) % 4, "byteLength": len(stream)}
+    extension |= {"byteStride": 16, "count": 4, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}
+    view = {"buffer": 1, "byteOffset": 0, "byteLength": 64, "extensions": {"EXT_meshopt_compression": extension}}
+    builder.view(stream)
+    builder.root["bufferViews"][-1] = view
+    primitive = builder.root["meshes"][0]["primitives"][0]
+    builder.root["accessors"].append(
+        {"bufferView": len(builder.root["bufferViews"]) - 1, "componentType": 5126, "count": 4, "type": "VEC4"}
+    )
+    primitive["attributes"]["WEIGHTS_0"] = len(builder.root["accessors"]) - 1
+    asset = load_asset(builder.glb())
+    root, binary, _ = unpack(asset.replace(asset.surface.positions))
+    written = accessor(root, binary, root["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"])
+    np.testing.assert_allclose(written, weights, atol=2e-3)
+    np.testing.assert_allclose(written.astype(np.float64).sum(axis=1), 1.0, atol=4e-7, rtol=0)
 
 
 @pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])

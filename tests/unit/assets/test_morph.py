@@ -87,7 +87,7 @@ def test_every_primitive_has_as_many_targets() -> None:
     root, binary, _ = morphed(builder)
     first, points, third = root["meshes"][0]["primitives"]
     assert [len(p["targets"]) for p in (first, points, third)] == [2, 2, 2]
-    for zero in (*points["targets"], third["targets"][0]):
+    for zero in (points["targets"][0], third["targets"][0]):
         item = root["accessors"][zero["POSITION"]]
         assert item["count"] == 4
         assert "bufferView" not in item  # zeros by definition

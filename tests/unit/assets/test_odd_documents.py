@@ -7,9 +7,10 @@ import base64
 import numpy as np
 import pytest
 
-from meshdeform.assets import load_asset
+from meshdeform.assets import inspect_asset, load_asset
 from meshdeform.errors import AssetEmptyError, AssetError, AssetTruncatedError, AssetUnsupportedError
-from tests.unit.assets.builders import Builder, pack, quad, unpack
+from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS, Builder, pack, quad, unpack
+from tests.unit.assets.test_replace import position
 
 
 def test_a_data_uri_in_buffer_0_beside_a_binary_chunk_is_written_correctly() -> None:
@@ -50,12 +51,59 @@ def test_a_scene_without_meshes_is_not_blamed_on_points_and_lines() -> None:
     assert "scene" in raised.value.advice_text
 
 
-def test_an_asset_of_instances_only_says_what_to_do_about_them() -> None:
+def test_meshes_that_no_node_shows_are_not_blamed_on_the_scene() -> None:
+    root, binary, _ = unpack(quad())
+    root["nodes"] = [{"name": "empty"}]
+    with pytest.raises(AssetEmptyError, match="contains 1 mesh, but no node shows") as raised:
+        load_asset(pack(root, binary), "quad.glb")
+    assert "scene" in raised.value.advice_text
+    with pytest.raises(AssetEmptyError, match="contains no mesh"):
+        load_asset(pack({"asset": {"version": "2.0"}}), "quad.glb")
+
+
+def test_a_file_without_scenes_shows_its_root_nodes() -> None:
+    root, binary, _ = unpack(quad(translation=[1, 2, 3]))
+    del root["scenes"], root["scene"]
+    surface = load_asset(pack(root, binary), "quad.glb").surface
+    np.testing.assert_array_equal(surface.positions, QUAD_VERTS + [1.0, 2.0, 3.0])
+
+
+def instanced() -> Builder:
+    """Return a quad that is drawn three times; the first instance is flattened."""
     builder = Builder()
-    builder.node(builder.mesh(builder.primitive()), extensions={"EXT_mesh_gpu_instancing": {"attributes": {}}})
-    with pytest.raises(AssetEmptyError, match="EXT_mesh_gpu_instancing") as raised:
-        load_asset(builder.glb(), "quad.glb")
-    assert "instanc" in raised.value.advice_text
+    attributes = {
+        "TRANSLATION": builder.accessor(np.float32([[0, 0, 0], [5, 0, 0], [9, 0, 0]])),
+        "ROTATION": builder.accessor(np.float32([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]])),
+        "SCALE": builder.accessor(np.float32([[1, 0, 1], [2, 2, 2], [1, 1, 1]])),
+        "_ID": builder.accessor(np.float32([0, 1, 2])),
+    }
+    many = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    builder.node(builder.mesh(builder.primitive(NORMAL=QUAD_NORMALS)), translation=[0, 1, 0], extensions=many)
+    builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    return builder
+
+
+def test_an_instanced_mesh_is_deformed_once_and_keeps_its_instances() -> None:
+    builder = instanced()
+    asset = load_asset(builder.glb(), "quads.glb")
+    expected = QUAD_VERTS * [-2.0, 2.0, -2.0] + [5.0, 1.0, 0.0]  # half a turn about y
+    np.testing.assert_allclose(asset.surface.positions, expected, atol=1e-12)
+    assert asset.summary.skipped == ()
+    assert "draws 1 mesh 3 times" in asset.summary.warnings[0]
+    assert inspect_asset(builder.glb()).warnings == asset.summary.warnings
+    written = asset.replace(asset.surface.positions + [0.0, 2.0, 0.0])
+    np.testing.assert_allclose(position(written), QUAD_VERTS + np.float32([0, 1, 0]), atol=1e-6)
+    before, after = unpack(builder.glb())[0], unpack(written)[0]
+    assert after["nodes"] == before["nodes"]
+    assert after["accessors"][:4] == before["accessors"][:4]
+
+
+def test_instances_of_different_counts_or_types_are_refused() -> None:
+    for change in ({"count": 2}, {"type": "VEC2"}, {"componentType": 5123}):
+        builder = instanced()
+        builder.root["accessors"][2] |= change
+        with pytest.raises(AssetError, match="EXT_mesh_gpu_instancing"):
+            load_asset(builder.glb())
 
 
 def test_bytes_after_the_end_are_not_a_truncated_file() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import copy
+import json
 from typing import Any
 
 import numpy as np
@@ -169,15 +171,13 @@ def test_a_node_that_is_not_deformed_keeps_the_mesh() -> None:
 def test_what_shares_an_accessor_and_is_not_deformed_stays() -> None:
     builder = Builder()
     shared = builder.primitive(NORMAL=QUAD_NORMALS)
-    points = {"attributes": dict(shared["attributes"]), "mode": 0}
     shared["targets"] = [{"POSITION": shared["attributes"]["POSITION"]}]
-    builder.node(builder.mesh(shared, points))
+    builder.node(builder.mesh(shared))
     other = builder.mesh({**shared, "attributes": dict(shared["attributes"])})
     asset = load_asset(builder.glb())
     written = asset.replace(asset.surface.positions * 2, asset.surface.normals)
     root, binary, _ = unpack(written)
     np.testing.assert_array_equal(position(written, 0, 0), QUAD_VERTS * 2)
-    np.testing.assert_array_equal(position(written, 0, 1), QUAD_VERTS)
     np.testing.assert_array_equal(position(written, other), QUAD_VERTS)
     target = root["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]
     np.testing.assert_array_equal(accessor(root, binary, target), QUAD_VERTS)
@@ -212,8 +212,6 @@ def test_strips_keep_their_mode_and_indices() -> None:
 
 
 def test_an_embedded_buffer_becomes_the_binary_chunk() -> None:
-    import base64
-
     builder = Builder()
     builder.node(builder.mesh(builder.primitive()))
     root = {key: value for key, value in builder.root.items() if value}
@@ -225,6 +223,46 @@ def test_an_embedded_buffer_becomes_the_binary_chunk() -> None:
     assert binary.startswith(builder.binary)
     assert after["buffers"] == [{"byteLength": len(binary), "name": "b"}]
     np.testing.assert_array_equal(position(written), QUAD_VERTS + 1)
+
+
+def text_gltf() -> bytes:
+    """Return a glTF JSON with two embedded buffers and an image that is a data URI."""
+    first, second = Builder(), Builder()
+    primitive = first.primitive(faces=None)
+    indices = second.accessor(QUAD_FACES.reshape(-1))
+    root = {key: value for key, value in first.root.items() if value}
+    root["accessors"].append(second.root["accessors"][indices] | {"bufferView": 1})
+    root["bufferViews"].append(second.root["bufferViews"][0] | {"buffer": 1})
+    root["meshes"] = [{"primitives": [{**primitive, "indices": 1}]}]
+    root["nodes"], root["scenes"] = [{"mesh": 0}], [{"nodes": [0]}]
+    root["buffers"] = [
+        {"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}
+        for data in (first.binary, second.binary)
+    ]
+    root["images"] = [{"name": "dot", "uri": "data:image/png;base64," + base64.b64encode(DOT).decode()}]
+    return json.dumps(root).encode()
+
+
+DOT = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
+)
+"""A PNG of one pixel."""
+
+
+@pytest.mark.parametrize("how", ["replace", "to_bytes"])
+def test_data_uris_move_into_the_binary_chunk(how: str) -> None:
+    asset = load_asset(text_gltf(), "a.gltf")
+    written = asset.replace(asset.surface.positions) if how == "replace" else asset.to_bytes()
+    assert b"data:" not in written
+    root, binary, _ = unpack(written)
+    assert len(root["buffers"]) == 1
+    image = root["images"][0]
+    assert (image["name"], image["mimeType"]) == ("dot", "image/png")
+    view = root["bufferViews"][image["bufferView"]]
+    assert binary[view["byteOffset"] :][: view["byteLength"]] == DOT
+    again = load_asset(written).surface
+    np.testing.assert_array_equal(again.positions, QUAD_VERTS)
+    np.testing.assert_array_equal(again.triangles, QUAD_FACES)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e39])

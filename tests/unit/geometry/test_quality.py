@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import MeshQuality, measure
-from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
 
 
 def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
@@ -103,3 +103,36 @@ def test_any_soup_has_finite_figures(
     figures = measure(points[:, 0], corners, points[:, 1]).to_dict()
     assert set(figures) == set(MeshQuality.__dataclass_fields__)
     json.dumps(figures, allow_nan=False)
+
+
+def meeting_sheets() -> TriangleMesh:
+    """Return boxes that touch, a box through both, and a fan of needles, all far from the origin."""
+    boxes = [
+        TriangleMesh(box(4).verts + torch.tensor([x, y, y / 2], dtype=torch.float64), box(4).faces)
+        for x, y in ((0.0, 0.0), (1.0, 0.0), (0.45, 0.2))
+    ]
+    fan = uv_sphere(3, 400)
+    mesh = join(*boxes, TriangleMesh(fan.verts * torch.tensor([1.0, 1e-7, 1.0], dtype=torch.float64) + 3.0, fan.faces))
+    return TriangleMesh(mesh.verts * 0.37 + 1000.0, mesh.faces)
+
+
+def test_a_result_equal_to_its_source_up_to_rounding_has_no_new_flip_and_no_new_cut() -> None:
+    mesh = meeting_sheets()
+    assert compare(mesh, mesh.verts).self_intersecting_faces_before > 0
+    noise = torch.randn(mesh.verts.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    for verts in (mesh.verts, (mesh.verts - 3.1) / 0.7 * 0.7 + 3.1, mesh.verts + 1e-8 * noise):
+        found = compare(mesh, verts)
+        assert (found.flipped_faces, found.self_intersections_added, found.collapsed_faces) == (0, 0, 0)
+        assert found.self_intersecting_faces_after == found.self_intersecting_faces_before
+
+
+def test_cuts_are_counted_against_rest_by_pairs() -> None:
+    """A box that cuts one box moves on and cuts another: as many faces as before, but other pairs."""
+    spot = torch.tensor([[0.0, 0, 0], [4.0, 0, 0], [0.5, 0.25, 0.25]], dtype=torch.float64)
+    mesh = join(*(TriangleMesh(box(1).verts + at, box(1).faces) for at in spot))
+    verts = mesh.verts.clone()
+    verts[-len(box(1).verts) :, 0] += 4.0
+    found = compare(mesh, verts)
+    assert found.self_intersecting_faces_after == found.self_intersecting_faces_before > 0
+    assert found.self_intersections_added == found.self_intersecting_faces_after
+    assert compare(mesh, mesh.verts + 1.0).self_intersections_added == 0

@@ -100,6 +100,19 @@ def test_results_are_compact_and_have_their_provenance_if_requested() -> None:
         assert found == {"version": meshdeform.__version__, **origin, **source}
 
 
+def test_the_report_says_which_normals_were_rebuilt() -> None:
+    ball = icosphere(2)
+    normals = ball.verts.numpy().copy()
+    normals[[3, 50]] = np.nan
+    run = start(build_glb(ball.verts.numpy(), ball.faces.numpy(), normals=normals), request(steps=1))
+    list(run)
+    artifacts = run.finish()
+    report = json.loads(artifacts["report.json"].data)
+    assert report["mesh"]["rebuilt_normals"] == 2
+    assert report["input"]["warnings"][0].startswith("2 normals of the file have no direction")
+    assert np.isfinite(load_asset(artifacts["result.glb"].data).surface.normals).all()
+
+
 def test_split_vertices_stay_together() -> None:
     asset = glb(icosphere(1))
     run = start(asset)

@@ -1,0 +1,103 @@
+"""Points and lines follow the surface; planes that make the object small are noticed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Limits, inspect_asset, load_asset
+from meshdeform.assets.build import Primitive, build_glb
+from meshdeform.errors import AssetEmptyError, AssetTooLargeError
+from meshdeform.geometry.shapes import grid, icosphere
+from tests.cases import each_case
+from tests.unit.assets.builders import QUAD_VERTS, Builder, unpack
+from tests.unit.assets.test_replace import accessor, position
+
+POINTS = np.float32([[1, 0, 0], [5, 5, 5], [0.5, 0.5, 2]])
+
+
+def mixed() -> Builder:
+    """Return a quad with points and a line in its mesh, and a node with points alone, turned and scaled."""
+    builder = Builder()
+    quad = builder.primitive()
+    points = {**builder.primitive(POINTS, faces=None), "mode": 0}
+    line = {"attributes": {"POSITION": quad["attributes"]["POSITION"]}, "mode": 3}
+    mesh = builder.mesh(quad, points, line)
+    builder.node(mesh, translation=[10, 0, 0])
+    alone = builder.mesh({**builder.primitive(POINTS, faces=None), "mode": 0})
+    builder.node(alone, translation=[10, 0, 0], scale=[1, 2, -1])
+    return builder
+
+
+def test_points_and_lines_follow_the_surface() -> None:
+    asset = load_asset(mixed().glb())
+    assert (len(asset.surface.positions), asset.summary.skipped) == (4, ())
+    written = asset.replace(asset.surface.positions + [0.0, 3.0, 0.0])
+    shift = np.float32([0, 3, 0])
+    np.testing.assert_allclose(position(written, 0, 1), POINTS + shift, atol=1e-6)
+    np.testing.assert_array_equal(position(written, 0, 2), QUAD_VERTS + shift)
+    np.testing.assert_allclose(position(written, 1), POINTS + shift / 2, atol=1e-6)
+    root, _, _ = unpack(written)
+    assert [primitive.get("mode", 4) for primitive in root["meshes"][0]["primitives"]] == [4, 0, 3]
+
+
+def test_a_point_on_the_surface_follows_its_vertex_and_one_beside_it_a_mean() -> None:
+    asset = load_asset(mixed().glb())
+    moved = np.float64([[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 4]])
+    got = position(asset.replace(asset.surface.positions + moved), 0, 1) - POINTS
+    np.testing.assert_allclose(got[0], [0, 0, 1], atol=1e-6)
+    assert (got[1:, 2] > 0).all()
+    assert (got[1:, 2] < 4).all()
+    np.testing.assert_array_equal(position(asset.replace(asset.surface.positions), 0, 1), POINTS)
+
+
+def test_a_morph_target_moves_points_too() -> None:
+    asset = load_asset(mixed().glb())
+    root, binary, _ = unpack(asset.replace(asset.surface.positions + [0.0, 3.0, 0.0], morph=True))
+    target = root["meshes"][0]["primitives"][1]["targets"][-1]["POSITION"]
+    np.testing.assert_allclose(accessor(root, binary, target), np.tile([0, 3, 0], (3, 1)), atol=1e-6)
+
+
+def test_points_alone_are_refused_and_points_have_a_limit() -> None:
+    builder = Builder()
+    builder.node(builder.mesh({**builder.primitive(POINTS, faces=None), "mode": 0}))
+    for read in (inspect_asset, load_asset):
+        with pytest.raises(AssetEmptyError, match="points and lines only follow a surface"):
+            read(builder.glb())
+    with pytest.raises(AssetTooLargeError):
+        inspect_asset(mixed().glb(), limits=Limits(max_triangles=2))
+
+
+def test_points_that_are_not_finite_stay_as_they_are() -> None:
+    builder = mixed()
+    bad = POINTS.copy()
+    bad[1, 1] = np.nan
+    builder.root["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = builder.accessor(bad)
+    asset = load_asset(builder.glb())
+    assert "not finite" in asset.summary.skipped[0]["reason"]
+    np.testing.assert_array_equal(position(asset.replace(asset.surface.positions + 1), 1), bad)
+
+
+BALL = icosphere(2)
+GROUND = grid(2, 12.0).verts.numpy()[:, [0, 2, 1]] - [0, 1, 0]
+
+
+@each_case(
+    ("width", "warned"),
+    [(1.0, True), (0.6, True), (0.2, False)],
+)
+def test_a_ground_plane_that_makes_the_object_small_is_noticed(width: float, warned: bool) -> None:
+    ball = Primitive(BALL.verts.numpy(), BALL.faces.numpy(), name="ball")
+    glb = build_glb([ball, Primitive(GROUND * [width, 1, width], grid(2, 12.0).faces.numpy(), name="Ground")])
+    warnings = load_asset(glb).summary.warnings
+    assert bool(warnings) is warned
+    if warned:
+        assert "'Ground' (node 1)" in warnings[0]
+
+
+def test_a_pole_is_no_backdrop_and_a_plane_alone_is_an_object() -> None:
+    ball = Primitive(BALL.verts.numpy(), BALL.faces.numpy(), name="ball")
+    pole = Primitive(BALL.verts.numpy() * [0.05, 12, 0.05], BALL.faces.numpy(), name="pole")
+    assert load_asset(build_glb([ball, pole])).summary.warnings == ()
+    plane = Primitive(GROUND, grid(2, 12.0).faces.numpy())
+    assert load_asset(build_glb([plane, plane])).summary.warnings == ()
