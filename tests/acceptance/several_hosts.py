@@ -16,7 +16,7 @@ from tests.acceptance.hosts import Network, network
 from tests.s3_server import S3Server, s3_server
 from tests.servers import NotInstalledError, PostgresServer, RedisServer
 
-STEPS = 400
+STEPS = 200
 # The exit code of a run that lacks a program or a right, and says so on standard error.
 NOT_INSTALLED = 77
 
