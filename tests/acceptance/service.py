@@ -100,7 +100,7 @@ class Service:
         for reader in self._readers:
             reader.start()
         self._seen: set[psutil.Process] = set()
-        self.http = httpx.Client(timeout=30.0)
+        self.http = httpx.Client(timeout=DEADLINE_S)
         try:
             url = until("serve says where it listens", self._url)
         except AssertionError:
