@@ -147,16 +147,13 @@ def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
 
 
 def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Service, small_sphere: Path) -> None:
-    params = {"preset": "preview", "steps": 40, "checkpoint_every_steps": 2, "seed": 7}
-    job_id = service.submit(small_sphere, {"prompt": "a tall vase", "params": params})
-    page.goto(f"/#/jobs/{job_id}")
+    params = {"preset": "preview", "steps": 12, "checkpoint_every_steps": 2, "seed": 7}
     with service.held_jobs():
+        job_id = service.submit(small_sphere, {"prompt": "a tall vase", "params": params})
+        page.goto(f"/#/jobs/{job_id}")
         service.at_step(job_id, 1)
         numbers = page.get_by_label("Progress").locator(".progress-numbers")
-        # A step that was under way when the job was held may still be shown.
-        expect(numbers).to_contain_text(
-            re.compile("|".join(f"Step {n} of 40 · {100 * n // 40}%" for n in range(1, 40)))
-        )
+        expect(numbers).to_contain_text("Step 1 of 12 · 8%")
         service.part("-m", "worker.process").kill()
         expect(page.locator(".notice")).to_have_text(
             re.compile(r"The worker was lost at step \d+\. The job continues by itself from its last checkpoint\.")
