@@ -26,7 +26,6 @@ from cyclonedx.model.bom import Bom
 from cyclonedx.model.component import Component, ComponentType
 from cyclonedx.output.json import JsonV1Dot6
 from cyclonedx.schema import SchemaVersion
-from cyclonedx.validation.json import JsonStrictValidator
 from packageurl import PackageURL
 
 from release.licences import dependencies, forbidden, licence
@@ -76,6 +75,9 @@ def bill_of_materials() -> str:
     for name, needed in graph.items():
         bom.register_dependency(known[name], [known[other] for other in sorted(needed)])
     bom.register_dependency(root, vendored)
+    # Imported here because its format checkers take seconds to load.
+    from cyclonedx.validation.json import JsonStrictValidator
+
     text = JsonV1Dot6(bom).output_as_string(indent=2)
     wrong = JsonStrictValidator(SchemaVersion.V1_6).validate_str(text)
     if wrong is not None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_server, redis_server
 
@@ -27,10 +28,51 @@ os.environ["NUMBA_NUM_THREADS"] = "1"
 os.environ["HF_HUB_OFFLINE"] = "1"
 
 
+SHARING = {
+    "the service": (
+        "tests/acceptance/test_serve.py",
+        "tests/acceptance/test_cli_service.py",
+        "tests/acceptance/test_cli_batch.py",
+        "tests/acceptance/test_quickstart.py",
+        "tests/integration/test_client_examples.py",
+        "tests/toolchain/test_blender_client.py",
+        "tests/toolchain/test_recipes.py",
+    ),
+    "the browser": ("tests/browser/",),
+}
+"""Files that one worker runs, because they share what takes seconds to start. They come first, as they take longest."""
+
+
+def group_of(nodeid: str) -> str:
+    """Return the name of the test's group, or its file if it belongs to none."""
+    file = nodeid.partition("::")[0]
+    return next((name for name, beginnings in SHARING.items() if file.startswith(beginnings)), file)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the groups first."""
+    groups = list(SHARING)
+    items.sort(key=lambda item: groups.index(group) if (group := group_of(item.nodeid)) in SHARING else len(groups))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Extend `--dist loadfile`: a group stays on one worker, as a file does."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid)
+
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
+
+
 def pytest_sessionstart() -> None:
-    """Drop the caller's settings: the tests run on the defaults."""
+    """Drop the caller's settings: the tests run on the defaults, but each command and worker on one thread."""
     for name in [name for name in os.environ if name.startswith("MESHDEFORM_")]:
         del os.environ[name]
+    # More threads than free cores spend their time waiting for each other.
+    os.environ["MESHDEFORM_THREADS"] = "1"
 
 
 @pytest.fixture(autouse=True)
@@ -118,6 +160,16 @@ def postgres_url(postgres_port: int, request: pytest.FixtureRequest) -> Iterator
     with engine.connect() as connection:
         connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
     engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def service(server_folder: Path) -> Iterator[Service]:
+    """A `meshdeform serve` with a real worker that many files share, because it takes seconds to start.
+
+    A test looks only at jobs of its own. Webhooks on loopback are allowed.
+    """
+    with serving(server_folder / "service", MESHDEFORM_WEBHOOK_NETWORKS='["127.0.0.0/8"]') as service:
+        yield service
 
 
 @pytest.fixture(scope="session")

@@ -93,9 +93,11 @@ def _stored(store: ObjectStore, job: Job, key: str) -> Artifact:
     )
 
 
-def run(url: str, key: str, *, examples: int, phases: str = PHASES) -> subprocess.CompletedProcess[str]:
-    """Run Schemathesis with every check; the same requests each time."""
-    command = [sys.executable, "-m", "schemathesis.cli", "--config-file", str(ROOT / "tests" / "schemathesis.toml")]
+def run(
+    url: str, key: str, *, examples: int, chains: int = 60, phases: str = PHASES
+) -> subprocess.CompletedProcess[str]:
+    """Run Schemathesis with every check and so many chains of requests; the same requests each time."""
+    command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
     command += ["--no-color", "run", f"{url}/openapi.json"]
     command += ["--checks", "all", "--phases", phases, "--max-examples", str(examples), "--request-timeout", "20"]
     command += ["--generation-deterministic", "--continue-on-failure", "--suppress-health-check", "all"]
@@ -105,7 +107,9 @@ def run(url: str, key: str, *, examples: int, phases: str = PHASES) -> subproces
         "SCHEMATHESIS_HOOKS": "tests.contract_hooks",
         "PYTHONPATH": str(ROOT),
     }
+    settings = (ROOT / "tests/schemathesis.toml").read_text().replace("${CHAINS}", str(chains))
     with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "schemathesis.toml").write_text(settings)
         return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 

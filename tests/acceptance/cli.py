@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
@@ -13,6 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
 
 DEADLINE_S = 120.0
 
@@ -40,9 +45,16 @@ def run(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProce
     )
 
 
+def call(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:
+    """Run it in this process, which has loaded already what it needs, where no signal and no terminal is wanted."""
+    with contextlib.chdir(cwd):
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "100", **more})
+    return subprocess.CompletedProcess(arguments, result.exit_code, result.stdout, result.stderr)
+
+
 def answer(*arguments: object, cwd: Path, **more: str) -> Any:
-    """Run it with --json; its one document."""
-    done = run(*arguments, "--json", cwd=cwd, **more)
+    """Call it with --json; its one document."""
+    done = call(*arguments, "--json", cwd=cwd, **more)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
     return json.loads(line)

@@ -231,19 +231,19 @@ class Cluster(Followed):
         self.parts[name] = Part(name, command, {**self._environment, **environment}, log)
         return self.parts[name]
 
-    def post(self, steps: int = 12, *, key: str = "", **more: Any) -> httpx.Response:
-        """Post a job over HTTP."""
-        request = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": EVERY}, **more}
+    def post(self, steps: int = 12, *, every: int = EVERY, key: str = "", **more: Any) -> httpx.Response:
+        """Post a job over HTTP that stores a checkpoint `every` so many steps."""
+        request = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": every}, **more}
         headers = {"Idempotency-Key": key} if key else {}
         files = {"asset": ("sphere.glb", SPHERE.read_bytes())}
         return self.http.post("/v1/jobs", files=files, data={"request": json.dumps(request)}, headers=headers)
 
-    def submit(self, steps: int = 12, **more: Any) -> str:
+    def submit(self, steps: int = 12, *, every: int = EVERY, **more: Any) -> str:
         """Record a job without the API and tell the queue if it can hear."""
         if self._asset is None:
             stored = self.store.put("assets/sphere", SPHERE.read_bytes())
             self._asset = StoredFile(key="assets/sphere", filename="sphere.glb", size=stored.size, sha256=stored.sha256)
-        document = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": EVERY}, **more}
+        document = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": every}, **more}
         job = self.record.create(NewJob(JobRequest.model_validate(document), {"asset": self._asset}))
         with contextlib.suppress(UnavailableError):
             self.queue.enqueue(job.id)

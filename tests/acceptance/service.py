@@ -32,6 +32,32 @@ def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADL
     return result
 
 
+class Gate:
+    """The files of the failpoint `pause:PATH`, at which processes wait.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._reached, self._go = Path(f"{path}.reached"), Path(f"{path}.go")
+
+    def open(self) -> None:
+        """Let everybody pass."""
+        self._go.touch()
+
+    def close(self) -> None:
+        """Stop the next one that arrives."""
+        self._reached.unlink(missing_ok=True)
+        self._go.unlink(missing_ok=True)
+
+    def wait(self) -> None:
+        """Return when somebody waits at the closed gate."""
+        until(f"a process waits at {self.path.name}", self._reached.exists)
+
+
 class Service:
     """One `meshdeform serve` with its children.
 
@@ -42,15 +68,28 @@ class Service:
         Settings for it.
     flags : sequence of str
         More options of the command.
+
+    Attributes
+    ----------
+    gate : Gate
+        Where `held_jobs` stops jobs, unless the settings name other failpoints.
     """
 
     def __init__(self, data_dir: Path, environment: Mapping[str, str], flags: Sequence[str] = ()) -> None:
         self.data_dir = data_dir
+        self.gate = Gate(data_dir.with_name(f"{data_dir.name}.gate"))
+        self.gate.open()
         self.output: list[str] = []
         self.errors: list[str] = []
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir), *flags],
-            env={**os.environ, "MESHDEFORM_THREADS": "1", "MESHDEFORM_LEASE_S": "5", **environment},
+            env={
+                **os.environ,
+                "MESHDEFORM_THREADS": "1",
+                "MESHDEFORM_LEASE_S": "5",
+                "MESHDEFORM_FAILPOINTS": f"worker.step=pause:{self.gate.path}",
+                **environment,
+            },
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -61,7 +100,7 @@ class Service:
         for reader in self._readers:
             reader.start()
         self._seen: set[psutil.Process] = set()
-        self.http = httpx.Client(timeout=30.0)
+        self.http = httpx.Client(timeout=DEADLINE_S)
         try:
             url = until("serve says where it listens", self._url)
         except AssertionError:
@@ -143,6 +182,15 @@ class Service:
     def finished(self, job_id: str) -> dict[str, Any]:
         """Return the job once it is in a terminal state."""
         return self.when(job_id, "a terminal state", lambda job: job["state"] in TERMINAL)
+
+    @contextlib.contextmanager
+    def held_jobs(self) -> Iterator[None]:
+        """Stop each job after its next step until the block ends."""
+        self.gate.close()
+        try:
+            yield
+        finally:
+            self.gate.open()
 
     def artifact(self, job_id: str, name: str) -> bytes:
         """Download an artifact."""

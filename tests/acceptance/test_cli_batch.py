@@ -11,14 +11,14 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.acceptance.cli import run, started
+from tests.acceptance.cli import call, run, started
 from tests.acceptance.meshes import write_ellipsoid
-from tests.acceptance.service import serving, until
+from tests.acceptance.service import Service, until
 
 pytestmark = pytest.mark.acceptance
 
-ROWS = 3
-STEPS = 40
+ROWS, STEPS = 3, (2, 40, 2)
+"""How many rows, and the steps of each: the second one takes long enough to be killed."""
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("batch")
     write_ellipsoid(folder / "sphere.obj", 1.0)
     write_ellipsoid(folder / "egg.obj", 1.6)
-    (folder / "rows.csv").write_text("asset,target,seed\n" + "".join(f"sphere.obj,egg.obj,{n}\n" for n in range(ROWS)))
+    rows = [f"sphere.obj,egg.obj,{n},{steps}" for n, steps in enumerate(STEPS)]
+    (folder / "rows.csv").write_text("\n".join(["asset,target,seed,steps", *rows]) + "\n")
     return folder
 
 
@@ -56,7 +57,7 @@ def kill_after_a_row(out: Path, *arguments: object, cwd: Path) -> None:
 
 def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    arguments = ("batch", folder / "rows.csv", "-o", out, "--steps", STEPS, "--set", "checkpoint_every_steps=8")
+    arguments = ("batch", folder / "rows.csv", "-o", out, "--set", "checkpoint_every_steps=8")
     kill_after_a_row(out, *arguments, cwd=tmp_path)
     before = done_rows(out)
     assert 0 < len(before) < ROWS
@@ -84,47 +85,45 @@ def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_pat
     assert f"{ROWS} of {ROWS} rows are finished already" in whole.stderr
 
 
-def test_a_batch_at_a_service_that_is_killed_makes_no_job_twice(
-    folder: Path, tmp_path: Path, server_folder: Path
-) -> None:
+def test_a_batch_at_a_service_that_is_killed_makes_no_job_twice(folder: Path, tmp_path: Path, service: Service) -> None:
     out = tmp_path / "out"
-    with serving(server_folder / "batch") as service:
-        url = str(service.http.base_url).rstrip("/")
-        arguments = ("batch", folder / "rows.csv", "-o", out, "--steps", STEPS, "--url", url, "--parallel", 2)
-        kill_after_a_row(out, *arguments, cwd=tmp_path)
-        # As if it had died between the service's answer and the ledger's line: the job is there, the line is not.
-        lines = (out / "ledger.jsonl").read_bytes().splitlines(keepends=True)
-        waiting = [n for n, line in enumerate(lines) if json.loads(line).get("event") == "submitted"]
-        over = done_rows(out)
-        forgotten = next(n for n in reversed(waiting) if json.loads(lines[n])["key"] not in over)
-        (out / "ledger.jsonl").write_bytes(b"".join(lines[:forgotten] + lines[forgotten + 1 :]))
-        again = run(*arguments, cwd=tmp_path)
-        assert again.returncode == 0, again.stderr
-        jobs = service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]
-        assert len(jobs) == ROWS
-        assert {job["state"] for job in jobs} == {"succeeded"}
-        assert {job["metadata"]["row"] for job in jobs} == {path.parent.name for path in out.glob("*/result.glb")}
-        assert set(done_rows(out).values()) == {1}
-        for job in jobs:
-            fetched = (out / job["metadata"]["row"] / "result.glb").read_bytes()
-            assert fetched == service.artifact(job["id"], "result.glb")
+    url = str(service.http.base_url).rstrip("/")
+    arguments = ("batch", folder / "rows.csv", "-o", out, "--url", url, "--parallel", 2)
+    kill_after_a_row(out, *arguments, cwd=tmp_path)
+    # As if it had died between the service's answer and the ledger's line: the job is there, the line is not.
+    lines = (out / "ledger.jsonl").read_bytes().splitlines(keepends=True)
+    waiting = [n for n, line in enumerate(lines) if json.loads(line).get("event") == "submitted"]
+    over = done_rows(out)
+    forgotten = next(n for n in reversed(waiting) if json.loads(lines[n])["key"] not in over)
+    (out / "ledger.jsonl").write_bytes(b"".join(lines[:forgotten] + lines[forgotten + 1 :]))
+    again = run(*arguments, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    listed = service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]
+    jobs = [job for job in listed if "batch" in job["metadata"]]
+    assert len(jobs) == ROWS
+    assert {job["state"] for job in jobs} == {"succeeded"}
+    assert {job["metadata"]["row"] for job in jobs} == {path.parent.name for path in out.glob("*/result.glb")}
+    assert set(done_rows(out).values()) == {1}
+    for job in jobs:
+        fetched = (out / job["metadata"]["row"] / "result.glb").read_bytes()
+        assert fetched == service.artifact(job["id"], "result.glb")
 
 
 def test_a_row_that_fails_fails_alone_and_is_tried_again_when_asked(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "broken.glb").write_bytes(b"glTF and nothing more")
     (tmp_path / "good.obj").write_bytes((folder / "sphere.obj").read_bytes())
     (tmp_path / "egg.obj").write_bytes((folder / "egg.obj").read_bytes())
-    rows = [{"asset": name, "target": "egg.obj", "steps": 3} for name in ("broken.glb", "good.obj")]
+    rows = [{"asset": name, "target": "egg.obj", "steps": 1} for name in ("broken.glb", "good.obj")]
     (tmp_path / "rows.jsonl").write_text("\n".join(map(json.dumps, rows)))
     out = tmp_path / "out"
-    first = run("batch", "rows.jsonl", "-o", out, "--json", cwd=tmp_path)
+    first = call("batch", "rows.jsonl", "-o", out, "--json", cwd=tmp_path)
     assert first.returncode == 8, first.stderr
     problem = json.loads(first.stderr.splitlines()[-1])
     assert (problem["code"], problem["failed"], problem["succeeded"]) == ("batch_incomplete", 1, 1)
     failed = next(line for line in map(json.loads, first.stdout.splitlines()) if line.get("state") == "failed")
     assert failed["error_code"].startswith("asset_")
-    again = run("batch", "rows.jsonl", "-o", out, cwd=tmp_path)
+    again = call("batch", "rows.jsonl", "-o", out, cwd=tmp_path)
     assert again.returncode == 8
     assert len(ledger(out)) == 2, "without --retry-failed nothing is tried again"
-    assert run("batch", "rows.jsonl", "-o", out, "--retry-failed", cwd=tmp_path).returncode == 8
+    assert call("batch", "rows.jsonl", "-o", out, "--retry-failed", cwd=tmp_path).returncode == 8
     assert [line["event"] for line in ledger(out)].count("failed") == 2

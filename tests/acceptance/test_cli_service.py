@@ -6,20 +6,18 @@ import contextlib
 import json
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
 
-from tests.acceptance.cli import answer, on_a_terminal, run, started
+from tests.acceptance.cli import answer, call, on_a_terminal, run, started
 from tests.acceptance.meshes import write_ellipsoid
-from tests.acceptance.service import Service, serving
+from tests.acceptance.service import Service
 
 pytestmark = pytest.mark.acceptance
 
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
-ENDLESS = ("--steps", "50000", "--set", "checkpoint_every_steps=1000")
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +29,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def service(server_folder: Path) -> Iterator[Service]:
-    """A service that the tests share."""
-    with serving(server_folder / "cli") as service:
-        yield service
-
-
 @pytest.fixture
 def url(service: Service) -> str:
     """Its address."""
@@ -45,20 +36,20 @@ def url(service: Service) -> str:
 
 
 def submit(folder: Path, url: str, *more: str) -> str:
-    done = run("submit", "sphere.obj", "--target", "egg.obj", *more, "--quiet", cwd=folder, MESHDEFORM_URL=url)
+    done = call("submit", "sphere.obj", "--target", "egg.obj", *more, "--quiet", cwd=folder, MESHDEFORM_URL=url)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout.strip()
 
 
 def test_a_job_from_its_submission_to_its_files(folder: Path, service: Service, url: str, tmp_path: Path) -> None:
-    job = submit(folder, url, "--steps", "60", "--label", "shot=sc010", "--morph")
+    job = submit(folder, url, "--steps", "12", "--label", "shot=sc010", "--morph")
     assert service.job(job)["metadata"] == {"shot": "sc010"}
     watched = run("watch", job, "--url", url, cwd=folder)
     assert watched.returncode == 0, watched.stderr
     assert watched.stdout == f"{job}  succeeded\n"
     assert not CONTROL.search(watched.stderr), "a log is no place for control characters"
-    assert "step 60/60  loss " in watched.stderr
+    assert "step 12/12  loss " in watched.stderr
     # A line for each of the few phases, for the last step, and else one in five seconds.
     assert len(watched.stderr.splitlines()) < 30
     files = answer("fetch", job, "-o", tmp_path / "out", "--url", url, cwd=folder)["files"]
@@ -78,7 +69,7 @@ def test_jobs_are_found_by_label_branched_retried_fetched_and_deleted(
 ) -> None:
     more = ("--steps", "4", "--set", "checkpoint_every_steps=2")
     job = submit(folder, url, *more, "--label", "shot=sc020", "--label", "take=1")
-    assert run("wait", job, "-q", "--url", url, cwd=folder).stdout == ""
+    assert call("wait", job, "-q", "--url", url, cwd=folder).stdout == ""
     found = answer("jobs", "--label", "shot=sc020", "--label", "take=1", "--url", url, cwd=folder)["jobs"]
     assert [each["id"] for each in found] == [job]
     assert answer("jobs", "--label", "shot=sc020", "--label", "take=2", "--url", url, cwd=folder)["jobs"] == []
@@ -87,19 +78,19 @@ def test_jobs_are_found_by_label_branched_retried_fetched_and_deleted(
     assert Path(asset["path"]).read_bytes() == (folder / "sphere.obj").read_bytes()
     (mesh,) = answer("fetch", job, "--step", "2", "-o", tmp_path, "--url", url, cwd=folder)["files"]
     assert (Path(mesh["path"]).name, Path(mesh["path"]).read_bytes()[:4]) == ("step-2.glb", b"glTF")
-    assert run("fetch", job, "--step", "3", "-o", tmp_path, "--url", url, cwd=folder).returncode == 3
+    assert call("fetch", job, "--step", "3", "-o", tmp_path, "--url", url, cwd=folder).returncode == 3
 
     branched = answer("branch", job, "a mushroom", "--step", "2", "--steps", "1", "--url", url, cwd=folder)
     assert (branched["origin"]["job_id"], branched["origin"]["step"]) == (job, 2)
-    refused = run("retry", job, "--url", url, cwd=folder)
+    refused = call("retry", job, "--url", url, cwd=folder)
     assert refused.returncode == 3, "it succeeded"
-    assert run("wait", branched["id"], "-q", "--url", url, cwd=folder).returncode == 0
+    assert call("wait", branched["id"], "-q", "--url", url, cwd=folder).returncode == 0
     assert answer("delete", job, branched["id"], "--url", url, cwd=folder) == {"deleted": [job, branched["id"]]}
-    assert run("delete", job, "--url", url, cwd=folder).returncode == 3
+    assert call("delete", job, "--url", url, cwd=folder).returncode == 3
 
 
 def test_on_a_terminal_there_is_a_bar_with_loss_and_time_left(folder: Path, url: str) -> None:
-    job = submit(folder, url, "--steps", "150")
+    job = submit(folder, url, "--steps", "20")
     code, seen = on_a_terminal("watch", job, "--url", url, cwd=folder)
     assert code == 0, seen
     assert "\x1b[" in seen
@@ -111,7 +102,7 @@ def test_on_a_terminal_there_is_a_bar_with_loss_and_time_left(folder: Path, url:
 
 def test_submit_can_wait_and_fetch_at_once_with_one_document(folder: Path, url: str, tmp_path: Path) -> None:
     found = answer(
-        "submit", "sphere.obj", "--target", "egg.obj", "--steps", 20, "-o", tmp_path / "o", "--url", url, cwd=folder
+        "submit", "sphere.obj", "--target", "egg.obj", "--steps", 2, "-o", tmp_path / "o", "--url", url, cwd=folder
     )
     assert found["state"] == "succeeded"
     assert (tmp_path / "o/result.glb").read_bytes()[:4] == b"glTF"
@@ -119,38 +110,42 @@ def test_submit_can_wait_and_fetch_at_once_with_one_document(folder: Path, url: 
 
 
 def test_ctrl_c_leaves_the_job_and_says_how_to_come_back(folder: Path, service: Service, url: str) -> None:
-    job = submit(folder, url, *ENDLESS)
-    with started("watch", job, "--json", "--url", url, cwd=folder) as process:
-        assert process.stdout is not None
-        events = (json.loads(line) for line in process.stdout)
-        assert next(event for event in events if event["type"] == "progress")["job_id"] == job
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate()
-    assert process.returncode == 130, said
-    problem = json.loads(said.splitlines()[-1])
-    assert (problem["code"], problem["exit_code"]) == ("interrupted", 130)
-    assert f"meshdeform watch {job} --url {url}" in problem["advice"]
-    assert f"meshdeform cancel {job} --url {url}" in problem["advice"]
-    assert service.job(job)["state"] == "running"
-    late = run("wait", job, "--timeout", "0.2", "--json", "--url", url, cwd=folder)
-    assert late.returncode == 7
-    assert json.loads(late.stderr.splitlines()[-1])["code"] == "timed_out"
-    assert answer("cancel", job, "--url", url, cwd=folder)["jobs"][0]["id"] == job
-    ended = run("wait", job, "--json", "--url", url, cwd=folder)
+    with service.held_jobs():
+        job = submit(folder, url, "--steps", "8")
+        with started("watch", job, "--json", "--url", url, cwd=folder) as process:
+            assert process.stdout is not None
+            events = (json.loads(line) for line in process.stdout)
+            assert next(event for event in events if event["type"] == "progress")["job_id"] == job
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate()
+        assert process.returncode == 130, said
+        problem = json.loads(said.splitlines()[-1])
+        assert (problem["code"], problem["exit_code"]) == ("interrupted", 130)
+        assert f"meshdeform watch {job} --url {url}" in problem["advice"]
+        assert f"meshdeform cancel {job} --url {url}" in problem["advice"]
+        assert service.job(job)["state"] == "running"
+        late = call("wait", job, "--timeout", "0.2", "--json", "--url", url, cwd=folder)
+        assert late.returncode == 7
+        assert json.loads(late.stderr.splitlines()[-1])["code"] == "timed_out"
+        assert answer("cancel", job, "--url", url, cwd=folder)["jobs"][0]["id"] == job
+    ended = call("wait", job, "--json", "--url", url, cwd=folder)
     assert ended.returncode == 6, ended.stderr
     assert json.loads(ended.stdout)["jobs"][0]["state"] == "canceled"
 
 
 def test_watch_goes_on_through_an_api_that_is_killed(folder: Path, service: Service, url: str) -> None:
-    job = submit(folder, url, "--steps", "300")
-    with started("watch", job, "--json", "--url", url, cwd=folder) as process:
-        assert process.stdout is not None
-        seen = []
-        for line in process.stdout:
-            seen.append(json.loads(line))
-            if len(seen) == 6:
-                _kill_api(service)
-        assert process.wait() == 0, process.stderr
+    with contextlib.ExitStack() as held:
+        held.enter_context(service.held_jobs())
+        job = submit(folder, url, "--steps", "8")
+        with started("watch", job, "--json", "--url", url, cwd=folder) as process:
+            assert process.stdout is not None
+            seen = []
+            for line in process.stdout:
+                seen.append(json.loads(line))
+                if seen[-1]["type"] == "progress" and [event["type"] for event in seen].count("progress") == 1:
+                    _kill_api(service)
+                    held.close()
+            assert process.wait() == 0, process.stderr
     assert [event["seq"] for event in seen] == list(range(1, len(seen) + 1))
     assert seen[-1]["type"] == "succeeded"
 

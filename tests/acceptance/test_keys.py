@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.acceptance.cli import call
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service, serving, until
 from tests.servers import free_port
@@ -39,9 +40,9 @@ def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(se
     assert command in refused.stderr
     assert not (data / "serve.lock").exists()  # nothing was started
     # What it says works, and a key that was revoked opens nothing.
-    made = meshdeform("keys", "create", "--owner", "me", "--data-dir", str(data), "--json")
+    made = call("keys", "create", "--owner", "me", "--data-dir", data, "--json", cwd=server_folder)
     key = json.loads(made.stdout)["id"]
-    assert meshdeform("keys", "revoke", key, "--data-dir", str(data)).returncode == 0
+    assert call("keys", "revoke", key, "--data-dir", data, cwd=server_folder).returncode == 0
     again = meshdeform("serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(data))
     assert (again.returncode, command in again.stderr) == (3, True)
 
@@ -62,7 +63,7 @@ def guarded(server_folder: Path) -> Iterator[tuple[Service, dict[str, str], str,
     """A service that asks for keys, with one of them, logging JSON; on loopback, where the test may listen."""
     data = server_folder / "guarded"
     flags = ["--owner", "studio", "--requests-per-minute", "0", "--data-dir", str(data), "--json"]
-    made = json.loads(meshdeform("keys", "create", *flags).stdout)
+    made = json.loads(call("keys", "create", *flags, cwd=server_folder).stdout)
     environment = {"MESHDEFORM_AUTH": "on", "MESHDEFORM_LOG_FORMAT": "json"}
     with serving(data, **environment) as service:
         yield service, {"Authorization": f"Bearer {made['key']}"}, made["id"], data
@@ -99,7 +100,7 @@ def test_a_key_opens_a_job_is_its_owners_and_every_line_is_json(
 def test_a_revoked_key_is_refused_soon(guarded: tuple[Service, dict[str, str], str, Path]) -> None:
     service, headers, key, data = guarded
     assert httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 200
-    assert meshdeform("keys", "revoke", key, "--data-dir", str(data)).returncode == 0
+    assert call("keys", "revoke", key, "--data-dir", data, cwd=data.parent).returncode == 0
     until(
         "the key is refused",
         lambda: httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 401,

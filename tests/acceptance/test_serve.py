@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +14,16 @@ import psutil
 import pytest
 
 from tests.acceptance.meshes import write_ellipsoid
-from tests.acceptance.service import Service, serving, until
+from tests.acceptance.service import Gate, Service, serving, until
 
 pytestmark = pytest.mark.acceptance
 
-STEPS, EVERY = 160, 20
+STEPS, EVERY = 48, 5
 REQUEST: dict[str, Any] = {
     "params": {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, "seed": 5},
     "metadata": {"shot": "sc010"},
 }
-ENDLESS = {"params": {"guidance": "target", "steps": 50_000, "checkpoint_every_steps": EVERY}}
+SHORT = {"params": {"guidance": "target", "steps": 3}}
 
 
 @pytest.fixture(scope="module")
@@ -40,25 +39,18 @@ def egg(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory, server_folder: Path) -> Iterator[Service]:
-    """A service that several tests share; its parts may be killed, it itself may not."""
-    with serving(server_folder / "shared") as service:
-        yield service
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(service: Service, sphere: Path, egg: Path) -> bytes:
-    """The result of the job of this file when nothing disturbs it."""
-    job = service.submit(sphere, REQUEST, egg)
-    assert service.finished(job)["state"] == "succeeded", service.log
-    return service.artifact(job, "result.glb")
-
-
-def test_a_job_over_http_succeeds_and_its_artifacts_can_be_had(service: Service, sphere: Path, egg: Path) -> None:
+def uninterrupted(service: Service, sphere: Path, egg: Path) -> str:
+    """The job of this file when nothing disturbs it, finished."""
     answer = service.post(sphere.read_bytes(), sphere.name, REQUEST, egg)
     assert answer.status_code == 202
-    assert answer.headers["location"].endswith(answer.json()["id"])
-    job = service.finished(answer.json()["id"])
+    job = str(answer.json()["id"])
+    assert answer.headers["location"].endswith(job)
+    assert service.finished(job)["state"] == "succeeded", service.log
+    return job
+
+
+def test_a_job_over_http_succeeds_and_its_artifacts_can_be_had(service: Service, uninterrupted: str) -> None:
+    job = service.job(uninterrupted)
     assert (job["state"], job["error"]) == ("succeeded", None)
     assert job["metadata"] == {"shot": "sc010"}
     assert job["started_at"] <= job["finished_at"]
@@ -72,39 +64,19 @@ def test_a_job_over_http_succeeds_and_its_artifacts_can_be_had(service: Service,
     assert json.loads(service.artifact(job["id"], "report.json"))
 
 
-def test_a_worker_killed_mid_job_costs_nothing_but_time(
-    service: Service, sphere: Path, egg: Path, uninterrupted: bytes
+def test_a_job_is_canceled_at_once_while_queued_and_after_its_step_while_running(
+    service: Service, sphere: Path, egg: Path
 ) -> None:
-    job = service.submit(sphere, REQUEST, egg)
-    service.at_step(job, 3 * EVERY)
-    worker = service.part("-m", "worker.process")
-    supervisor = service.part("-m", "worker")
-    worker.kill()
-    done = service.finished(job)
-    assert (done["state"], done["progress"]["attempt"]) == ("succeeded", 2)
-    assert supervisor.is_running()
-    assert service.artifact(job, "result.glb") == uninterrupted
-    assert json.loads(service.artifact(job, "report.json"))["resumed_from_step"] >= 2 * EVERY
-
-
-def test_a_running_job_stops_when_it_is_canceled(service: Service, sphere: Path, egg: Path) -> None:
-    job = service.submit(sphere, ENDLESS, egg)
-    service.at_step(job, 1)
-    answer = service.http.post(f"/v1/jobs/{job}/cancel")
-    assert answer.status_code in (200, 202), answer.text
-    at = service.finished(job)
+    with service.held_jobs():
+        running, queued = service.submit(sphere, REQUEST, egg), service.submit(sphere, REQUEST, egg)
+        service.at_step(running, 1)
+        assert service.http.post(f"/v1/jobs/{queued}/cancel").json()["state"] == "canceled"
+        assert service.http.post(f"/v1/jobs/{running}/cancel").json()["state"] == "canceling"
+    at = service.finished(running)
     assert at["state"] == "canceled"
-    assert at["progress"]["step"] < 50_000
-    assert service.http.post(f"/v1/jobs/{job}/cancel").status_code == 200
-
-
-def test_a_queued_job_is_canceled_at_once(service: Service, sphere: Path, egg: Path) -> None:
-    first, second = service.submit(sphere, ENDLESS, egg), service.submit(sphere, REQUEST, egg)
-    service.at_step(first, 1)
-    assert service.http.post(f"/v1/jobs/{second}/cancel").json()["state"] == "canceled"
-    service.http.post(f"/v1/jobs/{first}/cancel")
-    assert service.finished(first)["state"] == "canceled"
-    assert service.job(second)["state"] == "canceled"
+    assert at["progress"]["step"] < STEPS
+    assert service.http.post(f"/v1/jobs/{running}/cancel").status_code == 200
+    assert service.job(queued)["state"] == "canceled"
 
 
 def test_a_bad_file_is_refused_and_the_next_job_runs(service: Service, sphere: Path, egg: Path) -> None:
@@ -112,7 +84,7 @@ def test_a_bad_file_is_refused_and_the_next_job_runs(service: Service, sphere: P
     assert 400 <= refused.status_code < 500
     assert refused.headers["content-type"].startswith("application/problem+json")
     assert refused.json()["code"].startswith("asset_")
-    job = service.submit(sphere, {**REQUEST, "params": {**REQUEST["params"], "steps": 3}}, egg)
+    job = service.submit(sphere, SHORT, egg)
     assert service.finished(job)["state"] == "succeeded"
 
 
@@ -131,55 +103,52 @@ def _api(service: Service) -> psutil.Process:
     )
 
 
-def test_ctrl_c_leaves_no_process_and_the_next_start_finishes_the_job(
-    server_folder: Path, sphere: Path, egg: Path, uninterrupted: bytes
+def test_a_job_outlives_its_worker_ctrl_c_and_a_killed_serve_with_the_same_bytes(
+    service: Service, server_folder: Path, tmp_path: Path, sphere: Path, egg: Path, uninterrupted: str
 ) -> None:
-    data = server_folder / "interrupted"
-    with serving(data) as first:
+    data, gate = server_folder / "interrupted", Gate(tmp_path / "gate")
+    with serving(data, MESHDEFORM_FAILPOINTS=f"worker.step=pause@13:{gate.path}") as first:
         job = first.submit(sphere, REQUEST, egg)
-        first.at_step(job, EVERY + 1)
+        gate.wait()
+        supervisor = first.part("-m", "worker")
+        gate.close()
+        first.part("-m", "worker.process").kill()
+        # The next one begins at step 10, where the last checkpoint was, and waits at its own thirteenth step.
+        gate.wait()
+        assert supervisor.is_running()
+        assert first.job(job)["progress"]["attempt"] == 2
         first.send(signal.SIGINT)
+        until("serve stops", lambda: "| stopping" in first.log)
+        gate.open()
         assert first.wait() == 0, first.log
         assert first.family() == set()
-    with serving(data) as second:
-        done = second.finished(job)
-        assert (done["state"], done["error"]) == ("succeeded", None)
-        assert second.artifact(job, "result.glb") == uninterrupted
-        assert json.loads(second.artifact(job, "report.json"))["resumed_from_step"] > EVERY
+    gate.close()
+    with serving(data, MESHDEFORM_FAILPOINTS=f"worker.step=pause@3:{gate.path}") as second:
+        gate.wait()
+        assert len(second.family()) >= 4  # redis, API, supervisor, worker
+        second.send(signal.SIGKILL)
+        gate.open()
+        second.wait()
+        # At once: the next one waits for what is left of the second.
+        browser, opened = tmp_path / "browser", tmp_path / "opened"
+        # It runs until its window is closed, as some do: the service does not wait for it.
+        browser.write_text(f"#!/bin/sh\ncd '{tmp_path}' && echo $1 >begun && mv begun opened && exec sleep 600\n")
+        browser.chmod(0o755)
+        with serving(data, "--open", BROWSER=str(browser)) as third:
+            assert second.family() == set()
+            done = third.finished(job)
+            assert (done["state"], done["error"]) == ("succeeded", None), third.log
+            assert third.artifact(job, "result.glb") == service.artifact(uninterrupted, "result.glb")
+            assert json.loads(third.artifact(job, "report.json"))["resumed_from_step"] >= 23
+            until("the browser is started", opened.exists)
+            assert opened.read_text() == str(third.http.base_url).rstrip("/") + "/\n"
+            assert third.http.get("/readyz").status_code == 200
+            third.send(signal.SIGINT)
+            assert third.wait() == 0, third.log
 
 
-def test_the_page_is_opened_in_the_browser_when_it_is_ready(server_folder: Path, tmp_path: Path) -> None:
-    browser, opened = tmp_path / "browser", tmp_path / "opened"
-    # It goes on until its window is closed, as some do: the service does not wait for it.
-    browser.write_text(f"#!/bin/sh\ncd '{tmp_path}' && echo $1 >begun && mv begun opened && exec sleep 600\n")
-    browser.chmod(0o755)
-    with serving(server_folder / "opened", "--open", BROWSER=str(browser)) as service:
-        until("the browser is started", opened.exists)
-        assert opened.read_text() == str(service.http.base_url).rstrip("/") + "/\n"
-        assert service.http.get("/readyz").status_code == 200
-        service.send(signal.SIGINT)
-        assert service.wait() == 0, service.log
-
-
-def test_a_killed_serve_leaves_no_orphan_and_the_next_start_finishes_the_job(
-    server_folder: Path, sphere: Path, egg: Path, uninterrupted: bytes
-) -> None:
-    data = server_folder / "killed"
-    with serving(data) as first:
-        job = first.submit(sphere, REQUEST, egg)
-        first.at_step(job, EVERY + 1)
-        assert len(first.family()) >= 4  # redis, API, supervisor, worker
-        first.send(signal.SIGKILL)
-        first.wait()
-        # At once: the next one waits for what is left of the first.
-        with serving(data) as second:
-            assert first.family() == set()
-            assert second.finished(job)["state"] == "succeeded", second.log
-            assert second.artifact(job, "result.glb") == uninterrupted
-
-
-def test_a_second_serve_on_the_directory_is_refused(service: Service, server_folder: Path) -> None:
-    command = [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", server_folder / "shared"]
+def test_a_second_serve_on_the_directory_is_refused(service: Service) -> None:
+    command = [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", service.data_dir]
     refused = subprocess.run(command, capture_output=True, text=True, check=False)
     assert refused.returncode == 4
     assert f"(process {service.pid})" in refused.stderr

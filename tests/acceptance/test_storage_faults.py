@@ -36,7 +36,7 @@ def proxied(
 def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster, FaultProxy], fault: str) -> None:
     cluster, proxy = proxied
     cluster.start_api()
-    job_id = cluster.submit(300)
+    job_id = cluster.submit(300, every=30)
     cluster.start_worker()
     cluster.at_step(job_id, 20)
     if fault == "cut":
@@ -70,7 +70,7 @@ def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
         cluster = Cluster(tmp_path, redis, storage_url=str(small_disk))
         try:
             cluster.start_api()
-            running = cluster.submit(600)
+            running = cluster.submit(600, every=30)
             cluster.start_worker()
             cluster.at_step(running, 20)
             with _kept_full(small_disk / "ballast"):

@@ -22,10 +22,11 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
 from tests.acceptance.cluster import Followed, until
 from tests.acceptance.meshes import write_ellipsoid
+from tests.acceptance.service import Gate
 
 pytestmark = pytest.mark.acceptance
 
-STEPS, EVERY = 120, 20
+STEPS, EVERY = 40, 5
 
 
 class Deployment(Followed):
@@ -107,12 +108,17 @@ def gone(process: psutil.Process) -> bool:
     return True
 
 
-def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_bytes(deployment: Deployment) -> None:
+def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_bytes(
+    deployment: Deployment, tmp_path: Path
+) -> None:
+    gate = Gate(tmp_path / "gate")
     whole, job = deployment.submit(), deployment.submit()
+    deployment.environment["MESHDEFORM_FAILPOINTS"] = f"worker.step=pause@{STEPS + EVERY + 2}:{gate.path}"
     with deployment.worker() as first:
         assert deployment.finished(whole).state is JobState.SUCCEEDED
-        deployment.at_step(job, EVERY + 1)
+        gate.wait()
         first.terminate()
+        gate.open()
         assert first.wait(timeout=60) == 0, deployment.logs
     handed_back = deployment.record.get(job)
     assert (handed_back.state, handed_back.attempt) == (JobState.QUEUED, 1)
@@ -124,9 +130,10 @@ def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_by
     assert deployment.result(job) == deployment.result(whole)
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_killed_worker_process_is_replaced_without_a_wait_for_its_lease(deployment: Deployment) -> None:
     deployment.environment["MESHDEFORM_LEASE_S"] = "3600"
-    job = deployment.submit()
+    job = deployment.submit(steps=120)
     with deployment.worker() as supervisor:
         deployment.at_step(job, EVERY + 1)
         worker_process(supervisor).kill()
@@ -136,7 +143,7 @@ def test_a_killed_worker_process_is_replaced_without_a_wait_for_its_lease(deploy
 
 @pytest.mark.long  # test_faults.py does the same with a sum for the deformation
 def test_a_killed_supervisor_takes_its_worker_along_and_another_resumes(deployment: Deployment) -> None:
-    job = deployment.submit()
+    job = deployment.submit(steps=120)
     with deployment.worker() as first:
         deployment.at_step(job, EVERY + 1)
         process = worker_process(first)

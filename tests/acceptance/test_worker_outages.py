@@ -35,7 +35,7 @@ def test_a_store_that_is_away_costs_no_attempt(
         monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
         with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
             worker = cluster.start_worker()
-            job_id = cluster.submit(STEPS)
+            job_id = cluster.submit(STEPS, every=20)
             cluster.at_step(job_id, 20)
             proxy.refuse()
             until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
@@ -52,7 +52,7 @@ def test_a_store_that_is_away_when_a_job_begins_is_waited_for(
     with FaultProxy(s3_server.port) as proxy:
         monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
         with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
-            job_id = cluster.submit(STEPS)
+            job_id = cluster.submit(STEPS, every=20)
             proxy.refuse()
             worker = cluster.start_worker()
             until("the asset cannot be read", lambda: "the asset: " in worker.log)
@@ -66,7 +66,7 @@ def test_a_record_that_is_away_costs_no_attempt(tmp_path: Path, postgres_port: i
         url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
         with cluster_with(tmp_path, database_url=url) as cluster:
             worker = cluster.start_worker()
-            job_id = cluster.submit(STEPS)
+            job_id = cluster.submit(STEPS, every=20)
             cluster.at_step(job_id, 20)
             proxy.refuse()
             until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
@@ -81,7 +81,7 @@ def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
     with FaultProxy(postgres_port) as proxy:
         url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
         with cluster_with(tmp_path, database_url=url) as cluster:
-            job_id = cluster.submit(STEPS)
+            job_id = cluster.submit(STEPS, every=20)
             proxy.refuse()
             worker = cluster.start_worker()
             until("it waits", lambda: "waiting for the record" in worker.log)

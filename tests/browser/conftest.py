@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.acceptance.service import Service, serving
+from tests.acceptance.service import Service
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request
@@ -74,29 +74,6 @@ def browser() -> Iterator[Browser]:
         launched = playwright.chromium.launch(executable_path=path, args=CHROMIUM_ARGUMENTS, env=environment)
         yield launched
         launched.close()
-
-
-@pytest.fixture(scope="session")
-def service(server_folder: Path) -> Iterator[Service]:
-    """A `meshdeform serve` that the tests share: a test looks only at jobs of its own."""
-    chromium_path()  # without one the tests are skipped, and need no service
-    folder = server_folder / f"browser-{os.getpid()}"
-    folder.mkdir(parents=True)
-    gate = folder / "gate"
-    Path(f"{gate}.go").touch()
-    with serving(folder / "data", MESHDEFORM_FAILPOINTS=f"worker.step=pause:{gate}") as service:
-        yield service
-
-
-@contextmanager
-def held_jobs(service: Service) -> Iterator[None]:
-    """Let jobs stand still after their next step, as long as the block lasts."""
-    go = service.data_dir.parent / "gate.go"
-    go.unlink()
-    try:
-        yield
-    finally:
-        go.touch()
 
 
 class Watch:

@@ -12,7 +12,7 @@ import pytest
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
 from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch, held_jobs, watched  # noqa: E402
+from tests.browser.conftest import Watch, watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
 from tests.fault_proxy import FaultProxy  # noqa: E402
 
@@ -155,7 +155,7 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
         page.get_by_role("button", name="Deform").click()
         expect(page.get_by_role("alert").filter(has_text="The server does not answer.")).to_be_visible()
         proxy.pass_through()
-        with held_jobs(service):
+        with service.held_jobs():
             job_id = start(page)
             service.at_step(job_id, 1)
             notice = page.locator(".notice")

@@ -13,7 +13,7 @@ playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright i
 
 from meshdeform.assets import load_asset  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch, held_jobs  # noqa: E402
+from tests.browser.conftest import Watch  # noqa: E402
 from tests.browser.steps import badge, choose, difference, open_form, picture, shown_job, until_drawn  # noqa: E402
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def test_a_shape_on_the_way_is_downloaded_continued_and_retried(
 
     # A retry shows the shape that it starts from, not the source.
     page.get_by_label("Morph").fill("100")
-    with held_jobs(service):
+    with service.held_jobs():
         page.get_by_role("button", name="Retry").click()
         page.wait_for_url(lambda url: first not in url)
         expect(after.locator(".viewer-tag")).to_have_text("After · start")

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import httpx
-import jsonschema
+import jsonschema_rs
 
 from meshdeform.record.models import Artifact, JobState
 from tests.integration.conftest import DEADLINE_S, Api, new_job
@@ -41,7 +41,7 @@ def check_problem(answer: httpx.Response, status: int, code: str) -> dict[str, A
 def check_document(document: Any, name: str, openapi: dict[str, Any]) -> None:
     """Check a document against its schema as it is published."""
     schema = {"$ref": f"#/components/schemas/{name}", "components": openapi["components"]}
-    jsonschema.Draft202012Validator(schema, format_checker=jsonschema.FormatChecker()).validate(document)
+    jsonschema_rs.Draft202012Validator(schema, validate_formats=True).validate(document)
 
 
 def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:

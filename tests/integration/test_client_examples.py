@@ -8,28 +8,16 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.acceptance.service import Service, serving
-from tests.servers import NotInstalledError
+from tests.acceptance.service import Service
 
 pytestmark = pytest.mark.slow
 
 QUICK = {"steps": 4, "seed": 7}
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """`meshdeform serve` with a real worker."""
-    try:
-        with serving(tmp_path_factory.mktemp("service")) as started:
-            yield started
-    except NotInstalledError as missing:
-        pytest.skip(str(missing))
 
 
 @pytest.fixture

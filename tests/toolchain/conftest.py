@@ -6,13 +6,11 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from tests.acceptance.service import Service, serving
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "integrations/blender"))
 
@@ -41,11 +39,3 @@ def node_tool(repository: Path) -> Tool:
 def counted(node_tool: Tool) -> Callable[..., list[dict[str, Any]]]:
     """Count what is in GLBs with `counted("three.mjs", path, ...)` or `counted("transform.mjs", path, ...)`."""
     return lambda script, *paths: json.loads(node_tool(script, *paths))
-
-
-@pytest.fixture(scope="module")
-def service(server_folder: Path, request: pytest.FixtureRequest) -> Iterator[Service]:
-    """A real `meshdeform serve` for a file, with its webhooks on loopback allowed."""
-    folder = server_folder / request.module.__name__.rpartition(".")[2]
-    with serving(folder, MESHDEFORM_WEBHOOK_NETWORKS='["127.0.0.0/8"]') as service:
-        yield service

@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import jsonschema
+import jsonschema_rs
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -29,7 +29,7 @@ def services(repository: Path, name: str) -> dict[str, dict[str, Any]]:
 def test_compose_files_are_of_the_specification(name: str, repository: Path) -> None:
     # The Compose Specification's own schema (Apache-2.0), beside this file.
     schema = json.loads((Path(__file__).parent / "compose_spec.json").read_text())
-    jsonschema.Draft7Validator(schema).validate(
+    jsonschema_rs.Draft7Validator(schema).validate(
         {key: value for key, value in yaml.safe_load((repository / name).read_text()).items() if key[:2] != "x-"}
     )
 

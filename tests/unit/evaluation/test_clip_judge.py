@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
 
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
@@ -45,6 +44,8 @@ def test_the_best_prompt_is_a_hit_and_no_other(folder: Path) -> None:
 
 
 def test_the_picture_is_what_transformers_own_processor_makes_of_it(folder: Path) -> None:
+    from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
+
     from meshdeform.evaluation.picture import draw
     from meshdeform.rendering.cameras import fixed_cameras
 
