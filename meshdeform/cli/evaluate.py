@@ -16,6 +16,7 @@ from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.evaluation.plan import Plan
+    from meshdeform.evaluation.suite import Suite
     from meshdeform.settings import Settings
 
 __all__ = ["evaluate"]
@@ -28,7 +29,9 @@ def evaluate(
     folders: Annotated[
         list[Path] | None, typer.Argument(help="With --compare: the folders of finished runs.", show_default=False)
     ] = None,
-    suite: Annotated[str, typer.Option(help="small, full, nouns, unseen or paper (docs/quality.md).")] = "small",
+    suite: Annotated[
+        str, typer.Option(help="small, full, nouns, unseen, assets or paper (docs/quality.md).")
+    ] = "small",
     out: Annotated[
         Path, typer.Option(help="The folder of the run; the same command resumes in it.", file_okay=False)
     ] = Path("meshdeform-eval"),
@@ -76,6 +79,16 @@ def evaluate(
             rich_help_panel=_METHOD,
             exists=True,
             dir_okay=False,
+        ),
+    ] = None,
+    assets: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --suite assets: a folder with its files.",
+            rich_help_panel=_METHOD,
+            exists=True,
+            file_okay=False,
+            show_default=False,
         ),
     ] = None,
     judge: Annotated[
@@ -129,8 +142,8 @@ def evaluate(
     options = {**_set(settings_ or []), "steps": steps, "preset": preset}
 
     def plan() -> Plan:
-        own = tuple(str(path) for path in source or [])
-        return _plan(suite, out, options, checkpoint_at or [], prior, own, seeds, settings, judge, clip, ablation)
+        chosen = _suite(suite, tuple(str(path) for path in source or []), assets, seeds)
+        return _plan(chosen, out, options, checkpoint_at or [], prior, settings, judge, clip, ablation)
 
     if dry_run:
         _list(plan(), limit, as_json)
@@ -189,14 +202,25 @@ def _given(folders: list[Path] | None) -> list[Path]:
     return folders
 
 
+def _suite(name: str, sources: tuple[str, ...], assets: Path | None, seeds: str | None) -> Suite:
+    from meshdeform.evaluation.suite import find_suite
+
+    suite = find_suite(name)
+    if sources:
+        suite = suite.with_sources(sources)
+    if assets is not None or suite.pairs:
+        if assets is None:
+            raise typer.BadParameter(f"the suite {name} needs a folder with its files", param_hint="--assets")
+        suite = suite.in_folder(assets)
+    return suite.with_seeds(_seeds(seeds)) if seeds is not None else suite
+
+
 def _plan(
-    suite_name: str,
+    suite: Suite,
     out: Path,
     options: dict[str, Any],
     checkpoint_at: list[int],
     prior: str,
-    sources: tuple[str, ...],
-    seeds: str | None,
     settings: Settings,
     judge: str,
     clip: Path | None,
@@ -204,18 +228,12 @@ def _plan(
 ) -> Plan:
     from meshdeform.evaluation.ablations import Ablation, ablated_params
     from meshdeform.evaluation.plan import Plan
-    from meshdeform.evaluation.suite import find_suite
     from meshdeform.requests.document import resolve
     from meshdeform.runs.devices import resolve_device
 
     if ablation is not None and ablation not in list(Ablation):
         raise typer.BadParameter(f"{ablation!r} is not one of {', '.join(Ablation)}", param_hint="--ablation")
     chosen = Ablation(ablation) if ablation is not None else None
-    suite = find_suite(suite_name)
-    if sources:
-        suite = suite.with_sources(sources)
-    if seeds is not None:
-        suite = suite.with_seeds(_seeds(seeds))
     params = resolve(_params({"preset": suite.preset, "model": _model(prior, settings), **_without_none(options)}))
     params = ablated_params(params, chosen)
     late = [step for step in checkpoint_at if step > params.steps]

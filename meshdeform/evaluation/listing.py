@@ -5,6 +5,7 @@ Loads no model, so a suite for another machine can be listed on this one.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from meshdeform.evaluation.plan import Plan
@@ -49,7 +50,7 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
 def listing(plan: Plan, *, limit: int | None = None) -> str:
     """Return the plan as text: a line for each deformation, then the parameters and the totals."""
     found = outline(plan, limit=limit)
-    lines = [f"{number:4d}  {item['source']:<10} {item['prompt']}  (seed {item['seed']})"
+    lines = [f"{number:4d}  {Path(item['source']).stem:<10} {item['prompt']}  (seed {item['seed']})"
              for number, item in enumerate(found["items"], 1)]  # fmt: skip
     parameters = ", ".join(f"{name}={value}" for name, value in found["params"].items() if value != "")
     lines += [

@@ -5,10 +5,11 @@ The figures of `meshdeform.geometry.quality`, which every job's report has, and 
 ::
 
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
+    neighbour_offset           mean change of the offsets between neighbouring components over d (`neighbours.py`)
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
-with d the diagonal of the source's bounding box, so both are dimensionless. The first follows every vertex;
-the second compares only the surfaces and ignores vertices that slide on them.
+with d the diagonal of the source's bounding box, so all are dimensionless. The first follows every vertex,
+the last compares only the surfaces and ignores vertices that slide on them.
 
 Source of the Chamfer distance: Fan et al. 2017, A Point Set Generation Network, eq. 2, here with distances instead of
 their squares and halved.
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 
@@ -43,7 +45,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     Returns
     -------
     dict
-        The fields of `meshdeform.geometry.quality.MeshQuality`, and the two above.
+        The fields of `meshdeform.geometry.quality.MeshQuality`, and the three above.
 
     Raises
     ------
@@ -61,6 +63,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     return {
         **measure(before, faces, after).to_dict(),
         "displacement": displacement(before, faces, after) / diagonal,
+        "neighbour_offset": neighbour_offsets(rest, deformed.verts).mean,
         "chamfer": chamfer_distance(before, after, faces) / diagonal,
     }
 

@@ -93,6 +93,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
         "suite": suite.name,
         "prompts": list(suite.prompts),
         "seeds": list(suite.seeds),
+        "pairs": [list(pair) for pair in suite.pairs],
         "sources": sources,
         "steps": list(plan.steps),
         "ablation": plan.ablation,
@@ -113,6 +114,7 @@ def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, devic
         tuple(found["prompts"]),
         tuple(found["seeds"]),
         found["params"]["preset"],
+        tuple((source, prompt) for source, prompt in found.get("pairs", [])),
     )
     # Not validated: the parameters may be of an earlier version, and no deformation uses them.
     params = ResolvedParams.model_construct(**found["params"])

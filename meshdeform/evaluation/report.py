@@ -40,7 +40,8 @@ def write_report(folder: Path) -> dict[str, Any]:
     good = [record for record in records if not record["failed"]]
     document = {
         "manifest": manifest,
-        "expected": len(manifest["sources"]) * len(manifest["prompts"]) * len(manifest["seeds"]),
+        "expected": (len(manifest.get("pairs", ())) or len(manifest["sources"]) * len(manifest["prompts"]))
+        * len(manifest["seeds"]),
         "done": len(good),
         "failed": len(records) - len(good),
         "summary": [_sums(good, steps, manifest) for steps in manifest["steps"]],
@@ -103,6 +104,7 @@ def _page(document: dict[str, Any]) -> str:
     manifest, summary = document["manifest"], document["summary"]
     last = summary[-1]
     judge, clip = manifest["judge"], manifest["clip"]
+    sources = [(Path(name).stem, row) for name, row in last["by_source"].items()]
     lines = [
         f"# Suite `{manifest['suite']}`, preset `{manifest['params']['preset']}`, prior `{manifest['prior']['id']}`"
         + (f", ablation `{manifest['ablation']}`\n" if manifest.get("ablation") else "\n"),
@@ -111,7 +113,7 @@ def _page(document: dict[str, Any]) -> str:
         "Retrieval with its 95 % interval; docs/quality.md defines every column.\n",
         table("steps", [(str(row["steps"]), row["overall"]) for row in summary], "Overall"),
         table("prompt", list(last["by_prompt"].items()), f"By prompt, after {last['steps']} steps"),
-        table("source", list(last["by_source"].items()), f"By source, after {last['steps']} steps"),
+        table("source", sources, f"By source, after {last['steps']} steps"),
     ]
     failed = [record for record in document["records"] if record["failed"]]
     if failed:

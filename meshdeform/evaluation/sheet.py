@@ -35,7 +35,7 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
     draw = ImageDraw.Draw(sheet)
     for column, source in enumerate(sources):
         x = _LEFT + column * _TILE
-        draw.text((x + 6, 4), source, fill="black")
+        draw.text((x + 6, 4), Path(source).stem, fill="black")
         path = source_path(folder, source)
         if path.exists():
             _tile(sheet, (x, _TOP), picture_png(read_ply(path.read_bytes())), "white")

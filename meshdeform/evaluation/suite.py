@@ -6,6 +6,9 @@ table and an airplane need thin parts far from any source), a third of them with
 `nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into every pair of noun and attribute that
 no training picture of that prior showed, which tests combinations of known words.
 
+`assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
+names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
+
 `paper` is for Stable Diffusion models. Its first five prompts are from the public pages and repositories of the two
 papers behind the method; the other prompts and all sources are ours, because the papers' meshes cannot be
 redistributed. Nothing here reproduces a figure from the papers.
@@ -23,7 +26,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
 from meshdeform.priors.builtin.training.held_out import unseen_pairs
 
-__all__ = ["PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
+__all__ = ["ASSET_PAIRS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 
 _PROMPTS = (
     "a mushroom",
@@ -45,6 +48,28 @@ _UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribut
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
 """The prompts of `paper` that the papers' authors use themselves."""
+
+ASSET_PAIRS = (
+    ("CesiumMilkTruck.glb", "a car"),
+    ("CesiumMilkTruck.glb", "a boat"),
+    ("RobotExpressive.glb", "a penguin"),
+    ("RobotExpressive.glb", "a snowman"),
+    ("Knight.glb", "a snowman"),
+    ("Knight.glb", "a cactus"),
+    ("chr_knight.glb", "a snowman"),
+    ("vehicle-truck-red.glb", "a car"),
+    ("vehicle-truck-red.glb", "a boat"),
+    ("vehicle-motorcycle.glb", "a horse"),
+    ("decoration-tents.glb", "a house"),
+    ("spot.obj", "a giraffe"),
+    ("spot.obj", "a horse"),
+    ("cow.obj", "a giraffe"),
+    ("cow.obj", "an elephant"),
+    ("Duck.glb", "a rabbit"),
+)
+"""File names and prompts of `assets`. Found at KhronosGroup/glTF-Sample-Assets (truck, duck), Kenney's Starter Kit
+Racing (vehicles, tents), three.js (robot), KayKit Adventurers (knight), glTF-Transform's tests (chr_knight) and
+alecjacobson/common-3d-test-models (spot, cow)."""
 
 _OUR_PROMPTS = (
     "a dachshund",
@@ -73,7 +98,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Suite:
-    """Every source is deformed by every prompt with every seed.
+    """Every source is deformed by every prompt with every seed, or every pair of both with every seed.
 
     Attributes
     ----------
@@ -85,6 +110,8 @@ class Suite:
     seeds : tuple of int
     preset : str
         Default parameters.
+    pairs : tuple of (str, str), optional
+        The pairs of source and prompt, if not every source is deformed by every prompt.
     """
 
     name: str
@@ -92,9 +119,12 @@ class Suite:
     prompts: tuple[str, ...]
     seeds: tuple[int, ...]
     preset: str
+    pairs: tuple[tuple[str, str], ...] = ()
 
     def items(self, limit: int | None = None) -> list[Item]:
         """Return all deformations, or the first `limit`; any P consecutive ones of P prompts have each prompt once."""
+        if self.pairs:
+            return [Item(source, prompt, seed) for seed in self.seeds for source, prompt in self.pairs][:limit]
         count = len(self.sources)
         every = [
             Item(self.sources[(number + shift) % count], prompt, seed)
@@ -112,10 +142,31 @@ class Suite:
         ParameterError
             Two sources have the same file name without extension.
         """
+        if self.pairs:
+            raise ParameterError(f"The suite `{self.name}` has its own sources.", advice="Use another suite.")
         names = [Path(source).stem for source in sources]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ParameterError(f"Two sources are called {twice[0]!r}.", advice="Give the files different names.")
         return replace(self, sources=sources)
+
+    def in_folder(self, folder: Path) -> Suite:
+        """Return the same suite with the paths of its sources, found by their names anywhere in a folder.
+
+        Raises
+        ------
+        ParameterError
+            The suite needs no files, or the folder lacks one of them.
+        """
+        if not self.pairs:
+            raise ParameterError(f"The suite `{self.name}` needs no folder of assets.", advice="Omit --assets.")
+        found = {path.name: str(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+        if missing := [name for name in self.sources if name not in found]:
+            raise ParameterError(
+                f"{folder} has no {', '.join(missing)}.",
+                advice="meshdeform/evaluation/suite.py says where the files of this suite are published.",
+            )
+        pairs = tuple((found[source], prompt) for source, prompt in self.pairs)
+        return replace(self, sources=tuple(found[name] for name in self.sources), pairs=pairs)
 
     def with_seeds(self, seeds: tuple[int, ...]) -> Suite:
         """Return the same suite with other seeds."""
@@ -135,6 +186,14 @@ SUITES: dict[str, Suite] = {
         ),
         Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
         Suite("unseen", ("sphere",), _UNSEEN_PROMPTS, (0,), "balanced"),
+        Suite(
+            "assets",
+            tuple(dict.fromkeys(source for source, _ in ASSET_PAIRS)),
+            tuple(dict.fromkeys(prompt for _, prompt in ASSET_PAIRS)),
+            (0,),
+            "balanced",
+            ASSET_PAIRS,
+        ),
         Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),
     )
 }

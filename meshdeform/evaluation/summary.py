@@ -38,7 +38,8 @@ def summarise(states: States) -> dict[str, Any]:
         return {"count": 0}
 
     def of(name: str) -> list[float]:
-        return [float(state["quality"][name]) for state in states]
+        # A folder of an earlier version has no figure that was added since.
+        return [float(state["quality"].get(name, 0.0)) for state in states]
 
     def mean(name: str) -> float:
         return statistics.fmean(of(name))
@@ -65,6 +66,8 @@ def summarise(states: States) -> dict[str, Any]:
         "volume_ratio_mean": mean("volume_ratio"),
         "displacement_mean": mean("displacement"),
         "chamfer_mean": mean("chamfer"),
+        "neighbour_offset_mean": mean("neighbour_offset"),
+        "neighbour_offset_max": max(of("neighbour_offset")),
     }
 
 

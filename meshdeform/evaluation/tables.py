@@ -24,6 +24,8 @@ _COLUMNS = (
     "volume",
     "moved",
     "distance",
+    "apart",
+    "most apart",
 )
 
 
@@ -72,6 +74,8 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['volume_ratio_mean']:.2f}",
         f"{row['displacement_mean']:.3f}",
         f"{row['chamfer_mean']:.3f}",
+        f"{100 * row['neighbour_offset_mean']:.1f} %",
+        f"{100 * row['neighbour_offset_max']:.1f} %",
     ]
 
 

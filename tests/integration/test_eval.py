@@ -19,8 +19,11 @@ from typer.testing import CliRunner, Result
 
 from meshdeform.cli.app import app
 from meshdeform.evaluation.mesh_file import read_ply
-from meshdeform.evaluation.suite import SUITES
+from meshdeform.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
+from tests.unit.runs.test_text_deform import glb
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -194,6 +197,9 @@ def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) 
     [
         (["--suite", "large"], 3, "no suite"),
         (["--suite", "paper"], 3, "dragon"),
+        (["--suite", "assets"], 2, "--assets"),
+        (["--suite", "assets", "--assets", "."], 3, "CesiumMilkTruck.glb"),
+        (["--assets", "."], 3, "Omit --assets"),
         (["--set", "no_such=1"], 3, "no_such"),
         (["--set", "learning_rate=-1"], 3, "learning_rate"),
         (["--set", "learning_rate"], 2, "NAME=VALUE"),
@@ -285,3 +291,27 @@ def test_a_dry_run_lists_the_suite_and_leaves_nothing(tmp_path: Path) -> None:
     as_document = evaluated(tmp_path / "run", *options, "--json", "--limit", "12")
     assert json.loads(as_document.stdout)["deformations"] == 12
     assert not (tmp_path / "run").exists()
+
+
+def obj_text(mesh: TriangleMesh) -> bytes:
+    lines = [f"v {x} {y} {z}" for x, y, z in mesh.verts.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
+    return "\n".join(lines).encode()
+
+
+def test_the_suite_of_real_assets_takes_its_files_from_a_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "files" / "kits"
+    folder.mkdir(parents=True)
+    apart = TriangleMesh(icosphere(1).verts + 2.5, icosphere(1).faces)
+    for name in find_suite("assets").sources:
+        mesh = join(icosphere(1), apart)
+        (folder / name).write_bytes(obj_text(mesh) if name.endswith(".obj") else glb(mesh))
+    options = ("--suite", "assets", "--assets", str(folder.parent), "--steps", "1", "--limit", "2", "--jobs", "1")
+    done = evaluated(tmp_path / "run", *options)
+    assert done.exit_code == 0, done.output
+    assert f"2 of {len(ASSET_PAIRS)} done" in done.stdout
+    table = (tmp_path / "run" / "table.md").read_text()
+    assert "| CesiumMilkTruck " in table
+    assert "most apart" in table
+    again = CliRunner().invoke(app, ["eval", "--rejudge", "--out", str(tmp_path / "run")])
+    assert again.exit_code == 0, again.output

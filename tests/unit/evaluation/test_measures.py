@@ -10,6 +10,7 @@ import torch
 
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.evaluation.measures import chamfer_distance, displacement, measures, surface_points
+from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, join
@@ -115,3 +116,32 @@ def test_other_faces_and_broken_positions_are_refused() -> None:
     broken[0, 0] = math.nan
     with pytest.raises(NumericalError):
         measures(sphere, TriangleMesh(broken, sphere.faces))
+
+
+def test_the_offsets_of_neighbouring_parts_count_as_a_share_of_the_diagonal() -> None:
+    one = geodesic_sphere(3)
+    pair = join(one, TriangleMesh(one.verts + torch.tensor([2.05, 0.0, 0.0]), one.faces))
+    diagonal = float(np.linalg.norm(np.ptp(pair.verts.numpy(), axis=0)))
+    turned = measures(pair, moved(pair, torch.eye(3) * 1.0, 5.0))
+    assert turned["neighbour_offset"] == 0
+    apart = pair.verts.clone()
+    apart[len(one.verts) :, 1] += 0.3
+    found = measures(pair, TriangleMesh(apart, pair.faces))["neighbour_offset"]
+    assert found == pytest.approx(0.3 / diagonal)
+    assert measures(one, moved(one, torch.eye(3) * 3.0))["neighbour_offset"] == 0
+    far = join(one, TriangleMesh(one.verts + 9.0, one.faces))
+    assert measures(far, TriangleMesh(far.verts * 2, far.faces))["neighbour_offset"] == 0
+
+
+def test_thousands_of_parts_are_sampled_or_left_out() -> None:
+    tetrahedron = TriangleMesh(
+        torch.eye(4, 3, dtype=torch.float64) * 0.9, torch.tensor([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    )
+
+    def row(count: int) -> TriangleMesh:
+        shift = torch.arange(count, dtype=torch.float64)[:, None, None] * torch.tensor([1.0, 0.0, 0.0])
+        verts = (tetrahedron.verts[None] + shift).reshape(-1, 3)
+        return TriangleMesh(verts, (tetrahedron.faces[None] + 4 * torch.arange(count)[:, None, None]).reshape(-1, 3))
+
+    assert neighbour_offsets(row(300), row(300).verts).pairs > 299
+    assert neighbour_offsets(row(1500), row(1500).verts).pairs == 0

@@ -101,7 +101,7 @@ def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count:
 @each_case("name", SUITES)
 def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: str) -> None:
     suite = SUITES[name]
-    some = suite.items(len(suite.prompts))
+    some = suite.items(len(suite.pairs or suite.prompts))
     assert {item.prompt for item in some} == set(suite.prompts)
     assert {item.source for item in some} == set(suite.sources)
 

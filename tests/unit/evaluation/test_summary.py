@@ -67,7 +67,7 @@ def test_nothing_done_and_nothing_judged_have_rows_as_well() -> None:
     assert row["retrieval"] is row["probability_mean"] is None
     text = table("prompt", [("a fish", row), ("a tree", summarise([]))], "By prompt")
     assert text.startswith("## By prompt\n\n| prompt")
-    assert [line.count("|") for line in text.splitlines()[2:]] == [19] * 4
+    assert [line.count("|") for line in text.splitlines()[2:]] == [21] * 4
 
 
 def test_a_comparison_has_a_row_for_each_run_and_step() -> None:
