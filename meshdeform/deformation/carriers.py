@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from torch import Tensor
 
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.variables import JacobianField, Variables
+from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.requests.choices import Carrier
@@ -21,7 +25,27 @@ def chosen_carrier(carrier: Carrier, mesh: RestMesh) -> Carrier:
     return Carrier.LATTICE if several else Carrier.SURFACE
 
 
-def carry(carrier: Carrier, mesh: TriangleMesh) -> Variables:
-    """Return the variables of a mesh."""
+def carry(carrier: Carrier, mesh: TriangleMesh, initial: Mapping[str, Tensor] | None = None) -> Variables:
+    """Return the variables of a mesh.
+
+    Parameters
+    ----------
+    carrier : Carrier
+    mesh : TriangleMesh
+    initial : mapping of name to Tensor, optional
+        The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
+
+    Raises
+    ------
+    CheckpointError
+        The shape is of an edition that moved parts by translations.
+    """
     rest = RestMesh.of(mesh)
-    return LatticeField(rest) if chosen_carrier(carrier, rest) is Carrier.LATTICE else JacobianField(rest)
+    chosen = chosen_carrier(carrier, rest)
+    if initial is not None:
+        if "translations" in initial and bool(initial["translations"].any()) and len(initial["translations"]) > 1:
+            raise CheckpointError(
+                "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
+            )
+        chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
+    return LatticeField(rest) if chosen is Carrier.LATTICE else JacobianField(rest)

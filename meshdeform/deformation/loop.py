@@ -28,6 +28,7 @@ from torch import Tensor
 
 from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import Checkpoint
+from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.step_limit import StepLimit
@@ -108,7 +109,7 @@ class Deformation:
         self.step = 0
         self._guidance = guidance
         self._device = device
-        self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh)
+        self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh, initial)
         rest = self._variables.rest
         self._regularizers = Regularizers(rest)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
@@ -129,6 +130,11 @@ class Deformation:
                 self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
+
+    @property
+    def cells(self) -> int | None:
+        """Number of cells of the lattice that carries the mesh; None if its own surface does."""
+        return len(self._variables.elements) if isinstance(self._variables, LatticeField) else None
 
     @property
     def done(self) -> bool:

@@ -240,6 +240,7 @@ class TextDeformRun:
             history=self._history,
             holds=self._holds,
             rebuilt_normals=self._rebuilt_normals,
+            cells=self._deformation.cells,
             first_step=self._first_step,
             clock=self._clock,
             not_drawn=appearance.left_out,

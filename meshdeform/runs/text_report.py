@@ -75,6 +75,7 @@ def build_report(
     history: LossHistory,
     holds: HoldCounter,
     rebuilt_normals: int,
+    cells: int | None,
     first_step: int,
     clock: PhaseClock,
     not_drawn: dict[str, int],
@@ -101,6 +102,8 @@ def build_report(
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
         had without a direction.
+    cells : int, optional
+        Number of cells of the lattice that carried the mesh, if one did.
     first_step : int
         Number of steps done by earlier attempts.
     clock : PhaseClock
@@ -142,6 +145,7 @@ def build_report(
             **invariants,
         },
         "quality": quality.to_dict(),
+        "carrier": {"kind": "surface" if cells is None else "lattice", "cells": cells},
         "movement": movement.to_dict(),
         "warnings": movement.warnings,
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},

@@ -14,6 +14,7 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.variables import placed
+from meshdeform.errors import CheckpointError
 from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
@@ -184,3 +185,20 @@ def test_a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> None:
     spread = np.ptp(whole.verts().numpy(), axis=0) / np.ptp(mesh.verts.numpy(), axis=0)
     assert spread[1] > 1.05
     assert spread[0] < 1
+
+
+def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
+    guidance = TargetGuidance(CART, style=RenderStyle(view_size=16, supersample=1))
+    own = {"guidance": "target", "steps": 1}
+    first = Deformation(CART, guidance, resolve(DeformParams.model_validate(own)))
+    with torch.no_grad():
+        first._variables.tensors["cell_jacobians"][:, 1, 1] *= 1.5
+    paper = resolve(DeformParams.model_validate({**own, "preset": "paper"}))
+    assert paper.carrier is Carrier.SURFACE
+    branch = Deformation(CART, guidance, paper, initial=first.checkpoint().tensors)
+    assert torch.equal(branch.verts(), first.verts())
+    assert branch.cells == first.cells == len(first._variables.elements)
+    assert Deformation(CART, guidance, paper).cells is None
+    old = {"jacobians": torch.eye(3, dtype=F64).repeat(len(CART.faces), 1, 1), "translations": torch.ones(5, 3)}
+    with pytest.raises(CheckpointError, match="earlier edition"):
+        Deformation(CART, guidance, paper, initial=old)
