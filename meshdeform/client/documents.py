@@ -202,6 +202,7 @@ class AssetFound(_Open):
     meshes: int
     extensions: list[str]
     skipped: list[dict[str, Any]]
+    warnings: list[str] = Field(default_factory=list)
 
 
 class JobEstimate(_Open):
