@@ -10,8 +10,8 @@ Picture, timestep and noise of a draw are the same for all turns, so only differ
 azimuths of the draws are spread evenly, so that for a symmetric source all turns have the same grade. t is high: the
 noisy picture contains little of the shape, and the prediction depends mostly on prompt and azimuth.
 
-A first pass grades turns all around. A second one, with new draws, compares the best and its neighbours with the
-unturned source; since its draws did not choose the candidate, its margin is not biased by that choice.
+A first pass grades turns all around. If one is better than none, a second pass with new draws compares it and its
+neighbours with none; since these draws did not choose the turn, the margin is not biased by that choice.
 
 Source: Li et al. 2023, Your diffusion model is secretly a zero-shot classifier, eq. 9 and section 3.2 (shared noise).
 """
@@ -43,6 +43,7 @@ _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
 """What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
 
+
 Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
 
 
@@ -55,6 +56,14 @@ class OrientationSource(StrEnum):
     UNDECIDED = "undecided"
     UNCONDITIONED = "unconditioned"
     CONTINUED = "continued"
+
+
+_NOTICES = {
+    OrientationSource.UNDECIDED: "No side of the asset fits the prompt clearly better than +Z as its front. Set "
+    "params.orientation to the azimuth of another side if the result faces the wrong way.",
+    OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth and cannot choose the front. Set "
+    "params.orientation to the azimuth of the front if it is not +Z.",
+}
 
 
 @runtime_checkable
@@ -77,8 +86,7 @@ class Orientation:
         `undecided`: the search found no turn that is clearly better than none. `unconditioned`: the grades do not
         depend on the azimuth.
     margin : float
-        Relative gain of the best turn that the search found over none, on draws that did not choose it; 0 without a
-        search.
+        Relative gain of the best turn that the search found over none; 0 without a search.
     grades : tuple of float
         The grades of the first pass, of turns spaced evenly from 0; empty without a search.
     """
@@ -107,6 +115,7 @@ class Orientation:
             "source": self.source.value,
             "margin": round(self.margin, 4) if searched else None,
             "grades": [[360 * k / searched, round(grade, 5)] for k, grade in enumerate(self.grades)],
+            "notice": _NOTICES.get(self.source),
         }
 
 
@@ -135,7 +144,10 @@ def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
     first = search.grades(_FIRST_DEG, turns).mean(0)
     grades = tuple(first.tolist())
     best = turns[int(first.argmin())]
-    candidates = [0.0, *(turn for turn in (best - _FINE_DEG, best, best + _FINE_DEG) if turn % 360)]
+    hope = 1 - float(first.min() / first[0])
+    if hope < _MIN_MARGIN:
+        return Orientation(source=OrientationSource.UNDECIDED, margin=hope, grades=grades)
+    candidates = [0.0, best - _FINE_DEG, best, best + _FINE_DEG]
     second = search.grades(_SECOND_DEG, candidates)
     chosen = 1 + int(second.mean(0)[1:].argmin())
     gain = (second[:, 0] - second[:, chosen]) / second[:, 0].mean()

@@ -6,6 +6,8 @@ table and an airplane need thin parts far from any source), a third of them with
 `nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into every pair of noun and attribute that
 no training picture of that prior showed, which tests combinations of known words.
 
+`turned` is `small` with every source turned by its own random angle about the up axis, which tests `orientation`.
+
 `paper` is for Stable Diffusion models. Its first five prompts are from the public pages and repositories of the two
 papers behind the method; the other prompts and all sources are ours, because the papers' meshes cannot be
 redistributed. Nothing here reproduces a figure from the papers.
@@ -16,6 +18,7 @@ of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of Fusio
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,6 +43,7 @@ _PROMPTS = (
     "a table",
 )
 
+_SMALL_SOURCES = ("sphere", "cube", "vase", "quadruped")
 _NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
 _UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in unseen_pairs())
 
@@ -85,6 +89,8 @@ class Suite:
     seeds : tuple of int
     preset : str
         Default parameters.
+    turned : bool
+        Whether each item's source is turned about the up axis by `turn_of`; shapes are judged turned back.
     """
 
     name: str
@@ -92,6 +98,7 @@ class Suite:
     prompts: tuple[str, ...]
     seeds: tuple[int, ...]
     preset: str
+    turned: bool = False
 
     def items(self, limit: int | None = None) -> list[Item]:
         """Return all deformations, or the first `limit`; any P consecutive ones of P prompts have each prompt once."""
@@ -103,6 +110,12 @@ class Suite:
             for number, prompt in enumerate(self.prompts)
         ]
         return every[:limit]
+
+    def turn_of(self, item: Item) -> float:
+        """Return by how many degrees, from +Z towards +X, an item's source is turned: 0 .. 360, from its name."""
+        if not self.turned:
+            return 0.0
+        return 360 * int.from_bytes(hashlib.sha256(item.name.encode()).digest()[:4], "big") / 2**32
 
     def with_sources(self, sources: tuple[str, ...]) -> Suite:
         """Return the same suite with other sources.
@@ -125,7 +138,7 @@ class Suite:
 SUITES: dict[str, Suite] = {
     suite.name: suite
     for suite in (
-        Suite("small", ("sphere", "cube", "vase", "quadruped"), _PROMPTS, (0,), "balanced"),
+        Suite("small", _SMALL_SOURCES, _PROMPTS, (0,), "balanced"),
         Suite(
             "full",
             ("sphere", "cube", "cylinder", "torus", "vase", "armchair", "quadruped", "toy"),
@@ -133,6 +146,7 @@ SUITES: dict[str, Suite] = {
             (0, 1),
             "balanced",
         ),
+        Suite("turned", _SMALL_SOURCES, _PROMPTS, (0,), "balanced", turned=True),
         Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
         Suite("unseen", ("sphere",), _UNSEEN_PROMPTS, (0,), "balanced"),
         Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),

@@ -330,7 +330,7 @@ FROM_PRESET = frozenset(
 def _nullable(member: dict[str, Any]) -> dict[str, Any]:
     kind = {key: value for key, value in member.items() if key not in _ABOUT}
     about = {key: value for key, value in member.items() if key in _ABOUT}
-    return {"anyOf": [kind, {"type": "null"}], **about}
+    return {"anyOf": [*kind.get("anyOf", [kind]), {"type": "null"}], **about}
 
 
 def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:

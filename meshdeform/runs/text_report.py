@@ -14,6 +14,7 @@ from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
+from meshdeform.deformation.orientation import Orientation
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
@@ -69,6 +70,7 @@ def build_report(
     asset: Asset,
     welded: WeldedMesh,
     verts: Tensor,
+    orientation: Orientation,
     result: bytes,
     written: Asset,
     usdz: Usdz | None = None,
@@ -90,6 +92,8 @@ def build_report(
     welded : WeldedMesh
     verts : (V, 3) float64
         Deformed welded world positions.
+    orientation : Orientation
+        The turn of the cameras.
     result : bytes
         `result.glb`.
     written : Asset
@@ -135,6 +139,7 @@ def build_report(
             **invariants,
         },
         "quality": quality.to_dict(),
+        "orientation": orientation.to_dict(),
         "movement": movement.to_dict(),
         "warnings": movement.warnings,
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
