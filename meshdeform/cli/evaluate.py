@@ -28,7 +28,9 @@ def evaluate(
     folders: Annotated[
         list[Path] | None, typer.Argument(help="With --compare: the folders of finished runs.", show_default=False)
     ] = None,
-    suite: Annotated[str, typer.Option(help="small, full, nouns, unseen or paper (docs/quality.md).")] = "small",
+    suite: Annotated[
+        str, typer.Option(help="small, full, turned, nouns, unseen or paper (docs/quality.md).")
+    ] = "small",
     out: Annotated[
         Path, typer.Option(help="The folder of the run; the same command resumes in it.", file_okay=False)
     ] = Path("meshdeform-eval"),

@@ -118,6 +118,7 @@ class LocalJob:
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
+            "orientation": report["orientation"],
             "likeness": report.get("likeness"),
             "warnings": report["warnings"],
             "elapsed_s": round(time.perf_counter() - start, 3),
