@@ -119,6 +119,7 @@ class LocalJob:
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
+            "orientation": report["orientation"],
             "likeness": report.get("likeness"),
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),

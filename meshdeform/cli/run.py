@@ -12,6 +12,7 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, SetOption
+from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.request import make_request, merge_params
@@ -84,6 +85,13 @@ def run(
         typer.Option(help="Random seed: another seed gives another variation; default: 0.", rich_help_panel=_METHOD),
     ] = None,
     model: ModelOption = None,
+    orientation: Annotated[
+        str | None,
+        typer.Option(
+            help="Which side of the asset becomes the front: auto, keep or degrees from +Z towards +X.",
+            rich_help_panel=_METHOD,
+        ),
+    ] = None,
     guidance_scale: Annotated[
         float | None,
         typer.Option(help="How strongly the prompt pulls (classifier-free guidance).", rich_help_panel=_METHOD),
@@ -122,6 +130,7 @@ def run(
         model=model,
         steps=steps,
         seed=seed,
+        orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
     )
@@ -173,6 +182,8 @@ def run(
     for name, title in names.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")
+    if front := orientation_line(summary["orientation"]):
+        typer.echo(front)
     if summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
     for warning in summary["warnings"]:

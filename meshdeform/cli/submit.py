@@ -56,6 +56,13 @@ def submit(
         typer.Option(help="Random seed: another seed gives another variation; default: 0.", rich_help_panel=_METHOD),
     ] = None,
     model: ModelOption = None,
+    orientation: Annotated[
+        str | None,
+        typer.Option(
+            help="Which side of the asset becomes the front: auto, keep or degrees from +Z towards +X.",
+            rich_help_panel=_METHOD,
+        ),
+    ] = None,
     guidance_scale: Annotated[
         float | None,
         typer.Option(help="How strongly the prompt pulls (classifier-free guidance).", rich_help_panel=_METHOD),
@@ -131,6 +138,7 @@ def submit(
         model=model,
         steps=steps,
         seed=seed,
+        orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
     )

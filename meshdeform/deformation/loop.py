@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -30,6 +30,7 @@ from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.orientation import Grader, Orientation, OrientationSource, find_orientation
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
@@ -37,12 +38,15 @@ from meshdeform.deformation.variables import Variables, copy_into, placed
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
-from meshdeform.rendering.cameras import CameraRange, Framing
+from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.rendering.views import OrthogonalGrid, Views
+from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
+
+_ORIENTATION = "orientation"
 
 
 @dataclass(frozen=True)
@@ -77,12 +81,18 @@ class Deformation:
         A state of the same mesh and parameters from which to continue.
     initial : mapping of name to Tensor, optional
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
-        shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh.
+        shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh. With
+        `params.orientation` = `auto`, the turn is that of the checkpoint.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
         Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
         orthogonal views in one picture.
+
+    Attributes
+    ----------
+    orientation : Orientation
+        The turn of the cameras, found here if `params.orientation` is `auto`.
 
     Raises
     ------
@@ -112,8 +122,10 @@ class Deformation:
         self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh, initial)
         rest = self._variables.rest
         self._regularizers = Regularizers(rest)
-        bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
-        self._views = views(bounds, guidance.style)
+        self._bounds = CameraRange(
+            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
+        )
+        self._views = views(self._bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(rest.verts.abs().max())
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
@@ -130,6 +142,8 @@ class Deformation:
                 self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
+        else:
+            self.orientation = self._orient(initial)
 
     @property
     def cells(self) -> int | None:
@@ -178,8 +192,36 @@ class Deformation:
             for key, value in self._optimizer.state.get(parameter, {}).items()
         }
         guarded = self._guard.state if self._guard is not None else {}
-        state = {**tensors, **moments, **guarded, "generator": self._generator.get_state()}
+        state = {
+            **tensors,
+            **moments,
+            **guarded,
+            _ORIENTATION: self.orientation.to_tensor(),
+            "generator": self._generator.get_state(),
+        }
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
+
+    def _orient(self, initial: Mapping[str, Tensor] | None) -> Orientation:
+        mode = self.params.orientation
+        if not isinstance(mode, OrientationMode):
+            return Orientation(mode, OrientationSource.GIVEN)
+        if mode is OrientationMode.KEEP or not isinstance(self._guidance, Grader):
+            return Orientation()
+        if initial is not None:
+            return replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
+        return find_orientation(self._draw_source, self._guidance, self.params.seed)
+
+    @torch.no_grad()
+    def _draw_source(self, azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
+        """Draw the source for the guidance from the middle elevation and with the middle field of view."""
+        bounds = self._bounds
+        elevation = (bounds.elevation_min_deg + bounds.elevation_max_deg) / 2
+        fov = (bounds.fov_min_deg + bounds.fov_max_deg) / 2
+        radius = self._framing.fitting_radius(self._rest_extent, self._rest_extent)
+        cameras = fixed_cameras(azimuth_deg, elevation, fov, fitting_radius=radius).to(self._device)
+        scene = self._renderer.sample_scene(len(cameras.azimuths_deg), generator)
+        verts = self._variables.rest.verts.to(self._device)
+        return self._views.arrange(self._renderer.render(verts, cameras, scene)), cameras
 
     def _advance(self) -> dict[str, float]:
         # Before the optimiser updates the variables, a step changes only the generator.
@@ -206,7 +248,7 @@ class Deformation:
         control = self._variables.solve()
         verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
-        cameras = self._views.sample(self._generator, radius).to(self._device)
+        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg).to(self._device)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
         image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene))
         context = StepContext(self.step, p.steps, cameras, self._generator)
@@ -248,6 +290,13 @@ class Deformation:
             }
         if self._guard is not None:
             self._guard.restore(state)
+        self.orientation = _stored_orientation(state)
         self._generator.set_state(state["generator"])
         self._consistent = True
         self.step = checkpoint.step
+
+
+def _stored_orientation(state: Mapping[str, Tensor]) -> Orientation:
+    """Return the orientation in a checkpoint's tensors; those of earlier versions have none."""
+    stored = state.get(_ORIENTATION)
+    return Orientation() if stored is None else Orientation.from_tensor(stored)

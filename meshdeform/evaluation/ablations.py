@@ -147,9 +147,9 @@ class SingleViews:
         self._bounds = bounds
         self.style = replace(style, view_size=2 * style.view_size)
 
-    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
         """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
 
     def arrange(self, images: Tensor) -> Tensor:
         """Return views (4, S, S, 3) as pictures (4, 3, S, S)."""

@@ -38,8 +38,9 @@ from meshdeform.support.atomic_files import write_files
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path"]
 
 _RECORD = "record.json"
-_PACE = ("step_s_median", "seconds")
-"""Seconds per step and in total, for information."""
+_RUN = ("step_s_median", "seconds", "turned_deg", "orientation")
+"""Facts about the deformation, for information: seconds per step and in total, the angle by which the source was
+turned, and the orientation that the run chose."""
 
 
 def item_folder(folder: Path, item: Item) -> Path:
@@ -102,8 +103,8 @@ class Evaluator:
     def evaluate(self, item: Item) -> dict[str, Any]:
         """Deform and assess one item, and save its files or the record of its failure."""
         try:
-            rest, shapes, pace = self._deform(item)
-            return self._save(item, rest, shapes, pace)
+            rest, shapes, facts = self._deform(item)
+            return self._save(item, rest, shapes, facts)
         except Exception as error:  # one failed item must not stop the others
             return failed_record(self._plan.folder, item, type(error).__name__, traceback.format_exc())
 
@@ -114,35 +115,38 @@ class Evaluator:
             return old
         place = item_folder(self._plan.folder, item)
         shapes = {s["steps"]: read_ply((place / _file(s["steps"], "ply")).read_bytes()) for s in old["states"]}
-        return self._save(item, self._source(item), shapes, {name: old[name] for name in _PACE if name in old})
+        return self._save(item, self._source(item), shapes, {name: old[name] for name in _RUN if name in old})
 
     def _source(self, item: Item) -> TriangleMesh:
         return read_ply(source_path(self._plan.folder, item.source).read_bytes())
 
     def _deform(self, item: Item) -> tuple[TriangleMesh, dict[int, TriangleMesh], dict[str, Any]]:
-        """Return the source, its shape after each of the plan's steps, and the timings (`_PACE`)."""
+        """Return the source, its shape after each of the plan's steps, and the facts of the run (`_RUN`)."""
         assert self.prior is not None
         params = self._plan.params.model_copy(update={"seed": item.seed})
         rest = self._source(item)
-        frame = Frame.around(rest.verts)
+        angle = self._plan.suite.turn_of(item)
+        given = _turned(rest, angle)
+        frame = Frame.around(given.verts)
         guidance = score_distillation(self.prior, item.prompt, params)
-        run = deformation_of(self._plan.ablation, frame.place(rest), guidance, params, device=self._plan.device)
+        run = deformation_of(self._plan.ablation, frame.place(given), guidance, params, device=self._plan.device)
         shapes, seconds = {}, []
         before = time.perf_counter()
         for step in run:
             seconds.append(time.perf_counter() - before)
             if step.step in self._plan.steps:
-                shapes[step.step] = TriangleMesh(frame.leave(run.verts()), rest.faces)
+                shapes[step.step] = _turned(TriangleMesh(frame.leave(run.verts()), rest.faces), -angle)
             before = time.perf_counter()
-        return rest, shapes, dict(zip(_PACE, (statistics.median(seconds), math.fsum(seconds)), strict=True))
+        facts = (statistics.median(seconds), math.fsum(seconds), round(angle, 2), run.orientation.to_dict())
+        return rest, shapes, dict(zip(_RUN, facts, strict=True))
 
     def _save(
-        self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], pace: dict[str, Any]
+        self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], facts: dict[str, Any]
     ) -> dict[str, Any]:
         place = item_folder(self._plan.folder, item)
         place.mkdir(parents=True, exist_ok=True)
         states = [{"steps": steps, **self._assess(item, rest, shape)} for steps, shape in sorted(shapes.items())]
-        record = {**_head(item), "failed": None, "states": states, **pace}
+        record = {**_head(item), "failed": None, "states": states, **facts}
         files = {place / _file(steps, "ply"): write_ply(shape) for steps, shape in shapes.items()}
         files |= {place / _file(steps, "png"): picture_png(shape) for steps, shape in shapes.items()}
         # The record is written last: if it exists, so do the other files.
@@ -156,6 +160,15 @@ class Evaluator:
             "judge": judgement(self.judge, shape, prompts, item.prompt) if self.judge else None,
             "clip": self.clip.judgement(shape, prompts, item.prompt) if self.clip else None,
         }
+
+
+def _turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
+    """Return the mesh turned about the up axis, from +Z towards +X; the same mesh for 0."""
+    if not degrees:
+        return mesh
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    matrix = torch.tensor([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]], dtype=torch.float64)
+    return TriangleMesh(mesh.verts @ matrix.T, mesh.faces)
 
 
 def _head(item: Item) -> dict[str, Any]:

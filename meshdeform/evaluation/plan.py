@@ -94,6 +94,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
         "prompts": list(suite.prompts),
         "seeds": list(suite.seeds),
         "pairs": [list(pair) for pair in suite.pairs],
+        "turned": suite.turned,
         "sources": sources,
         "steps": list(plan.steps),
         "ablation": plan.ablation,
@@ -115,6 +116,7 @@ def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, devic
         tuple(found["seeds"]),
         found["params"]["preset"],
         tuple((source, prompt) for source, prompt in found.get("pairs", [])),
+        turned=found.get("turned", False),
     )
     # Not validated: the parameters may be of an earlier version, and no deformation uses them.
     params = ResolvedParams.model_construct(**found["params"])

@@ -9,6 +9,8 @@ no training picture of that prior showed, which tests combinations of known word
 `assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
 names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
 
+`turned` is `small` with every source turned by its own random angle about the up axis, which tests `orientation`.
+
 `paper` is for Stable Diffusion models. Its first five prompts are from the public pages and repositories of the two
 papers behind the method; the other prompts and all sources are ours, because the papers' meshes cannot be
 redistributed. Nothing here reproduces a figure from the papers.
@@ -19,6 +21,7 @@ of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of Fusio
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,6 +46,7 @@ _PROMPTS = (
     "a table",
 )
 
+_SMALL_SOURCES = ("sphere", "cube", "vase", "quadruped")
 _NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
 _UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in unseen_pairs())
 
@@ -112,6 +116,8 @@ class Suite:
         Default parameters.
     pairs : tuple of (str, str), optional
         The pairs of source and prompt, if not every source is deformed by every prompt.
+    turned : bool
+        Whether each item's source is turned about the up axis by `turn_of`; shapes are judged turned back.
     """
 
     name: str
@@ -120,6 +126,7 @@ class Suite:
     seeds: tuple[int, ...]
     preset: str
     pairs: tuple[tuple[str, str], ...] = ()
+    turned: bool = False
 
     def items(self, limit: int | None = None) -> list[Item]:
         """Return all deformations, or the first `limit`; any P consecutive ones of P prompts have each prompt once."""
@@ -133,6 +140,12 @@ class Suite:
             for number, prompt in enumerate(self.prompts)
         ]
         return every[:limit]
+
+    def turn_of(self, item: Item) -> float:
+        """Return by how many degrees, from +Z towards +X, an item's source is turned: 0 .. 360, from its name."""
+        if not self.turned:
+            return 0.0
+        return 360 * int.from_bytes(hashlib.sha256(item.name.encode()).digest()[:4], "big") / 2**32
 
     def with_sources(self, sources: tuple[str, ...]) -> Suite:
         """Return the same suite with other sources.
@@ -176,7 +189,7 @@ class Suite:
 SUITES: dict[str, Suite] = {
     suite.name: suite
     for suite in (
-        Suite("small", ("sphere", "cube", "vase", "quadruped"), _PROMPTS, (0,), "balanced"),
+        Suite("small", _SMALL_SOURCES, _PROMPTS, (0,), "balanced"),
         Suite(
             "full",
             ("sphere", "cube", "cylinder", "torus", "vase", "armchair", "quadruped", "toy"),
@@ -184,6 +197,7 @@ SUITES: dict[str, Suite] = {
             (0, 1),
             "balanced",
         ),
+        Suite("turned", _SMALL_SOURCES, _PROMPTS, (0,), "balanced", turned=True),
         Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
         Suite("unseen", ("sphere",), _UNSEEN_PROMPTS, (0,), "balanced"),
         Suite(

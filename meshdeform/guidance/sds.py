@@ -28,6 +28,7 @@ Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Commo
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -38,6 +39,7 @@ from meshdeform.guidance.base import StepContext
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
+    from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
 __all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
@@ -147,6 +149,40 @@ class ScoreDistillation:
         mean_square, norm = torch.stack([residual.square().mean(), gradient.norm()]).tolist()
         mean_timestep = timestep.double().mean().item()
         return value, gradient, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
+
+    @torch.no_grad()
+    def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
+        """Grade several azimuths of the same picture; the smallest grade fits the prompt best.
+
+        ``mean ||x0_hat(z_t; prompt, azimuth) - z0||^2``, with one timestep and one noise for all azimuths: the picture
+        is the same, so the grades differ only by what the prior expects at each azimuth.
+
+        Parameters
+        ----------
+        image : Tensor
+            As in `loss`.
+        poses : sequence of P Cameras
+            Only their azimuths are used.
+        fraction : float in 0 .. 1
+            The timestep, as a fraction of T.
+        generator : torch.Generator on the CPU
+            Source of the noise.
+
+        Returns
+        -------
+        (P,) float64; all equal for a prior that is not conditioned on the azimuth. Source: Li et al. 2023, Your
+        diffusion model is secretly a zero-shot classifier, eq. 9, with azimuths as classes.
+        """
+        z0 = self._prior.encode_image(image)
+        timestep = torch.full((len(z0),), round(fraction * (self._prior.num_timesteps - 1)))
+        level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
+        noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
+        noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
+        found = []
+        for cameras in poses:
+            (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._embedding[1:], cameras)
+            found.append((((1 - level) / level) * (text - noise).square()).mean())
+        return torch.stack(found).double().cpu()
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
         """Return the lowest and highest timestep that may be drawn at this step, both inclusive."""

@@ -83,6 +83,7 @@ class Cameras:
     eye : (B, 3) float32
         Camera positions in world space.
     azimuths_deg : tuple of B floats
+        Azimuths from the front of the shape, without the `turn_deg` with which they were placed.
     elevation_deg : tuple of B floats
     fov_deg : float
         Vertical field of view, the same for all views.
@@ -119,6 +120,7 @@ def fixed_cameras(
     *,
     views: int = NUM_VIEWS,
     fitting_radius: float = UNIT_SPHERE,
+    turn_deg: float = 0.0,
 ) -> Cameras:
     """Place cameras that look at the origin, at azimuths ``azimuth_deg + 90 k`` or at the given ones.
 
@@ -130,6 +132,9 @@ def fixed_cameras(
         Number of views, if `azimuth_deg` is a single number.
     fitting_radius : float
         Radius of the sphere around the origin that just fits the view.
+    turn_deg : float
+        Azimuth of the shape's front. The cameras are placed this much further around; their `azimuths_deg` are those
+        from the front.
     """
     if isinstance(azimuth_deg, int | float):
         azimuths = tuple(float(azimuth_deg + 90 * k) for k in range(views))
@@ -149,13 +154,13 @@ def fixed_cameras(
         ],
         dtype=torch.float64,
     )
-    view = torch.stack([_look_at(a, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
+    view = torch.stack([_look_at(a + turn_deg, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
     eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
     return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, float(fov_deg))
 
 
 def sample_orthogonal_cameras(
-    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = UNIT_SPHERE
+    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = UNIT_SPHERE, turn_deg: float = 0.0
 ) -> Cameras:
     """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
 
@@ -168,13 +173,15 @@ def sample_orthogonal_cameras(
         The job's only source of randomness.
     fitting_radius : float
         Radius of the sphere around the origin that just fits the view.
+    turn_deg : float
+        As in `fixed_cameras`.
     """
     u = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
     azimuth = -180 + 360 * u[0]
     fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[1]
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
     elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
-    return fixed_cameras(azimuth, elevations, fov, fitting_radius=fitting_radius)
+    return fixed_cameras(azimuth, elevations, fov, fitting_radius=fitting_radius, turn_deg=turn_deg)
 
 
 def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:

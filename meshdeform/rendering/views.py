@@ -22,8 +22,17 @@ class Views(Protocol):
     style: RenderStyle
     """Style of each view."""
 
-    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
-        """Draw the cameras of one step; a sphere of this radius around the origin just fits their views."""
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
+        """Draw the cameras of one step.
+
+        Parameters
+        ----------
+        generator : torch.Generator on the CPU
+        fitting_radius : float
+            Radius of the sphere around the origin that just fits the views.
+        turn_deg : float
+            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
+        """
 
     def arrange(self, images: Tensor) -> Tensor:
         """Arrange views (B, S, S, 3) as input of the guidance."""
@@ -43,9 +52,9 @@ class OrthogonalGrid:
         self._bounds = bounds
         self.style = style
 
-    def sample(self, generator: torch.Generator, fitting_radius: float) -> Cameras:
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
         """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius)
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
 
     def arrange(self, images: Tensor) -> Tensor:
         """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Carrier", "GuidanceKind", "JobKind", "Preset", "Safeguard"]
+__all__ = ["Carrier", "GuidanceKind", "JobKind", "OrientationMode", "Preset", "Safeguard"]
 
 
 class JobKind(StrEnum):
@@ -49,6 +49,13 @@ class Safeguard(StrEnum):
     NONE = "none"
     FLIPS = "flips"
     INTERSECTIONS = "intersections"
+
+
+class OrientationMode(StrEnum):
+    """How the front of an asset is chosen where no angle is given."""
+
+    AUTO = "auto"
+    KEEP = "keep"
 
 
 class Carrier(StrEnum):

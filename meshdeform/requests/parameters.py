@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import (
     BaseModel,
@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from meshdeform.requests.choices import Carrier, GuidanceKind, Preset, Safeguard
+from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode, Preset, Safeguard
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -149,6 +149,24 @@ class DeformParams(StrictModel):
                 ["auto", "Lattice for assets of several parts"],
                 ["surface", "Surface"],
                 ["lattice", "Lattice"],
+            ],
+        },
+    )
+    orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = _of_preset(
+        OrientationMode.KEEP,
+        "Which side of the asset the model sees as its front: `auto`, the one that fits the prompt best, if the model "
+        "is conditioned on the azimuth and one is clearly better; `keep`, +Z; or the azimuth of that side in degrees, "
+        "from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
+        examples=["auto"],
+        form={
+            "label": "Front",
+            "help": "The side of the asset that becomes the front of what the prompt names.",
+            "choices": [
+                ["auto", "The side that fits the prompt"],
+                ["keep", "As in the file: +Z"],
+                ["90", "+X, the left side"],
+                ["180", "-Z, the back"],
+                ["270", "-X, the right side"],
             ],
         },
     )
@@ -312,7 +330,7 @@ FROM_PRESET = frozenset(
 def _nullable(member: dict[str, Any]) -> dict[str, Any]:
     kind = {key: value for key, value in member.items() if key not in _ABOUT}
     about = {key: value for key, value in member.items() if key in _ABOUT}
-    return {"anyOf": [kind, {"type": "null"}], **about}
+    return {"anyOf": [*kind.get("anyOf", [kind]), {"type": "null"}], **about}
 
 
 def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:

@@ -32,6 +32,7 @@ _BUILTIN_VIEW: dict[str, Any] = {"framing": 0.57, "framing_max": 1.0}
 # guidance keeps the contrast of the training pictures (docs/quality.md, Results).
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
+    "orientation": "auto",
     "learning_rate": 0.03,
     "guidance_scale": 7.5,
     "guidance_rescale": 0.7,
@@ -47,6 +48,7 @@ _BUILTIN: dict[str, Any] = {
 
 # Own regularisers and framing for Stable Diffusion: those of the paper are negligible beside the gradient of score
 # distillation, and growth is visible only if the camera does not follow at once. Not measured with a real model.
+# The orientation is the paper's `keep`: these models are not conditioned on the azimuth, so they cannot choose one.
 _SD: dict[str, Any] = {
     **_GUARDED,
     "jacobian_reg_weight": 16.0,

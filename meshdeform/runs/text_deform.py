@@ -234,6 +234,7 @@ class TextDeformRun:
             asset=self._asset,
             welded=self._welded,
             verts=verts,
+            orientation=self._deformation.orientation,
             result=result,
             written=written,
             usdz=usdz,

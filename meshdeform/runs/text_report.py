@@ -14,8 +14,10 @@ from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
+from meshdeform.deformation.orientation import Orientation
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.up_axis import looks_z_up
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.document import JobRequest, ResolvedParams
@@ -69,6 +71,7 @@ def build_report(
     asset: Asset,
     welded: WeldedMesh,
     verts: Tensor,
+    orientation: Orientation,
     result: bytes,
     written: Asset,
     usdz: Usdz | None = None,
@@ -91,6 +94,8 @@ def build_report(
     welded : WeldedMesh
     verts : (V, 3) float64
         Deformed welded world positions.
+    orientation : Orientation
+        The turn of the cameras.
     result : bytes
         `result.glb`.
     written : Asset
@@ -146,8 +151,9 @@ def build_report(
         },
         "quality": quality.to_dict(),
         "carrier": {"kind": "surface" if cells is None else "lattice", "cells": cells},
+        "orientation": orientation.to_dict(),
         "movement": movement.to_dict(),
-        "warnings": movement.warnings,
+        "warnings": [*movement.warnings, *_up_axis_warnings(asset)],
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
         "resumed_from_step": first_step,
@@ -170,6 +176,13 @@ def build_report(
 def read_result(result: bytes) -> Asset:
     """Read our own `result.glb` back, without the limits for sources."""
     return load_asset(result, "result.glb", _UNBOUNDED)
+
+
+def _up_axis_warnings(asset: Asset) -> list[str]:
+    surface = asset.surface
+    if not looks_z_up(surface.positions, surface.triangles):
+        return []
+    return ["The asset seems to have Z up, so the model saw it on its side. Export it with +Y up."]
 
 
 def _invariants(source: Asset, result: Asset) -> dict[str, bool]:

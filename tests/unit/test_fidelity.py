@@ -43,6 +43,7 @@ def test_the_published_numbers() -> None:
         "fov_max_deg": 45.0,
         "dirichlet_weight": 0.0,
         "safeguard": "none",
+        "orientation": "keep",
     }
     assert {name: getattr(PAPER, name) for name in published} == published
 

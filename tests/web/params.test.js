@@ -38,6 +38,13 @@ test("what was typed under Advanced goes along as numbers; what is empty or wron
   assert.deepEqual(params, { preset: "preview", model: "builtin", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7 });
 });
 
+test("the front is a word or a number", () => {
+  assert.deepEqual(field("orientation").choices.map(([value]) => value), ["auto", "keep", "90", "180", "270"]);
+  const asked = (text) => documents({ ...WISH, advanced: { orientation: text } }, 80, "g", FIELDS)[0].params.orientation;
+  assert.deepEqual(["90", "keep", ""].map(asked), [90, "keep", undefined]);
+  assert.equal(wishOf({ params: { orientation: 180 } }, FIELDS).advanced.orientation, "180");
+});
+
 test("what is wrong is said", () => {
   assert.equal(fieldProblem(field("steps"), ""), "");
   assert.match(fieldProblem(field("steps"), "2.5"), /whole/);

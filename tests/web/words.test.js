@@ -30,6 +30,10 @@ test("what a result looks like, and whether that was asked for", () => {
   const missed = { noun: "rabbit", probability: 0.12, matches: false, next: { noun: "octopus", probability: 0.62 } };
   const [bad] = findings({ likeness: missed });
   assert.deepEqual([bad.tone, bad.text], ["warn", "Looks more like an octopus 62% than a rabbit 12%"]);
+  const [front] = findings({ orientation: { turn_deg: 180, source: "found", margin: 0.44 } });
+  assert.deepEqual([front.tone, front.text], ["plain", "Front: the side at 180°"]);
+  assert.match(front.note, /44\s?%/);
+  assert.deepEqual(findings({ orientation: { turn_deg: 0, source: "undecided", margin: 0.01 } }), []);
   const [still] = findings({ movement: { stalled_by: "safeguard" }, warnings: ["The mesh hardly moved."] });
   assert.deepEqual([still.tone, still.note], ["warn", "The mesh hardly moved."]);
   assert.deepEqual(findings({ movement: { stalled_by: null }, warnings: [] }), []);

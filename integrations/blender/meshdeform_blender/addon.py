@@ -22,6 +22,14 @@ _GUIDANCE = [
     ("sds", "Prompt", "Deform towards the prompt"),
     ("target", "Object", "Deform towards the shape of another object"),
 ]
+_FRONTS = [
+    ("preset", "As the Preset", "The builtin model chooses the front; other models see +Z, Blender's -Y, as the front"),
+    ("auto", "Automatic", "The side that fits the prompt best, if the model can tell"),
+    ("keep", "-Y", "Blender's front view shows the front"),
+    ("90", "+X", "The right view shows the front"),
+    ("180", "+Y", "The back view shows the front"),
+    ("270", "-X", "The left view shows the front"),
+]
 _APPLY = [
     ("SHAPE_KEY", "Shape Key", "Add the result as a shape key, so that a slider blends between source and result"),
     ("REPLACE", "Replace", "Move the vertices themselves, in all shape keys"),
@@ -61,6 +69,9 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
         name="Seed", min=0, description="The same seed gives the same result on the same server"
     )
     model: bpy.props.StringProperty(name="Model", maxlen=500, description="Empty: the server's default")
+    front: bpy.props.EnumProperty(
+        name="Front", items=_FRONTS, description="The side that becomes the front of what is in the prompt"
+    )
     apply: bpy.props.EnumProperty(name="Result", items=_APPLY)
 
     def request(self) -> dict[str, Any]:
@@ -70,6 +81,8 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
             params["steps"] = self.steps
         if self.model.strip() and self.guidance == "sds":
             params["model"] = self.model.strip()
+        if self.front != "preset" and self.guidance == "sds":
+            params["orientation"] = float(self.front) if self.front.isdigit() else self.front
         prompt = self.prompt.strip() if self.guidance == "sds" else ""
         return {"prompt": prompt, "params": params, "metadata": {"from": "blender"}}
 
@@ -193,6 +206,7 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
         else:
             layout.prop(settings, "prompt")
             layout.prop(settings, "model")
+            layout.prop(settings, "front")
         for name in ("preset", "steps", "seed", "apply"):
             layout.prop(settings, name)
         status = current.status

@@ -12,6 +12,7 @@
  * @property {number} [above] What it must be more than.
  * @property {number} [max]
  * @property {[string, string][]} [choices] Value and label.
+ * @property {boolean} [numbers] Whether some of the choices are numbers.
  *
  * @typedef {object} Wish
  * @property {string} prompt
@@ -49,9 +50,11 @@ export function fieldsOf(schema) {
   const offered = Object.entries(schema?.properties ?? {}).filter(([, member]) => member["x-form"]);
   return offered.map(([name, member]) => {
     const { label, help, choices } = member["x-form"];
-    const kind = (member.anyOf ?? [member]).find((/** @type {any} */ one) => one.type !== "null") ?? {};
+    const kinds = member.anyOf ?? [member];
+    const kind = kinds.find((/** @type {any} */ one) => one.type !== "null") ?? {};
+    const numbers = Boolean(choices) && kinds.some((/** @type {any} */ one) => one.type === "number");
     const type = choices ? "choice" : kind.type === "integer" || kind.type === "number" ? kind.type : "text";
-    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum };
+    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum, ...(numbers ? { numbers } : {}) };
   });
 }
 
@@ -103,7 +106,8 @@ export function documents(wish, steps, group, fields) {
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
     if (text === "" || fieldProblem(field, text)) continue;
-    params[field.name] = field.type === "integer" || field.type === "number" ? Number(text) : text;
+    const numeric = field.type === "integer" || field.type === "number" || (field.numbers && Number.isFinite(Number(text)));
+    params[field.name] = numeric ? Number(text) : text;
   }
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);

@@ -11,6 +11,19 @@ import { withArticle } from "./vocabulary.js";
 const STRONG = 20;
 
 /**
+ * The side that became the front, if the model chose it.
+ *
+ * @param {any} orientation
+ * @returns {Finding[]}
+ */
+function front(orientation) {
+  const turn = number(orientation?.turn_deg);
+  const margin = number(orientation?.margin);
+  if (orientation?.source !== "found" || turn === null || margin === null) return [];
+  return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits the prompt ${percent(margin)} better than +Z.`)];
+}
+
+/**
  * @param {any} report
  * @returns {Finding[]}
  */
@@ -18,7 +31,7 @@ export function findings(report) {
   const quality = report?.quality ?? {};
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = likeness(report?.likeness);
+  const found = [...likeness(report?.likeness), ...front(report?.orientation)];
   if (report?.movement?.stalled_by && Array.isArray(report.warnings)) {
     found.push(...report.warnings.map((/** @type {unknown} */ text) => warn("Hardly moved", String(text))));
   }

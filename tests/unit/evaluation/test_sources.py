@@ -90,7 +90,10 @@ def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
     assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
 
 
-@each_case(("name", "count"), [("small", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)])
+_COUNTS = [("small", 48), ("turned", 48), ("full", 192), ("nouns", 40), ("unseen", 22), ("paper", 48)]
+
+
+@each_case(("name", "count"), _COUNTS)
 def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count: int) -> None:
     suite = SUITES[name]
     items = suite.items()
@@ -110,6 +113,15 @@ def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: 
 def test_the_builtin_prior_understands_each_prompt_and_no_two_are_of_one_noun(name: str) -> None:
     nouns = [parse(prompt).noun for prompt in SUITES[name].prompts]
     assert len(nouns) == len(set(nouns)) == 12
+
+
+def test_each_item_of_turned_has_its_own_angle_and_other_suites_have_none() -> None:
+    small, turned = SUITES["small"], SUITES["turned"]
+    assert turned.items() == small.items()
+    angles = [turned.turn_of(item) for item in turned.items()]
+    assert len(set(angles)) == 48
+    assert all(sum(90 * k <= angle < 90 * (k + 1) for angle in angles) >= 6 for k in range(4))
+    assert {small.turn_of(item) for item in small.items()} == {0.0}
 
 
 def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:

@@ -15,7 +15,7 @@ import meshdeform
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.geometry.shapes import box, icosphere, join, lathe
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.runs import text_deform
 from meshdeform.testing import FakePrior
@@ -74,6 +74,8 @@ def test_results_keep_the_asset_and_say_so() -> None:
     assert report["mesh"]["welded_vertices"] == 162
     assert report["seed"] == 5
     assert report["params"]["steps"] == 12
+    assert (report["orientation"]["turn_deg"], report["orientation"]["source"]) == (0.0, "unconditioned")
+    assert "not conditioned" in report["orientation"]["notice"]
     assert report["losses"][0]["step"] == 1
     assert report["losses"][-1]["step"] == 12
     assert report["quality"]["flipped_faces"] == 0
@@ -111,6 +113,18 @@ def test_the_report_says_which_normals_were_rebuilt() -> None:
     assert report["mesh"]["rebuilt_normals"] == 2
     assert report["input"]["warnings"][0].startswith("2 normals of the file have no direction")
     assert np.isfinite(load_asset(artifacts["result.glb"].data).surface.normals).all()
+
+
+def test_the_report_warns_of_an_asset_with_z_up() -> None:
+    statue = lathe([(0.0, 0.1), (0.5, 0.1), (0.4, 0.4), (0.1, 0.7), (0.3, 1.3), (0.0, 1.7)])
+    warned = []
+    for axes, sign in (([0, 1, 2], 1.0), ([0, 2, 1], -1.0)):
+        verts = statue.verts[:, axes] * torch.tensor([1.0, sign, 1.0], dtype=torch.float64)
+        run = start(glb(TriangleMesh(verts, statue.faces)), request(steps=1))
+        list(run)
+        warnings = json.loads(run.finish()["report.json"].data)["warnings"]
+        warned.append(any("Z up" in warning for warning in warnings))
+    assert warned == [False, True]
 
 
 def test_split_vertices_stay_together() -> None:

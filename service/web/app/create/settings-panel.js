@@ -240,7 +240,15 @@ export class SettingsPanel {
     this.morph.checked = wish.morph;
     this.usd.checked = wish.usd;
     this._keep(wish.kept ?? nothingKept());
-    for (const [name, field] of this.fields) field.input.value = wish.advanced[name] ?? "";
+    for (const [name, field] of this.fields) {
+      const value = wish.advanced[name] ?? "";
+      field.input.value = value;
+      // A value that another client sent and that is not among the choices, such as an angle.
+      if (field.input.value !== value && field.input instanceof HTMLSelectElement) {
+        field.input.append(h("option", { value }, value));
+        field.input.value = value;
+      }
+    }
     this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
   }
 }

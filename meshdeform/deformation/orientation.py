@@ -1,0 +1,180 @@
+"""Find which side of the source a prior conditioned on the azimuth should see as its front.
+
+The builtin prior draws different pictures of a giraffe from the front and from behind. An asset that faces backwards
+would grow its neck from the tail, so before the first step the cameras are turned about the up axis. For a picture x of
+the untouched source, every turn is a class of azimuths, of which the best predicts x most closely::
+
+    grade(turn) = mean over draws of ||x0_hat(z_t; prompt, azimuth of x - turn) - x0||^2
+
+Picture, timestep and noise of a draw are the same for all turns, so only differences by the azimuth remain. The
+azimuths of the draws are spread evenly, so that for a symmetric source all turns have the same grade. t is high: the
+noisy picture contains little of the shape, and the prediction depends mostly on prompt and azimuth.
+
+A first pass grades turns all around. If one is better than none, a second pass with new draws compares it and its
+neighbours with none; since these draws did not choose the turn, the margin is not biased by that choice.
+
+Source: Li et al. 2023, Your diffusion model is secretly a zero-shot classifier, eq. 9 and section 3.2 (shared noise).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+
+from meshdeform.rendering.cameras import Cameras
+
+__all__ = ["Grader", "Orientation", "OrientationSource", "find_orientation"]
+
+_TURNS = 12
+_FINE_DEG = 15.0
+_FIRST_DEG = (0.0, 120.0, 240.0)
+_SECOND_DEG = (0.0, 105.0, 210.0, 315.0, 60.0, 165.0)
+"""Azimuths of the draws, from a random one. Modulo a quarter turn they are evenly spaced at a divisor of the turns'
+spacing: the four views of a symmetric source are then the same for every turn, only in another order."""
+_FRACTION = 0.94
+"""The timestep, as a fraction of T. At 0.88 T, the background and the noise of a draw outweigh the azimuth."""
+_MIN_MARGIN = 0.03
+_MIN_ERRORS = 3.0
+"""What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
+
+
+Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
+
+
+class OrientationSource(StrEnum):
+    """Where a turn comes from."""
+
+    KEPT = "kept"
+    GIVEN = "given"
+    FOUND = "found"
+    UNDECIDED = "undecided"
+    UNCONDITIONED = "unconditioned"
+    CONTINUED = "continued"
+
+
+_NOTICES = {
+    OrientationSource.UNDECIDED: "No side of the asset fits the prompt clearly better than +Z as its front. Set "
+    "params.orientation to the azimuth of another side if the result faces the wrong way.",
+    OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth and cannot choose the front. Set "
+    "params.orientation to the azimuth of the front if it is not +Z.",
+}
+
+
+@runtime_checkable
+class Grader(Protocol):
+    """A guidance that can grade azimuths (`guidance.sds.ScoreDistillation.grades`)."""
+
+    def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
+        """Return the grade (P,) of each of P azimuths of the same picture; the smallest is the best."""
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """The turn of the cameras, and how it was chosen.
+
+    Attributes
+    ----------
+    turn_deg : float
+        Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180.
+    source : OrientationSource
+        `undecided`: the search found no turn that is clearly better than none. `unconditioned`: the grades do not
+        depend on the azimuth.
+    margin : float
+        Relative gain of the best turn that the search found over none; 0 without a search.
+    grades : tuple of float
+        The grades of the first pass, of turns spaced evenly from 0; empty without a search.
+    """
+
+    turn_deg: float = 0.0
+    source: OrientationSource = OrientationSource.KEPT
+    margin: float = 0.0
+    grades: tuple[float, ...] = ()
+
+    def to_tensor(self) -> Tensor:
+        """Return the members as float64, for checkpoints."""
+        number = list(OrientationSource).index(self.source)
+        return torch.tensor([self.turn_deg, number, self.margin, *self.grades], dtype=torch.float64)
+
+    @classmethod
+    def from_tensor(cls, values: Tensor) -> Orientation:
+        """Read what `to_tensor` returned."""
+        turn, number, margin, *grades = values.tolist()
+        return cls(turn, list(OrientationSource)[int(number)], margin, tuple(grades))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the member `orientation` of the report."""
+        searched = len(self.grades)
+        return {
+            "turn_deg": self.turn_deg,
+            "source": self.source.value,
+            "margin": round(self.margin, 4) if searched else None,
+            "grades": [[360 * k / searched, round(grade, 5)] for k, grade in enumerate(self.grades)],
+            "notice": _NOTICES.get(self.source),
+        }
+
+
+def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
+    """Search the best turn of a source.
+
+    Parameters
+    ----------
+    draw : callable
+        Renders the source for the guidance from cameras at this azimuth, with a background and light from the
+        generator. Returns the picture and its cameras.
+    guidance : Grader
+    seed : int
+        Seed of the search's own generator.
+
+    Returns
+    -------
+    Orientation
+        `found`; or, with turn 0, `undecided`, for example for a symmetric source, or `unconditioned`.
+    """
+    search = _Search(draw, guidance, torch.Generator().manual_seed(seed))
+    front, side = search.grades((0.0,), (0.0, 90.0))[0].tolist()
+    if math.isclose(front, side, rel_tol=1e-5):
+        return Orientation(source=OrientationSource.UNCONDITIONED)
+    turns = [360.0 * k / _TURNS for k in range(_TURNS)]
+    first = search.grades(_FIRST_DEG, turns).mean(0)
+    grades = tuple(first.tolist())
+    best = turns[int(first.argmin())]
+    hope = 1 - float(first.min() / first[0])
+    if hope < _MIN_MARGIN:
+        return Orientation(source=OrientationSource.UNDECIDED, margin=hope, grades=grades)
+    candidates = [0.0, best - _FINE_DEG, best, best + _FINE_DEG]
+    second = search.grades(_SECOND_DEG, candidates)
+    chosen = 1 + int(second.mean(0)[1:].argmin())
+    gain = (second[:, 0] - second[:, chosen]) / second[:, 0].mean()
+    margin, error = float(gain.mean()), float(gain.std()) / math.sqrt(len(gain))
+    if margin < _MIN_MARGIN or margin < _MIN_ERRORS * error:
+        return Orientation(0.0, OrientationSource.UNDECIDED, margin, grades)
+    return Orientation(_principal(candidates[chosen]), OrientationSource.FOUND, margin, grades)
+
+
+class _Search:
+    def __init__(self, draw: Draw, guidance: Grader, generator: torch.Generator) -> None:
+        self._draw = draw
+        self._guidance = guidance
+        self._generator = generator
+
+    @torch.no_grad()
+    def grades(self, azimuths_deg: Sequence[float], turns_deg: Sequence[float]) -> Tensor:
+        """Return the grades (draws, turns) of new draws at these azimuths from a random one."""
+        begin = 360 * float(torch.rand((), generator=self._generator, dtype=torch.float64))
+        return torch.stack([self._graded(begin + azimuth, turns_deg) for azimuth in azimuths_deg])
+
+    def _graded(self, azimuth_deg: float, turns_deg: Sequence[float]) -> Tensor:
+        image, cameras = self._draw(azimuth_deg, self._generator)
+        poses = [replace(cameras, azimuths_deg=tuple(a - turn for a in cameras.azimuths_deg)) for turn in turns_deg]
+        return self._guidance.grades(image, poses, _FRACTION, self._generator)
+
+
+def _principal(angle_deg: float) -> float:
+    """Return the same angle in -180 (exclusive) .. 180."""
+    return 180 - (180 - angle_deg) % 360

@@ -1,0 +1,163 @@
+"""The front of a source: found where there is one, kept where there is none, part of the checkpoint."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.checkpoint import dump_checkpoint, load_checkpoint
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.orientation import Orientation, OrientationSource, find_orientation
+from meshdeform.evaluation.sources import source_mesh
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.normalization import Frame
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.runs.text_guidance import score_distillation
+
+
+@cache
+def prior() -> BuiltinPrior:
+    return BuiltinPrior()
+
+
+def params(**changes: object) -> ResolvedParams:
+    return resolve(DeformParams.model_validate({"preset": "preview", "steps": 2, "safeguard": "none", **changes}))
+
+
+def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
+    """The mesh turned about the up axis: its front is then at this azimuth."""
+    s, c = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    matrix = torch.tensor([[c, 0, s], [0, 1, 0], [-s, 0, c]], dtype=torch.float64)
+    return TriangleMesh(mesh.verts @ matrix.T, mesh.faces)
+
+
+def placed(name: str, degrees: float = 0.0) -> TriangleMesh:
+    mesh = turned(source_mesh(name), degrees)
+    return Frame.around(mesh.verts).place(mesh)
+
+
+def deformation(mesh: TriangleMesh, prompt: str = "a giraffe", **changes: object) -> Deformation:
+    settings = params(**changes)
+    return Deformation(mesh, score_distillation(prior(), prompt, settings), settings)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 180.0])
+def test_the_front_of_a_turned_animal_is_found(degrees: float) -> None:
+    found = deformation(placed("quadruped", degrees)).orientation
+    assert found.source is OrientationSource.FOUND
+    assert abs((found.turn_deg - degrees + 180) % 360 - 180) <= 15
+    assert found.margin > 0.05
+
+
+def test_an_animal_that_faces_forward_is_kept() -> None:
+    found = deformation(placed("quadruped")).orientation
+    assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNDECIDED)
+    assert "front" in found.to_dict()["notice"]
+
+
+@pytest.mark.parametrize(("source", "prompt"), [("sphere", "an airplane"), ("vase", "a rabbit"), ("cube", "a chair")])
+def test_a_symmetric_source_is_kept(source: str, prompt: str) -> None:
+    found = deformation(placed(source), prompt).orientation
+    assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNDECIDED)
+
+
+def test_a_turned_source_with_its_angle_gives_the_same_result_turned() -> None:
+    plain = deformation(placed("quadruped"), orientation="keep", steps=4)
+    other = deformation(placed("quadruped", 90.0), orientation=90.0, steps=4)
+    losses = [[step.losses["sds_mse"] for step in run] for run in (plain, other)]
+    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+    moved = float((plain.verts() - plain.mesh.verts).norm())
+    expected = turned(TriangleMesh(plain.verts(), plain.mesh.faces), 90.0).verts
+    assert float((other.verts() - expected).norm()) < 0.05 * moved
+
+
+def test_the_search_does_not_change_the_run_that_keeps_the_front() -> None:
+    """It has its own generator: a run that found nothing is the run that did not search."""
+    searched, kept = (deformation(placed("sphere"), orientation=mode) for mode in ("auto", "keep"))
+    assert [step.losses for step in searched] == [step.losses for step in kept]
+    assert torch.equal(searched.verts(), kept.verts())
+
+
+def test_a_resumed_run_has_the_turn_of_its_checkpoint_and_does_not_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = placed("quadruped", 180.0)
+    whole = deformation(mesh, steps=4)
+    list(whole)
+    first = deformation(mesh, steps=4)
+    next(iter(first))
+    stored = dump_checkpoint(first.checkpoint(), "run")
+    monkeypatch.setattr(ScoreDistillation, "grades", None)
+    settings = params(steps=4)
+    guidance = score_distillation(prior(), "a giraffe", settings)
+    second = Deformation(mesh, guidance, settings, checkpoint=load_checkpoint(stored, "run"))
+    assert second.orientation == whole.orientation
+    assert second.orientation.source is OrientationSource.FOUND
+    list(second)
+    for name, value in whole.checkpoint().tensors.items():
+        assert torch.equal(second.checkpoint().tensors[name], value), name
+
+
+def test_a_continued_run_takes_the_turn_of_its_origin(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = placed("quadruped")
+    origin = deformation(mesh, orientation=75.0).checkpoint().tensors
+    older = {name: value for name, value in origin.items() if name != "orientation"}
+    monkeypatch.setattr(ScoreDistillation, "grades", None)
+    for initial, changes, expected in (
+        (origin, {}, (75.0, OrientationSource.CONTINUED)),
+        (older, {}, (0.0, OrientationSource.CONTINUED)),
+        (origin, {"orientation": "keep"}, (0.0, OrientationSource.KEPT)),
+        (origin, {"orientation": -30}, (-30.0, OrientationSource.GIVEN)),
+    ):
+        settings = params(**changes)
+        guidance = score_distillation(prior(), "a fish", settings)
+        found = Deformation(mesh, guidance, settings, initial=initial).orientation
+        assert (found.turn_deg, found.source) == expected
+
+
+def test_a_target_has_no_front() -> None:
+    settings = params(guidance="target", orientation="auto")
+    mesh = placed("quadruped")
+    assert Deformation(mesh, TargetGuidance(mesh), settings).orientation == Orientation()
+
+
+class _Grades:
+    """Grades with a known best azimuth, or equal ones."""
+
+    def __init__(self, best_deg: float | None) -> None:
+        self.best = best_deg
+        self.calls = 0
+
+    def grades(self, image: Tensor, poses: list[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
+        self.calls += len(poses)
+        if self.best is None:
+            return torch.ones(len(poses), dtype=torch.float64)
+        noise = 0.01 * torch.randn(len(poses), generator=generator, dtype=torch.float64)
+        off = [math.radians(float(image) - self.best - pose.azimuth_deg) for pose in poses]
+        return 1 - 0.3 * torch.tensor([math.cos(angle) for angle in off], dtype=torch.float64) + noise
+
+
+def _draw(azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
+    return torch.tensor(azimuth_deg), fixed_cameras(azimuth_deg, 0.0)
+
+
+@pytest.mark.parametrize("best", [45.0, -100.0, 180.0, 70.0])
+def test_the_best_angle_is_found_within_the_finer_step(best: float) -> None:
+    guidance = _Grades(best)
+    found = find_orientation(_draw, guidance, 3)
+    assert abs((found.turn_deg - best + 180) % 360 - 180) <= 15
+    assert found == find_orientation(_draw, _Grades(best), 3)
+    assert Orientation.from_tensor(found.to_tensor()) == found
+    assert guidance.calls <= 70
+
+
+def test_a_model_without_azimuth_is_asked_twice_only() -> None:
+    guidance = _Grades(None)
+    found = find_orientation(_draw, guidance, 0)
+    assert (found.turn_deg, found.source, guidance.calls) == (0.0, OrientationSource.UNCONDITIONED, 2)
