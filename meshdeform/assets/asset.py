@@ -17,11 +17,13 @@ from meshdeform.assets.draco import decode_draco
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
+from meshdeform.assets.parts import Parts, read_parts
 from meshdeform.assets.references import Usage
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
 from meshdeform.errors import AssetTooLargeError
+from meshdeform.geometry.coarseness import coarseness_warnings
 
 if TYPE_CHECKING:
     from meshdeform.assets.appearance import Appearance
@@ -47,8 +49,12 @@ class Asset:
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks = read_surface(document)
+        parts = self.parts()
         self.summary = dataclasses.replace(
             summary,
+            nodes=tuple(parts.nodes),
+            materials=tuple(parts.materials),
+            warnings=coarseness_warnings(self.surface.positions, self.surface.triangles),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             skipped=tuple(self.surface.skipped),
@@ -73,6 +79,10 @@ class Asset:
         from meshdeform.assets.appearance import read_appearance
 
         return read_appearance(self._document, self._blocks)
+
+    def parts(self) -> Parts:
+        """List the nodes and materials of the surface, and which triangles belong to each."""
+        return read_parts(self._document, self._blocks)
 
     def texture_coordinates(self) -> dict[str, str]:
         """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
 __all__ = [
+    "MAX_PARTS",
     "MAX_SKIPPED",
     "CheckedAssets",
     "bound_memory",
@@ -49,6 +50,9 @@ __all__ = [
 
 MAX_SKIPPED = 100
 """How many skipped parts a summary lists."""
+
+MAX_PARTS = 500
+"""How many nodes and materials a summary lists."""
 
 _REMEMBERED = 512
 # Our package's folder comes last, so that a file beside it cannot replace an installed module.
@@ -213,7 +217,8 @@ def _error(verdict: dict[str, Any]) -> MeshdeformError:
 
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
-    return AssetSummary(**{**verdict, "extensions": tuple(verdict["extensions"]), "skipped": tuple(verdict["skipped"])})
+    lists = ("extensions", "skipped", "nodes", "materials", "warnings")
+    return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}})
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -244,6 +249,8 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     summary, skipped = asdict(asset.summary), asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
         summary["skipped"] = [*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"}]
+    for name in ("nodes", "materials"):
+        summary[name] = summary[name][:MAX_PARTS]
     return summary
 
 

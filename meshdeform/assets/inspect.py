@@ -49,6 +49,10 @@ class AssetSummary:
         `extensionsUsed`.
     skipped : tuple of dict
         Parts that are not deformed, and why.
+    nodes, materials : tuple of dict
+        `index` and `name` of each node and material that is deformed (`assets.parts`); empty until the file is decoded.
+    warnings : tuple of str
+        Sentences about what limits the result, with the remedy; empty until the file is decoded.
     """
 
     format: str
@@ -57,6 +61,9 @@ class AssetSummary:
     meshes: int = 1
     extensions: tuple[str, ...] = ()
     skipped: tuple[dict[str, Any], ...] = ()
+    nodes: tuple[dict[str, Any], ...] = ()
+    materials: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:

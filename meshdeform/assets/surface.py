@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,6 +66,7 @@ class Block:
     node: int
     mesh: int
     primitives: tuple[int, ...]
+    triangles: tuple[int, ...]  # of each primitive
     accessors: tuple[int, int | None, int | None]  # POSITION, NORMAL, TANGENT
     rows: slice
     placement: Matrix
@@ -106,6 +108,7 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block]]:
             block = _read_block(document, instance, accessors, primitives, placement, start)
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
+            block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
             flip = np.linalg.det(placement[:3, :3]) < 0.0
             triangles += [start + (part[:, ::-1] if flip else part) for part in faces]
             blocks.append(block)
@@ -163,6 +166,7 @@ def _read_block(
         instance.node,
         instance.mesh,
         tuple(primitives),
+        (0,) * len(primitives),
         accessors,
         slice(start, start + len(positions)),
         placement,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +15,13 @@ from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
+from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
+from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -79,6 +83,7 @@ def build_report(
     clock: PhaseClock,
     not_drawn: dict[str, int],
     likeness: dict[str, Any] | None = None,
+    bodies: Sequence[Body] = (),
 ) -> bytes:
     """Return `report.json`.
 
@@ -107,6 +112,8 @@ def build_report(
         Parts of the asset's look that `preview.png` does not show, with counts.
     likeness : dict, optional
         How much the result looks like its prompt.
+    bodies : sequence of Body
+        What kept its shape.
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
@@ -136,12 +143,14 @@ def build_report(
         },
         "quality": quality.to_dict(),
         "movement": movement.to_dict(),
-        "warnings": movement.warnings,
+        "warnings": [*asset.summary.warnings, *movement.warnings],
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if bodies:
+        report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if likeness is not None:
         report["likeness"] = likeness
     if not_drawn:
@@ -154,6 +163,27 @@ def build_report(
             "left_out": usdz.left_out,
         }
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
+    """Return how exactly the bodies kept their shape in the file, as a share of the source's diagonal."""
+    before, after = source.surface.positions, result.surface.positions
+    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
+    owner = np.full(len(welded.mesh.verts) + 1, -1)  # the last one is for unused source vertices
+    for number, body in enumerate(bodies):
+        owner[body.verts] = number
+    rows = np.flatnonzero(owner[welded.vertex_map] >= 0)
+    rows = rows[np.argsort(owner[welded.vertex_map[rows]], kind="stable")]
+    sizes = np.bincount(owner[welded.vertex_map[rows]], minlength=len(bodies))
+    worst = max(
+        closest_motion(before[chosen], after[chosen], scaled=body.mode is Rigidity.SIMILARITY).max_distance
+        for body, chosen in zip(bodies, np.split(rows, np.cumsum(sizes)[:-1]), strict=True)
+    )
+    return {
+        "bodies": len(bodies),
+        "vertices": sum(len(body.verts) for body in bodies),
+        "max_deviation": worst / diagonal,
+    }
 
 
 def read_result(result: bytes) -> Asset:
