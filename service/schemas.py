@@ -108,9 +108,9 @@ class AssetFound(BaseModel):
     extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
     skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
     nodes: list[PartFound] = Field(
-        description="The first 500 nodes with triangles in or below them; a node without a name has that of its mesh."
+        description="The first 200 nodes with triangles in or below them; a node without a name has that of its mesh."
     )
-    materials: list[PartFound] = Field(description="The first 500 materials in use.")
+    materials: list[PartFound] = Field(description="The first 200 materials in use.")
     warnings: list[str] = Field(
         description="What limits the result, with the remedy, such as triangles too large to bend.", examples=[[]]
     )

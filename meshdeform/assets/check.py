@@ -51,7 +51,7 @@ __all__ = [
 MAX_SKIPPED = 100
 """How many skipped parts a summary lists."""
 
-MAX_PARTS = 500
+MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
 _REMEMBERED = 512

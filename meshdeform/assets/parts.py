@@ -32,21 +32,22 @@ class Parts:
         Node of each triangle of the surface.
     material_of_triangle : (T,) int64
         Its material; -1 if it has none.
-    parents : dict of int to int
-        Parent of each node that has one.
+    children : dict of int to list of int
+        Children of each node that has some.
     """
 
     nodes: list[dict[str, Any]]
     materials: list[dict[str, Any]]
     node_of_triangle: NDArray[np.int64]
     material_of_triangle: NDArray[np.int64]
-    parents: dict[int, int]
+    children: dict[int, list[int]]
 
     def in_node(self, node: int) -> NDArray[np.bool_]:
         """Return flags (T,) of the triangles in a node or below it."""
-        used = np.unique(self.node_of_triangle)
-        inside = [at for at in used.tolist() if node in _line(at, self.parents)]
-        return np.isin(self.node_of_triangle, inside)
+        below = [node]
+        for at in below:  # grows while it is read; nodes form a forest
+            below += self.children.get(at, [])
+        return np.isin(self.node_of_triangle, below)
 
     def of_material(self, material: int) -> NDArray[np.bool_]:
         """Return flags (T,) of the triangles with a material."""
@@ -57,7 +58,7 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
     """Read the parts of the surface that `read_surface` gathered in `blocks`."""
     root = document.root
     nodes, meshes, materials = (root.get(name, []) for name in ("nodes", "meshes", "materials"))
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    children = {at: node["children"] for at, node in enumerate(nodes) if node.get("children")}
     counts = [count for block in blocks for count in block.triangles]
     owners = [block.node for block in blocks for _ in block.triangles]
     looks = [
@@ -65,23 +66,27 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
         for block in blocks
         for primitive in block.primitives
     ]
-    shown = sorted({above for block in blocks if sum(block.triangles) for above in _line(block.node, parents)})
+    shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
     return Parts(
         [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
         [{"index": at, "name": _name(materials[at]) if at < len(materials) else ""} for at in used],
         np.repeat(np.array(owners, np.int64), counts),
         np.repeat(np.array(looks, np.int64), counts),
-        parents,
+        children,
     )
 
 
-def _line(node: int, parents: dict[int, int]) -> list[int]:
-    """Return a node and all nodes above it."""
-    line = [node]
-    while line[-1] in parents:
-        line.append(parents[line[-1]])
-    return line
+def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int]:
+    """Return these nodes and all above them, ascending."""
+    parents = {child: at for at, below in children.items() for child in below}
+    found: set[int] = set()
+    for node in nodes:
+        at: int | None = node
+        while at is not None and at not in found:
+            found.add(at)
+            at = parents.get(at)
+    return sorted(found)
 
 
 def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:

@@ -10,6 +10,9 @@ import { withArticle } from "./vocabulary.js";
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
 const STRONG = 20;
 
+// How the warning of `meshdeform/runs/movement.py` begins; others are about the source.
+const STALLED = "The mesh hardly moved";
+
 /**
  * @param {any} report
  * @returns {Finding[]}
@@ -19,8 +22,8 @@ export function findings(report) {
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
   const found = likeness(report?.likeness);
-  if (report?.movement?.stalled_by && Array.isArray(report.warnings)) {
-    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn("Hardly moved", String(text))));
+  if (Array.isArray(report?.warnings)) {
+    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
   }
   const faces = number(mesh.welded_faces) ?? number(mesh.source_triangles);
   const of = faces === null ? "" : ` of ${count(faces)}`;

@@ -157,3 +157,16 @@ def test_inspection_proposes_the_wheels_by_their_node_and_its_selectors_select_t
     assert select(*wheels["selectors"]) == [(WHEEL, "rigid")] * 4
     assert [item["components"] for item in found["proposals"]] == [[1, 2, 3, 4], [0]]
     assert not found["warnings"]
+
+
+def test_deep_hierarchies_are_listed_and_searched_in_linear_time() -> None:
+    """A chain of nodes that all show the mesh: the lines from each to the top would be half a million nodes."""
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive())
+    count = 1000
+    for at in range(count):
+        builder.node(mesh, in_scene=at == 0, **({"children": [at + 1]} if at + 1 < count else {}))
+    parts = load_asset(builder.glb()).parts()
+    assert [part["index"] for part in parts.nodes] == list(range(count))
+    for node in (0, 400, count - 1):
+        assert parts.in_node(node).sum() == 2 * (count - node)
