@@ -86,6 +86,13 @@ class Readiness(BaseModel):
     store: PartHealth = Field(description="The object store.")
 
 
+class PartFound(BaseModel):
+    """A node or material of an asset, which `params.rigid` can name."""
+
+    index: int = Field(ge=0, description="Its index in the file.", examples=[2])
+    name: str = Field(description="Its name; empty if it has none.", examples=["wheel-front-left"])
+
+
 class AssetFound(BaseModel):
     """The contents of an asset file."""
 
@@ -100,6 +107,10 @@ class AssetFound(BaseModel):
     meshes: int = Field(ge=0, description="Mesh instances in the default scene.", examples=[1])
     extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
     skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
+    nodes: list[PartFound] = Field(
+        description="The first 200 nodes with triangles in or below them; a node without a name has that of its mesh."
+    )
+    materials: list[PartFound] = Field(description="The first 200 materials in use.")
     warnings: list[str] = Field(
         description="Sentences about anything in the file that may surprise or get in the way.", examples=[[]]
     )

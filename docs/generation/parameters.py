@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 
 from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
 from meshdeform.requests.parameters import FROM_PRESET
+from meshdeform.requests.rigid import RigidSelector
 
 FAMILIES = {
     "builtin": {"guidance": GuidanceKind.SDS, "model": "builtin"},
@@ -24,6 +25,7 @@ _BOUNDS = {
     "minLength": "length at least",
     "maxLength": "length at most",
     "maxProperties": "entries at most",
+    "maxItems": "entries at most",
 }
 # Parameters without a meaning for a target mesh.
 _OF_SDS = (
@@ -67,7 +69,7 @@ def bounds(schema: dict[str, Any]) -> str:
 def default(field: FieldInfo) -> str:
     """Return a field's default in words."""
     value: Any = field.get_default(call_default_factory=True) if field.default_factory is None else None
-    if value is None:
+    if value is None or value == ():
         return "none" if field.default_factory is None else "empty"
     return "empty" if value == "" else f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
@@ -121,6 +123,9 @@ def page() -> str:
             section(JobRequest, prefix="", without=("params", "output")),
             "## params\n",
             section(DeformParams, prefix="params."),
+            "## A rigid part\n",
+            "The members of an entry of `params.rigid`; exactly one of `node`, `material` and `component` is set.\n",
+            section(RigidSelector, prefix="params.rigid[]."),
             "## output\n",
             section(OutputOptions, prefix="output."),
         ]

@@ -21,12 +21,14 @@ from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
+from meshdeform.assets.parts import Parts, read_parts
 from meshdeform.assets.references import Usage
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, write_shape
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
+from meshdeform.geometry.coarseness import coarseness_warnings
 
 if TYPE_CHECKING:
     from meshdeform.assets.appearance import Appearance
@@ -56,12 +58,16 @@ class Asset:
         self._blocks: list[Block]
         self.surface, self._blocks, self._loose = read_surface(document)
         backdrops = backdrop_warnings(document, self.surface, self._blocks)
+        parts = self.parts()
+        coarse = coarseness_warnings(self.surface.positions, self.surface.triangles)
         self.summary = dataclasses.replace(
             summary,
+            nodes=tuple(parts.nodes),
+            materials=tuple(parts.materials),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             skipped=tuple(self.surface.skipped),
-            warnings=(*summary.warnings, *self.repairs.warnings, *backdrops),
+            warnings=(*summary.warnings, *self.repairs.warnings, *backdrops, *coarse),
         )
 
     def to_bytes(self) -> bytes:
@@ -87,6 +93,10 @@ class Asset:
         from meshdeform.assets.appearance import read_appearance
 
         return read_appearance(self._document, self._blocks)
+
+    def parts(self) -> Parts:
+        """List the nodes and materials of the surface, and which triangles belong to each."""
+        return read_parts(self._document, self._blocks)
 
     def texture_coordinates(self) -> dict[str, str]:
         """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""

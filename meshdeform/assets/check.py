@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
 __all__ = [
+    "MAX_PARTS",
     "MAX_SKIPPED",
     "CheckedAssets",
     "bound_memory",
@@ -50,6 +51,9 @@ __all__ = [
 
 MAX_SKIPPED = 100
 """How many skipped parts a summary lists."""
+
+MAX_PARTS = 200
+"""How many nodes and materials a summary lists."""
 
 _REMEMBERED = 512
 # Our package's folder comes last, so that a file beside it cannot replace an installed module.
@@ -214,8 +218,8 @@ def _error(verdict: dict[str, Any]) -> MeshdeformError:
 
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
-    lists = {name: tuple(verdict[name]) for name in ("extensions", "skipped", "warnings")}
-    return AssetSummary(**{**verdict, **lists})
+    lists = ("extensions", "skipped", "nodes", "materials", "warnings")
+    return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}})
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -248,6 +252,8 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     summary, skipped = asdict(asset.summary), asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
         summary["skipped"] = [*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"}]
+    for name in ("nodes", "materials"):
+        summary[name] = summary[name][:MAX_PARTS]
     return summary
 
 

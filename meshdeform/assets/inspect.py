@@ -54,6 +54,8 @@ class AssetSummary:
         Parts that are not deformed, and why.
     warnings : tuple of str
         Sentences about anything in the file that may surprise or get in the way.
+    nodes, materials : tuple of dict
+        `index` and `name` of each node and material that is deformed (`assets.parts`); empty until the file is decoded.
     """
 
     format: str
@@ -63,6 +65,8 @@ class AssetSummary:
     extensions: tuple[str, ...] = ()
     skipped: tuple[dict[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
+    nodes: tuple[dict[str, Any], ...] = ()
+    materials: tuple[dict[str, Any], ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:

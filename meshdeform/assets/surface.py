@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,7 @@ class Block:
     node: int
     mesh: int
     primitives: tuple[int, ...]
+    triangles: tuple[int, ...]  # of each primitive
     accessors: tuple[int, int | None, int | None]  # POSITION, NORMAL, TANGENT
     rows: slice
     placement: Matrix
@@ -108,6 +110,7 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]
             block = _read_block(document, instance, accessors, primitives, placement, start)
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
+            block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
             flip = np.linalg.det(placement[:3, :3]) < 0.0
             triangles += [start + (part[:, ::-1] if flip else part) for part in faces]
             blocks.append(block)
@@ -152,7 +155,7 @@ def _loose_blocks(
         positions = read_floats(document, position)
         if np.isfinite(positions).all():
             accessors, rows = (position, None, None), slice(0, 0)
-            place = instance.node, instance.mesh, tuple(primitives)
+            place = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
             found.append(Block(*place, accessors, rows, placement, positions, None, None))
         else:
             reason = "points or lines whose positions are not finite"
@@ -181,6 +184,7 @@ def _read_block(
         instance.node,
         instance.mesh,
         tuple(primitives),
+        (0,) * len(primitives),
         accessors,
         slice(start, start + len(positions)),
         placement,

@@ -21,6 +21,7 @@ from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.fetch import fetch
+from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import jobs
 from meshdeform.cli.keys import keys
 from meshdeform.cli.models import models
@@ -101,6 +102,7 @@ def _options(
 
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
+app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)

@@ -17,6 +17,7 @@ __all__ = [
     "JsonOption",
     "ModelOption",
     "QuietOption",
+    "RigidOption",
     "SetOption",
     "UrlOption",
     "complete_job_ids",
@@ -128,6 +129,16 @@ ModelOption = Annotated[
         help="`builtin`, or a Stable Diffusion model by hub id or folder.",
         rich_help_panel="Method",
         autocompletion=complete_models,
+        show_default=False,
+    ),
+]
+RigidOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[MODE:]PLACE=NAME",
+        help="A part that keeps its shape: node=NAME, material=NAME or component=NUMBER (see inspect); repeatable. "
+        "With similarity: in front it may scale.",
+        rich_help_panel="Method",
         show_default=False,
     ),
 ]

@@ -13,7 +13,10 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["make_request", "make_settings", "merge_params", "parse_labels"]
+__all__ = ["make_request", "make_settings", "merge_params", "parse_labels", "parse_rigid"]
+
+_PLACES = ("node", "material", "component")
+_MODES = ("rigid", "similarity")
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
@@ -39,6 +42,30 @@ def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]
 def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
     """Return the parameters from `--set`, overridden by the options that are not None."""
     return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
+
+
+def parse_rigid(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
+    """Parse parts written as [MODE:]PLACE=NAME, where a NAME of digits is an index; None if there are none.
+
+    Raises
+    ------
+    typer.BadParameter
+        A text does not have this form.
+    """
+    return [_selector(text) for text in texts] if texts else None
+
+
+def _selector(text: str) -> dict[str, Any]:
+    place, equals, name = text.partition("=")
+    mode, colon, rest = place.partition(":")
+    mode, place = (mode, rest) if colon else (_MODES[0], place)
+    if not equals or not name or place.strip() not in _PLACES or mode.strip() not in _MODES:
+        raise typer.BadParameter(
+            f"{text!r} is not [MODE:]PLACE=NAME with PLACE {', '.join(_PLACES)} and MODE {' or '.join(_MODES)}",
+            param_hint="--rigid",
+        )
+    value = int(name) if name.isascii() and name.isdecimal() else name
+    return {place.strip(): value, "mode": mode.strip()}
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:

@@ -11,11 +11,11 @@ from meshdeform.cli.animate import check_animation, write_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.likeness import likeness_line
-from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, SetOption
+from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, RigidOption, SetOption
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
-from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.request import make_request, merge_params, parse_rigid
 from meshdeform.requests.choices import Preset
 
 __all__ = ["run"]
@@ -102,6 +102,7 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    rigid: RigidOption = None,
     param: SetOption = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
     threads: Annotated[
@@ -133,6 +134,7 @@ def run(
         orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
+        rigid=parse_rigid(rigid),
     )
     written = {"morph": morph, "usd": usd, "compact": compact, "provenance": provenance}
     request = make_request(prompt, params, output=written)

@@ -17,12 +17,13 @@ from meshdeform.cli.options import (
     JsonOption,
     ModelOption,
     QuietOption,
+    RigidOption,
     SetOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
 from meshdeform.cli.progress import show_progress
-from meshdeform.cli.request import make_request, merge_params, parse_labels
+from meshdeform.cli.request import make_request, merge_params, parse_labels, parse_rigid
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    rigid: RigidOption = None,
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
@@ -141,6 +143,7 @@ def submit(
         orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
+        rigid=parse_rigid(rigid),
     )
     more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.

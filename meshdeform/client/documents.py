@@ -202,6 +202,8 @@ class AssetFound(_Open):
     meshes: int
     extensions: list[str]
     skipped: list[dict[str, Any]]
+    nodes: list[dict[str, Any]] = Field(default_factory=list)
+    materials: list[dict[str, Any]] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
 
 

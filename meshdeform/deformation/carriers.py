@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from torch import Tensor
 
 from meshdeform.deformation.lattice_field import LatticeField
+from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.variables import JacobianField, Variables
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -17,15 +18,17 @@ from meshdeform.requests.choices import Carrier
 __all__ = ["carry", "chosen_carrier"]
 
 
-def chosen_carrier(carrier: Carrier, mesh: RestMesh) -> Carrier:
-    """Return `surface` or `lattice`; `auto` chooses the lattice for a mesh of several connected components."""
+def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
+    """Return `surface` or `lattice`; `auto` chooses the lattice for several connected components or rigid bodies."""
     if carrier is not Carrier.AUTO:
         return carrier
     several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
-    return Carrier.LATTICE if several else Carrier.SURFACE
+    return Carrier.LATTICE if several or rigid else Carrier.SURFACE
 
 
-def carry(carrier: Carrier, mesh: TriangleMesh, initial: Mapping[str, Tensor] | None = None) -> Variables:
+def carry(
+    carrier: Carrier, mesh: TriangleMesh, initial: Mapping[str, Tensor] | None = None, bodies: Sequence[Body] = ()
+) -> Variables:
     """Return the variables of a mesh.
 
     Parameters
@@ -34,18 +37,26 @@ def carry(carrier: Carrier, mesh: TriangleMesh, initial: Mapping[str, Tensor] | 
     mesh : TriangleMesh
     initial : mapping of name to Tensor, optional
         The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
+    bodies : sequence of Body, optional
+        Parts that keep their shape; they need the lattice.
 
     Raises
     ------
     CheckpointError
-        The shape is of an edition that moved parts by translations.
+        The shape is of an edition that moved parts by translations, or of the surface while there are bodies.
     """
     rest = RestMesh.of(mesh)
-    chosen = chosen_carrier(carrier, rest)
+    chosen = chosen_carrier(carrier, rest, rigid=bool(bodies))
     if initial is not None:
         if "translations" in initial and bool(initial["translations"].any()) and len(initial["translations"]) > 1:
             raise CheckpointError(
                 "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
             )
         chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
-    return LatticeField(rest) if chosen is Carrier.LATTICE else JacobianField(rest)
+    if chosen is Carrier.LATTICE:
+        return LatticeField(rest, bodies)
+    if bodies and initial is not None:
+        raise CheckpointError("The shape to start from has no lattice, which the parts in `rigid` need.")
+    if bodies:
+        raise ValueError("rigid bodies need the lattice")
+    return JacobianField(rest)

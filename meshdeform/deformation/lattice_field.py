@@ -14,6 +14,7 @@ Source: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -23,6 +24,7 @@ from torch import Tensor
 
 from meshdeform.deformation.jacobians import identity_jacobians
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
+from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.variables import Elements
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.operators import sparse_product
@@ -45,10 +47,13 @@ class LatticeField:
     ----------
     mesh : TriangleMesh
         At rest.
+    bodies : sequence of Body
+        Vertices that keep their shape; they follow the nodes by the motion that fits best.
     """
 
-    def __init__(self, mesh: TriangleMesh) -> None:
+    def __init__(self, mesh: TriangleMesh, bodies: Sequence[Body] = ()) -> None:
         self.rest = rest = RestMesh.of(mesh)
+        self._bodies = RigidBodies(rest, bodies) if bodies else None
         self.lattice = lattice = Lattice.around(rest)
         self._embedding = lattice.embedding(rest.verts.numpy())
         areas = rest.vertex_areas
@@ -78,7 +83,8 @@ class LatticeField:
 
     def verts(self, control: Tensor) -> Tensor:
         """Return the vertices that follow the nodes."""
-        return sparse_product(self._embedding, control)
+        points = sparse_product(self._embedding, control)
+        return points if self._bodies is None else self._bodies.place(points)
 
     def jacobian_penalty(self) -> Tensor:
         """Return the mean of ||J - I||^2 over the cells."""

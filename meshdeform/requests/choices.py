@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Carrier", "GuidanceKind", "JobKind", "OrientationMode", "Preset", "Safeguard"]
+__all__ = ["Carrier", "GuidanceKind", "JobKind", "OrientationMode", "Preset", "Rigidity", "Safeguard"]
 
 
 class JobKind(StrEnum):
@@ -64,3 +64,10 @@ class Carrier(StrEnum):
     AUTO = "auto"
     SURFACE = "surface"
     LATTICE = "lattice"
+
+
+class Rigidity(StrEnum):
+    """What a part that keeps its shape may still do."""
+
+    SIMILARITY = "similarity"
+    RIGID = "rigid"

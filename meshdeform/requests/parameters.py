@@ -14,7 +14,6 @@ from enum import StrEnum
 from typing import Annotated, Any, Self
 
 from pydantic import (
-    BaseModel,
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
@@ -26,6 +25,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode, Preset, Safeguard
+from meshdeform.requests.rigid import MAX_SELECTORS, RigidSelector
+from meshdeform.requests.strict import StrictModel
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -58,12 +59,6 @@ _ORDERED = (
     ("fov_min_deg", "fov_max_deg"),
 )
 """Pairs of parameters of which the first must not be greater than the second."""
-
-
-class StrictModel(BaseModel):
-    """An immutable document that refuses unknown members."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def _of_preset(
@@ -140,7 +135,7 @@ class DeformParams(StrictModel):
     carrier: Carrier = _of_preset(
         Carrier.SURFACE,
         "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
-        "the asset together; or `auto`, the lattice if the asset has more than one connected part.",
+        "the asset together; or `auto`, the lattice if the asset has more than one connected part or `rigid` is set.",
         examples=["auto"],
         form={
             "label": "Carrier",
@@ -169,6 +164,13 @@ class DeformParams(StrictModel):
                 ["270", "-X, the right side"],
             ],
         },
+    )
+    rigid: tuple[RigidSelector, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="The parts that keep their shape, such as wheels: they move and turn with what is around them. "
+        "Needs the lattice, which `carrier` = `auto` then chooses. Bodies that share vertices become one.",
+        examples=[[{"node": "wheel-front-left"}, {"material": "rubber", "mode": "similarity"}]],
     )
     guidance_scale: float = _of_preset(
         100.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.choices import Carrier, GuidanceKind
 from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams, contradiction
 from meshdeform.requests.presets import OVERRIDES, Family
 
@@ -23,7 +23,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        A bound of the user contradicts one of the preset.
+        A bound of the user contradicts one of the preset, or there are rigid parts without a lattice.
     """
     model = params.model or default_model
     family: Family = (
@@ -38,4 +38,9 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
             f"{low} is {values[low]} and {high} is {values[high]}: your bound contradicts the preset's.",
             advice=f"Set both {low} and {high}.",
         )
+    if values["rigid"] and values["carrier"] is Carrier.SURFACE:
+        whose = "set" if "carrier" in written else "the preset's"
+        detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
+        place = {"loc": ["params", "rigid"], "msg": detail, "type": "value_error"}
+        raise ParameterError(detail, advice="Set params.carrier to auto or lattice.", errors=[place])
     return ResolvedParams.model_validate(values)

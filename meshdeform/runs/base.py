@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
 
 if TYPE_CHECKING:
-    from meshdeform.assets import Limits
+    from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.base import Prior
     from meshdeform.settings import Settings
 
@@ -202,6 +202,9 @@ class Kind:
     artifacts : tuple of ArtifactKind
     uses : callable
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
+    check_files : callable
+        Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
+        the files by part. Default: all fit. Torch-free.
     goal : callable
         Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
         names of its files by part. Default: the prompt.
@@ -216,6 +219,7 @@ class Kind:
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
+    check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
 
     @property

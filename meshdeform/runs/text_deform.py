@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.usd import require_usd, write_usdz
+from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
@@ -31,6 +34,7 @@ from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest
 from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
+from meshdeform.runs.rigid_selection import select_bodies
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
 
@@ -99,6 +103,7 @@ def start(
             loaded.scene()  # detect unreadable materials now, not after the last step
         surface = loaded.surface
         welded = weld(surface.positions, surface.triangles)
+        bodies = select_bodies(params.rigid, loaded, welded)
     frame = Frame.around(welded.mesh.verts)
     mesh = frame.place(welded.mesh)
     with clock.phase("prepare"):
@@ -111,9 +116,17 @@ def start(
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         shape = load_shape(initial, asset_sha256) if initial is not None else None
-        deformation = Deformation(mesh, guidance, params, device=device, checkpoint=state, initial=shape)
+        deformation = Deformation(
+            mesh,
+            guidance,
+            params,
+            device=device,
+            checkpoint=state,
+            initial=shape,
+            variables=partial(carry, params.carrier, initial=shape, bodies=bodies),
+        )
     facts = RunFacts(request, params, asset_sha256, len(asset), filename, guidance.identity, run, device)
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, bodies)
 
 
 def _guidance(
@@ -153,7 +166,9 @@ class TextDeformRun:
         deformation: Deformation,
         facts: RunFacts,
         clock: PhaseClock,
+        bodies: Sequence[Body] = (),
     ) -> None:
+        self._bodies = bodies
         self._asset = asset
         self._welded = welded
         self._frame = frame
@@ -246,6 +261,7 @@ class TextDeformRun:
             clock=self._clock,
             not_drawn=appearance.left_out,
             likeness=self._likeness(verts),
+            bodies=self._bodies,
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts

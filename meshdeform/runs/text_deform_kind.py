@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
 from meshdeform.requests.document import (
@@ -20,9 +21,11 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
+from meshdeform.requests.rigid import check_selectors
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 
 if TYPE_CHECKING:
+    from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
 __all__ = ["TEXT_DEFORM", "check"]
@@ -137,6 +140,13 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         )
 
 
+def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
+    found = files["asset"]
+    # A list of that length may be incomplete; the run then refuses what selects nothing.
+    if max(len(found.nodes), len(found.materials)) < MAX_PARTS:
+        check_selectors(params.rigid, found.nodes, found.materials)
+
+
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
@@ -229,5 +239,6 @@ TEXT_DEFORM = Kind(
         ),
     ),
     uses=_uses,
+    check_files=_check_files,
     goal=_goal,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +16,14 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.orientation import Orientation
+from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.up_axis import looks_z_up
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
+from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -83,6 +87,7 @@ def build_report(
     clock: PhaseClock,
     not_drawn: dict[str, int],
     likeness: dict[str, Any] | None = None,
+    bodies: Sequence[Body] = (),
 ) -> bytes:
     """Return `report.json`.
 
@@ -116,6 +121,8 @@ def build_report(
         Parts of the asset's look that `preview.png` does not show, with counts.
     likeness : dict, optional
         How much the result looks like its prompt.
+    bodies : sequence of Body
+        What kept its shape.
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
@@ -159,6 +166,8 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if bodies:
+        report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if likeness is not None:
         report["likeness"] = likeness
     if not_drawn:
@@ -171,6 +180,27 @@ def build_report(
             "left_out": usdz.left_out,
         }
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
+    """Return how exactly the bodies kept their shape in the file, as a share of the source's diagonal."""
+    before, after = source.surface.positions, result.surface.positions
+    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
+    owner = np.full(len(welded.mesh.verts) + 1, -1)  # the last one is for unused source vertices
+    for number, body in enumerate(bodies):
+        owner[body.verts] = number
+    rows = np.flatnonzero(owner[welded.vertex_map] >= 0)
+    rows = rows[np.argsort(owner[welded.vertex_map[rows]], kind="stable")]
+    sizes = np.bincount(owner[welded.vertex_map[rows]], minlength=len(bodies))
+    worst = max(
+        closest_motion(before[chosen], after[chosen], scaled=body.mode is Rigidity.SIMILARITY).max_distance
+        for body, chosen in zip(bodies, np.split(rows, np.cumsum(sizes)[:-1]), strict=True)
+    )
+    return {
+        "bodies": len(bodies),
+        "vertices": sum(len(body.verts) for body in bodies),
+        "max_deviation": worst / diagonal,
+    }
 
 
 def read_result(result: bytes) -> Asset:

@@ -96,3 +96,15 @@ def test_a_summary_stays_small_however_much_is_skipped(tmp_path: Path) -> None:
     skipped = check_asset_subprocess(path).skipped
     assert len(skipped) == check.MAX_SKIPPED + 1
     assert skipped[-1] == {"reason": f"and {500 - check.MAX_SKIPPED} more"}
+
+
+def test_a_summary_lists_few_of_many_names_and_cuts_long_ones(tmp_path: Path) -> None:
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive())
+    for _ in range(check.MAX_PARTS + 50):
+        builder.node(mesh, name="n" * 10_000)
+    path = tmp_path / "names.glb"
+    path.write_bytes(builder.glb())
+    nodes = check_asset_subprocess(path).nodes
+    assert len(nodes) == check.MAX_PARTS
+    assert {len(node["name"]) for node in nodes} == {200}

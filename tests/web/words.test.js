@@ -35,7 +35,9 @@ test("what a result looks like, and whether that was asked for", () => {
   assert.match(front.note, /44\s?%/);
   assert.deepEqual(findings({ orientation: { turn_deg: 0, source: "undecided", margin: 0.01 } }), []);
   const [still] = findings({ movement: { stalled_by: "safeguard" }, warnings: ["The mesh hardly moved."] });
-  assert.deepEqual([still.tone, still.note], ["warn", "The mesh hardly moved."]);
+  assert.deepEqual([still.tone, still.text, still.note], ["warn", "Hardly moved", "The mesh hardly moved."]);
+  const [coarse] = findings({ movement: { stalled_by: null }, warnings: ["90% of the surface is in large triangles."] });
+  assert.deepEqual([coarse.tone, coarse.text], ["warn", "The source"]);
   assert.deepEqual(findings({ movement: { stalled_by: null }, warnings: [] }), []);
   assert.deepEqual(findings({ likeness: null }), []);
 });

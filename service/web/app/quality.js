@@ -10,6 +10,9 @@ import { withArticle } from "./vocabulary.js";
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
 const STRONG = 20;
 
+// How the warning of `meshdeform/runs/movement.py` begins; others are about the source.
+const STALLED = "The mesh hardly moved";
+
 /**
  * The side that became the front, if the model chose it.
  *
@@ -32,8 +35,8 @@ export function findings(report) {
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
   const found = [...likeness(report?.likeness), ...front(report?.orientation)];
-  if (report?.movement?.stalled_by && Array.isArray(report.warnings)) {
-    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn("Hardly moved", String(text))));
+  if (Array.isArray(report?.warnings)) {
+    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
   }
   if (Array.isArray(report?.input?.warnings)) {
     found.push(...report.input.warnings.map((/** @type {unknown} */ text) => plain("About your file", String(text))));

@@ -144,12 +144,13 @@ export class AssetPanel {
    * @param {number} triangles
    * @param {number} vertices
    * @param {string[]} [more]
+   * @param {string[]} [warnings] What limits the result, in sentences.
    */
-  describe(triangles, vertices, more = []) {
+  describe(triangles, vertices, more = [], warnings = []) {
     const asset = this.asset;
     if (!asset) return;
     const parts = [counted(triangles, "triangle"), counted(vertices, "vertex", "vertices"), bytes(asset.size), ...more];
-    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")));
+    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map((text) => h("span", null, text)));
   }
 
   /**

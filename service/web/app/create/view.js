@@ -218,9 +218,9 @@ export class CreateView {
     this.prompt.refuse(null);
     fill(this.problem);
     this.settings.resolved(found.params);
-    const { triangles, vertices, meshes, skipped } = found.asset;
+    const { triangles, vertices, meshes, skipped, warnings } = found.asset;
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
-    this.assets.describe(triangles, vertices, more);
+    this.assets.describe(triangles, vertices, more, warnings);
     fill(this.estimate, estimateWords(found, wish.variations));
   }
 

@@ -1,0 +1,98 @@
+"""List the nodes and materials of the deformed surface, and which triangles belong to each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.document import Document
+from meshdeform.assets.surface import Block
+
+__all__ = ["Parts", "read_parts"]
+
+_MAX_NAME = 200
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The named parts of a surface.
+
+    Attributes
+    ----------
+    nodes : list of dict
+        `index` and `name` of each node with triangles in or below it. A node without a name has that of its mesh, and
+        names are cut after 200 characters.
+    materials : list of dict
+        `index` and `name` of each material in use.
+    node_of_triangle : (T,) int64
+        Node of each triangle of the surface.
+    material_of_triangle : (T,) int64
+        Its material; -1 if it has none.
+    children : dict of int to list of int
+        Children of each node that has some.
+    """
+
+    nodes: list[dict[str, Any]]
+    materials: list[dict[str, Any]]
+    node_of_triangle: NDArray[np.int64]
+    material_of_triangle: NDArray[np.int64]
+    children: dict[int, list[int]]
+
+    def in_node(self, node: int) -> NDArray[np.bool_]:
+        """Return flags (T,) of the triangles in a node or below it."""
+        below = [node]
+        for at in below:  # grows while it is read; nodes form a forest
+            below += self.children.get(at, [])
+        return np.isin(self.node_of_triangle, below)
+
+    def of_material(self, material: int) -> NDArray[np.bool_]:
+        """Return flags (T,) of the triangles with a material."""
+        return np.asarray(self.material_of_triangle == material)
+
+
+def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
+    """Read the parts of the surface that `read_surface` gathered in `blocks`."""
+    root = document.root
+    nodes, meshes, materials = (root.get(name, []) for name in ("nodes", "meshes", "materials"))
+    children = {at: node["children"] for at, node in enumerate(nodes) if node.get("children")}
+    counts = [count for block in blocks for count in block.triangles]
+    owners = [block.node for block in blocks for _ in block.triangles]
+    looks = [
+        meshes[block.mesh]["primitives"][primitive].get("material", -1)
+        for block in blocks
+        for primitive in block.primitives
+    ]
+    shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
+    used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
+    return Parts(
+        [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
+        [{"index": at, "name": _name(materials[at]) if at < len(materials) else ""} for at in used],
+        np.repeat(np.array(owners, np.int64), counts),
+        np.repeat(np.array(looks, np.int64), counts),
+        children,
+    )
+
+
+def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int]:
+    """Return these nodes and all above them, ascending."""
+    parents = {child: at for at, below in children.items() for child in below}
+    found: set[int] = set()
+    for node in nodes:
+        at: int | None = node
+        while at is not None and at not in found:
+            found.add(at)
+            at = parents.get(at)
+    return sorted(found)
+
+
+def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
+    return meshes[node["mesh"]] if "mesh" in node else {}
+
+
+def _name(item: dict[str, Any]) -> str:
+    name = item.get("name", "")
+    return name[:_MAX_NAME] if isinstance(name, str) else ""

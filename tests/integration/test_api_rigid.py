@@ -1,0 +1,38 @@
+"""Parts that keep their shape, over HTTP: what an asset has, what it lacks, and what is too coarse to bend."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from meshdeform.assets import build_glb
+from meshdeform.geometry.shapes import box, icosphere
+from tests.integration.conftest import Api
+from tests.integration.http_calls import check_document, check_problem
+
+
+def validate(api: Api, asset: bytes, **params: Any) -> Any:
+    request = json.dumps({"prompt": "a mushroom", "params": params})
+    return api.http.post("/v1/jobs:validate", files={"asset": ("a.glb", asset), "request": (None, request)})
+
+
+def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dict[str, Any]) -> None:
+    asset = build_glb(icosphere(2).verts.numpy(), icosphere(2).faces.numpy(), material="rubber")
+    found = validate(api, asset, rigid=[{"material": "rubber", "mode": "similarity"}])
+    assert found.status_code == 200, found.text
+    check_document(found.json(), "Validation", openapi)
+    assert found.json()["asset"]["materials"] == [{"index": 0, "name": "rubber"}]
+    assert found.json()["asset"]["warnings"] == []
+    assert found.json()["params"]["rigid"][0]["mode"] == "similarity"
+    problem = check_problem(validate(api, asset, rigid=[{"material": "Rubber"}]), 422, "parameter_invalid")
+    assert "Did you mean 'rubber'?" in problem["advice"]
+    assert problem["errors"][0]["loc"] == ["params", "rigid", 0, "material"]
+    check_problem(validate(api, asset, rigid=[{"component": 0}], carrier="surface"), 422, "parameter_invalid")
+    check_problem(validate(api, asset, rigid=[{"mode": "rigid"}]), 422, "parameter_invalid")
+
+
+def test_a_coarse_asset_is_valid_and_comes_with_a_warning(api: Api) -> None:
+    found = validate(api, build_glb(box(1).verts.numpy(), box(1).faces.numpy()))
+    assert found.status_code == 200, found.text
+    (warning,) = found.json()["asset"]["warnings"]
+    assert "Subdivide" in warning

@@ -1,0 +1,172 @@
+"""`params.rigid`: what its selectors select, what they refuse, and a whole run that keeps it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from meshdeform.assets import load_asset
+from meshdeform.errors import ParameterError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, icosphere, join, torus
+from meshdeform.geometry.weld import weld
+from meshdeform.requests.choices import Rigidity
+from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.rigid import RigidSelector, check_selectors
+from meshdeform.runs import text_deform
+from meshdeform.runs.inspection import inspect_parts
+from meshdeform.runs.rigid_selection import select_bodies
+from meshdeform.testing import FakePrior
+from tests.cases import each_case
+from tests.unit.assets.builders import Builder
+
+
+def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=torch.float64), mesh.faces)
+
+
+def cart() -> bytes:
+    """A body of two materials; an axle of two wheels in a node that is shown twice; a hub below a group node."""
+    builder = Builder()
+    builder.root["materials"] = [{"name": "paint"}, {"name": "rubber"}, {"name": "never used"}]
+    ball, pair = icosphere(2), join(*(moved(torus(n=12, m=8), 0.15, 0.5 * x, 0, 0) for x in (-1, 1)))
+    half = len(ball.faces) // 2
+    faces = ball.faces.numpy().astype(np.uint16)
+    upper, lower = ({**builder.primitive(ball.verts, part), "material": 0} for part in (faces[:half], faces[half:]))
+    lower["attributes"], lower["material"] = upper["attributes"], 1
+    body = builder.mesh(upper, lower, name="hull")
+    axle = builder.mesh(
+        {**builder.primitive(pair.verts, pair.faces.numpy().astype(np.uint16)), "material": 1}, name="axle"
+    )
+    builder.node(body, name="Body")
+    builder.node(axle, translation=[0, -1, 0.5])
+    builder.node(axle, translation=[0, -1, -0.5])
+    hub = builder.mesh(
+        builder.primitive(0.2 * box(1).verts.numpy() + [2.0, 0, 0], box(1).faces.numpy().astype(np.uint16))
+    )
+    builder.node(children=[builder.node(hub, in_scene=False, name="hub")], name="Group")
+    return builder.glb()
+
+
+ASSET = load_asset(cart())
+WELDED = weld(ASSET.surface.positions, ASSET.surface.triangles)
+
+
+def select(*selectors: dict[str, object]) -> list[tuple[int, Rigidity]]:
+    """Return the size and the mode of each body that the selectors give."""
+    found = select_bodies([RigidSelector.model_validate(item) for item in selectors], ASSET, WELDED)
+    return sorted((len(body.verts), body.mode) for body in found)
+
+
+WHEEL, BOX = 96, 8
+
+
+def test_nodes_materials_and_components_select_bodies() -> None:
+    assert select() == []
+    # A node without a name has its mesh's; two nodes have this mesh, each with two wheels.
+    assert select({"node": "axle"}) == [(WHEEL, "rigid")] * 4
+    assert select({"node": 1}) == [(WHEEL, "rigid")] * 2
+    assert select({"node": 1, "together": True, "mode": "similarity"}) == [(2 * WHEEL, "similarity")]
+    assert select({"node": "Group"}) == select({"node": "hub"}) == [(BOX, "rigid")]
+    assert select({"component": 5}) == [(BOX, "rigid")]
+    lower = select({"material": 1})
+    assert [size for size, _ in lower[:4]] == [WHEEL] * 4
+    assert 0 < lower[4][0] < icosphere(2).verts.shape[0]
+
+
+def test_selections_that_share_vertices_are_one_body() -> None:
+    both = select({"material": "paint", "mode": "similarity"}, {"material": "rubber"})
+    assert both == [(WHEEL, "rigid")] * 4 + [(icosphere(2).verts.shape[0], "rigid")]
+    assert select({"node": "hub", "mode": "similarity"}, {"node": 4, "mode": "similarity"}) == [(BOX, "similarity")]
+
+
+@each_case(
+    "selector,detail,advice",
+    [
+        ({"node": "Axle"}, "no node named 'Axle'", "Did you mean 'axle'?"),
+        ({"node": "Boby"}, "no node named 'Boby'", "Did you mean 'Body'?"),
+        ({"material": "rubbr"}, "no material named", "Did you mean 'rubber'?"),
+        ({"material": "never used"}, "no material named", "0 'paint', 1 'rubber'"),
+        ({"node": 17}, "no node with the index 17", "0 'Body', 1 'axle'"),
+        ({"component": 6}, "no component 6", "0 to 5"),
+    ],
+)
+def test_a_selector_of_nothing_is_refused_with_what_there_is(selector, detail, advice) -> None:
+    with pytest.raises(ParameterError, match=detail) as refused:
+        select({"node": "hub"}, selector)
+    assert advice in str(refused.value.advice_text)
+    assert refused.value.extra["errors"][0]["loc"] == ["params", "rigid", 1, next(iter(selector))]
+
+
+def test_what_the_json_shows_is_checked_without_the_geometry() -> None:
+    nodes, materials = ASSET.summary.nodes, ASSET.summary.materials
+    assert [*nodes] == ASSET.parts().nodes
+    assert [*materials] == ASSET.parts().materials
+    check_selectors([RigidSelector(node="axle"), RigidSelector(component=99)], nodes, materials)
+    with pytest.raises(ParameterError, match="no material"):
+        check_selectors([RigidSelector(material="wood")], nodes, materials)
+
+
+def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
+    alone = Builder()
+    alone.node(alone.mesh(alone.primitive()), name="all")
+    asset = load_asset(alone.glb())
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    with pytest.raises(ParameterError, match="nothing is left"):
+        select_bodies([RigidSelector(node="all")], asset, welded)
+    for params in ({"preset": "paper"}, {"carrier": "surface"}):
+        with pytest.raises(ParameterError, match="need the lattice"):
+            resolve(DeformParams.model_validate({**params, "rigid": [{"component": 0}]}))
+
+
+def test_a_run_keeps_the_wheels_and_says_so_in_its_report() -> None:
+    params = {"preset": "preview", "steps": 8, "rigid": [{"node": "axle"}, {"node": "hub", "mode": "similarity"}]}
+    job = JobRequest.model_validate({"prompt": "an egg", "params": params})
+    run = text_deform.start(asset=cart(), filename="a.glb", request=job, prior=FakePrior())
+    checkpoint = None
+    for step in run:
+        checkpoint = run.checkpoint() if step.step == 5 else checkpoint
+    resumed = text_deform.start(asset=cart(), filename="a.glb", request=job, prior=FakePrior(), checkpoint=checkpoint)
+    assert list(resumed)
+    assert np.array_equal(run.positions(), resumed.positions())
+    before, after = ASSET.surface.positions, run.positions()
+    assert np.abs(after - before).max() > 0.01
+    for node, scaled in ((1, False), (2, False), (3, True)):
+        rows = np.flatnonzero(np.isin(np.arange(len(before)), ASSET.surface.triangles[ASSET.parts().in_node(node)]))
+        rows = rows[: len(rows) // 2] if not scaled else rows  # the first of two wheels
+        lengths = [np.linalg.norm(points[rows[1:]] - points[rows[0]], axis=1) for points in (before, after)]
+        ratio = lengths[1] / lengths[0]
+        np.testing.assert_allclose(ratio, ratio[0] if scaled else 1.0, atol=1e-9)
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["rigid"]["bodies"] == 5
+    assert report["rigid"]["vertices"] == 4 * WHEEL + BOX
+    assert report["rigid"]["max_deviation"] < 1e-6
+
+
+def test_inspection_proposes_the_wheels_by_their_node_and_its_selectors_select_them() -> None:
+    found = inspect_parts(ASSET)
+    assert [item["triangles"] for item in found["components"]] == [320, 192, 192, 192, 192, 12]
+    assert found["components"][0]["materials"] == [0, 1]
+    wheels = next(item for item in found["proposals"] if item["congruent"])
+    assert wheels["components"] == [1, 2, 3, 4]
+    assert wheels["round"]
+    assert wheels["selectors"] == [{"node": 1}, {"node": 2}]
+    assert select(*wheels["selectors"]) == [(WHEEL, "rigid")] * 4
+    assert [item["components"] for item in found["proposals"]] == [[1, 2, 3, 4], [0]]
+    assert not found["warnings"]
+
+
+def test_deep_hierarchies_are_listed_and_searched_in_linear_time() -> None:
+    """A chain of nodes that all show the mesh: the lines from each to the top would be half a million nodes."""
+    builder = Builder()
+    mesh = builder.mesh(builder.primitive())
+    count = 1000
+    for at in range(count):
+        builder.node(mesh, in_scene=at == 0, **({"children": [at + 1]} if at + 1 < count else {}))
+    parts = load_asset(builder.glb()).parts()
+    assert [part["index"] for part in parts.nodes] == list(range(count))
+    for node in (0, 400, count - 1):
+        assert parts.in_node(node).sum() == 2 * (count - node)
