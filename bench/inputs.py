@@ -107,7 +107,7 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
         now = time.process_time()
         if step.step % EVERY_STEPS == 0 or step.step == steps:
             checked.append(now - last)
-            held.append(step.losses.get("held_faces", 0.0))
+            held.append(step.losses.get("held_share", 0.0))
         else:
             plain.append(now - last)
         last = now
@@ -117,7 +117,7 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
     found.prepare_s, found.step_s = prepared - start, stepped / steps
     if plain:
         found.look = max(0.0, statistics.mean(checked) / statistics.mean(plain) - 1)
-    found.held = statistics.mean(held) / found.faces
+    found.held = statistics.mean(held)
     found.peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return found
 

@@ -31,7 +31,7 @@ class Checkpoint:
     step : int
         Number of completed steps.
     tensors : dict of name to Tensor
-        Jacobians, translations, Adam's moments and the random generator's state.
+        Jacobians, Adam's moments and the random generator's state.
     """
 
     step: int

@@ -3,17 +3,15 @@
 Each step solves for the vertices, renders four orthogonal views, evaluates the guidance and the regularisers, and
 updates the Jacobians with Adam::
 
-    verts = poisson(J) + t_c          min_v sum_f |f| ||grad_f(v) - J_f||^2 per component c, then its translation,
-                                      with sum_c |c| t_c = 0: components move, the overall centre of mass does not
-    image = combine(render(verts))    4 cameras at azimuth a + {0, 90, 180, 270} degrees
+    verts = poisson(J)                  min_v sum_f |f| ||grad_f(v) - J_f||^2; or, with a lattice (`lattice.py`),
+                                        W x(J) with x the nodes and W the weights with which vertices follow them
+    image = combine(render(verts))      4 cameras at azimuth a + {0, 90, 180, 270} degrees
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
-            + w_a attachments(verts)                                (assets of several components; not in the paper)
             + w_d dirichlet(verts)                                  (a barrier; not in the paper)
 
-The Poisson solution is unique up to one translation per connected component. The paper fixes it; where an asset has
-several components we optimise it as well (`translation_rate`; 0 is the paper), because a wheel must be able to follow
-its car. The centre of mass of the whole mesh stays fixed: otherwise, a sphere that should become a mushroom would rise
-to where the cap is seen and never grow a stem.
+On a surface, every connected component keeps its centre of mass, as in the paper. An asset of several components is
+carried by a lattice instead (`carriers.py`), which keeps them together. The centre of mass of the whole mesh stays
+fixed: otherwise, a sphere that should become a mushroom would rise to where the cap is seen and never grow a stem.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 6 to 13; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;
 Gao et al. 2023, TextDeformer, section 3.
@@ -28,14 +26,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.attachments import Attachments
+from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.optimizer import Adam
-from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
-from meshdeform.deformation.variables import JacobianField, Variables, copy_into
+from meshdeform.deformation.variables import Variables, copy_into, placed
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
@@ -80,8 +77,8 @@ class Deformation:
     initial : mapping of name to Tensor, optional
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
         shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh.
-    variables : callable
-        Creates the variables to optimise from a Poisson system: by default the paper's Jacobians.
+    variables : callable, optional
+        Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
         Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
         orthogonal views in one picture.
@@ -103,7 +100,7 @@ class Deformation:
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
         initial: Mapping[str, Tensor] | None = None,
-        variables: Callable[[PoissonSystem], Variables] = JacobianField,
+        variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
     ) -> None:
         self.mesh = mesh
@@ -111,23 +108,18 @@ class Deformation:
         self.step = 0
         self._guidance = guidance
         self._device = device
-        self._poisson = PoissonSystem(mesh)
-        rest = self._poisson.rest
+        self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh)
+        rest = self._variables.rest
         self._regularizers = Regularizers(rest)
-        self._attachments = Attachments(rest, rest.components)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(rest.verts.abs().max())
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
-        self._variables = variables(self._poisson)
-        rates = self._variables.rates(params.translation_rate)
-        self._optimizer = Adam(
-            {"params": [tensor], "lr": params.learning_rate * rates[name]}
-            for name, tensor in self._variables.tensors.items()
-        )
-        self._limit = StepLimit(rest, self._variables) if params.dirichlet_weight else None
+        tensors = list(self._variables.tensors.values())
+        self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
+        self._limit = StepLimit(self._variables) if params.dirichlet_weight else None
         guarded = params.safeguard is not Safeguard.NONE
         self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
         self._consistent = True
@@ -161,7 +153,7 @@ class Deformation:
     def verts(self) -> Tensor:
         """Return the deformed positions (V, 3) float64 in the rest mesh's frame, with its centre of mass."""
         with torch.no_grad():
-            return self._variables.place()
+            return placed(self._variables)
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state from which the run can continue.
@@ -187,7 +179,7 @@ class Deformation:
         # Before the optimiser updates the variables, a step changes only the generator.
         generator_state = self._generator.get_state()
         try:
-            total, logs, verts = self._loss()
+            total, logs, control = self._loss()
         except BaseException:
             self._generator.set_state(generator_state)
             raise
@@ -195,17 +187,18 @@ class Deformation:
         old = self._limit.copy() if self._limit is not None else {}
         self._optimizer.step()
         if self._limit is not None:
-            logs["limited_faces"] = float(self._limit.enforce(self._optimizer, old, verts))
+            logs["limited_share"] = self._limit.enforce(self._optimizer, old, control)
         if self._guard is not None:
             # The last step is always checked, so the result is free of faults.
             due = (self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps
-            logs["held_faces"] = float(self._guard.correct(self._optimizer)) if due else 0.0
+            logs["held_share"] = self._guard.correct(self._optimizer) if due else 0.0
         self._consistent = True
         return {"total": total, **logs}
 
     def _loss(self) -> tuple[float, dict[str, float], Tensor]:
         p = self.params
-        verts = self._variables.place()
+        control = self._variables.solve()
+        verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
         cameras = self._views.sample(self._generator, radius).to(self._device)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
@@ -214,11 +207,10 @@ class Deformation:
         guidance, logs = self._guidance.loss(image, context)
         regularizers = self._regularizers
         penalties: dict[str, tuple[float, Callable[[], Tensor]]] = {
-            "jacobian": (p.jacobian_reg_weight, lambda: regularizers.jacobian(self._variables.jacobians())),
+            "jacobian": (p.jacobian_reg_weight, self._variables.jacobian_penalty),
             "laplacian": (p.laplacian_weight, lambda: regularizers.laplacian(verts)),
             "normal": (p.normal_weight, lambda: regularizers.normal(verts)),
-            "attachment": (p.attachment_weight, lambda: self._attachments.penalty(verts)),
-            "dirichlet": (p.dirichlet_weight, lambda: regularizers.dirichlet(verts)),
+            "dirichlet": (p.dirichlet_weight, lambda: self._variables.dirichlet_penalty(control)),
         }
         terms = {"guidance": p.guidance_weight * guidance.double().cpu()}
         # A weight of 0 skips the penalty: 0 times an infinite penalty would be NaN.
@@ -230,7 +222,7 @@ class Deformation:
         finite = all(gradient is not None and bool(torch.isfinite(gradient).all()) for gradient in gradients)
         if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
-        return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, verts.detach()
+        return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, control.detach()
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Replace the state by a checkpoint of the same mesh and parameters.

@@ -1,9 +1,9 @@
-"""Prevent steps from moving a face through zero area, so that the symmetric Dirichlet energy acts as a barrier.
+"""Prevent steps from moving an element through zero size, so that the symmetric Dirichlet energy acts as a barrier.
 
-The energy (`regularizers.py`) is infinite where a face collapses, but finite again where the face is flipped in its own
-plane, so the optimiser must not cross the barrier. After every step, with a_f the area vectors::
+The energy is infinite where a face or a tetrahedron collapses, but finite again where it is flipped, so the optimiser
+must not cross the barrier. After every step, with a the area vectors of the faces or the volumes of the tetrahedra::
 
-    a_f(new) . a_f(old) >= 0.1 |a_f(old)|^2
+    a(new) . a(old) >= 0.1 |a(old)|^2
 
 must hold; where it does not, the step is reverted (`step_repair.py`). A face that rotates by a right angle or more
 within one step is reverted too, but no step is that long.
@@ -21,8 +21,6 @@ from torch import Tensor
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.step_repair import StepRepair
 from meshdeform.deformation.variables import Variables
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
-from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["StepLimit"]
 
@@ -30,42 +28,38 @@ _LEAST = 0.1
 
 
 class StepLimit:
-    """Checks every step of a run, and reverts it where a face crosses zero area.
+    """Checks every step of a run, and reverts it where an element crosses zero size.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-        The rest mesh; faces that are collapsed at rest are not checked, just as the energy leaves them out.
     variables : Variables
+        Those of the rest shape. Elements that are collapsed at rest are not checked.
     """
 
-    def __init__(self, mesh: TriangleMesh, variables: Variables) -> None:
-        rest = RestMesh.of(mesh)
-        self._variables, self._faces = variables, rest.faces
-        self._solid = torch.from_numpy(rest.solid)
-        self._repair = StepRepair(rest, variables)
+    def __init__(self, variables: Variables) -> None:
+        self._variables = variables
+        self._repair = StepRepair(variables)
         self.copy = self._repair.copy
 
     @torch.no_grad()
-    def enforce(self, optimizer: Adam, old: Mapping[str, Tensor], verts: Tensor) -> int:
-        """Revert the step where faces went through zero area since an earlier shape.
+    def enforce(self, optimizer: Adam, old: Mapping[str, Tensor], control: Tensor) -> float:
+        """Revert the step where elements went through zero size since an earlier shape.
 
         Parameters
         ----------
         optimizer : Adam
         old : mapping of name to Tensor
             Variables of the earlier shape, from `copy`.
-        verts : (V, 3) float64
-            Vertices of the earlier shape.
+        control : (N, 3) float64
+            Control points of the earlier shape.
 
         Returns
         -------
-        Number of faces that were held back.
+        Share of the elements that were held back.
         """
-        before = face_cross(verts.detach(), self._faces)
-        return int(self._repair.repair(lambda: self._crossed(before), old, optimizer).sum())
+        before = self._variables.sizes(control.detach())
+        return float(self._repair.repair(lambda: self._crossed(before), old, optimizer).mean())
 
     def _crossed(self, before: Tensor) -> NDArray[np.bool_]:
-        after = face_cross(self._variables.place().detach(), self._faces)
-        crossed = (after * before).sum(1) < _LEAST * before.square().sum(1)
-        return (crossed & self._solid).numpy()
+        after = self._variables.sizes(self._variables.solve().detach())
+        return ((after * before).sum(2) < _LEAST * before.square().sum(2)).any(1).numpy()

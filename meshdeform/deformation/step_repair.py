@@ -1,17 +1,18 @@
 """Revert a step where it breaks the surface, and keep the rest of it.
 
-`step_limit` and `surface_guard` each pass a function that finds the broken faces. The repair tries the following in
-order, until no face is broken:
+`step_limit` and `surface_guard` each pass a function that finds the broken elements: faces of the surface, or cells of
+a lattice. The repair tries the following in order, until nothing is broken:
 
-1. Reset the Jacobians of the broken faces to their values before the step, and those around them in part:
-   ``J <- J_old + a_f (J - J_old)`` with a_f = 0 on the broken faces, rising to 1 over the rings around them.
-2. Reset the positions instead, over rings that double in number. Two limbs that run into each other are not stopped by
-   their own Jacobians, because other faces move them.
+1. Reset the Jacobians of the broken elements to their values before the step, and those around them in part:
+   ``J <- J_old + a (J - J_old)`` with a = 0 on the broken elements, rising to 1 over the rings around them.
+2. Move the region around the broken elements as a whole: by the affine map that fits its step best, blended into the
+   free step over rings that double in number. An affine map neither folds nor cuts what was intact. Two limbs that run
+   into each other are not stopped by their own Jacobians, because other faces move them.
 3. Shorten the whole step of each component that is still broken, finally to zero.
 
-Faces that become broken on the way are treated alike. The momentum of everything that was reset is cleared; otherwise
-the optimiser would repeat the step at once. Plain backtracking would shorten the whole step, so that a single fold
-would hold back the entire mesh.
+Elements that become broken on the way are treated alike. The momentum of everything that was reset is cleared;
+otherwise the optimiser would repeat the step at once. Plain backtracking would shorten the whole step, so that a single
+fold would hold back the entire mesh.
 
 Source of the backtracking: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, section 3.3.
 """
@@ -23,16 +24,18 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.variables import Variables
-from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["StepRepair"]
 
 _BLEND_RINGS = (2, 3)
-_HOLD_RINGS = (2, 4, 8, 16, 32)
+_HOLD_RINGS = (1, 2, 3, 4, 6, 8, 12, 16, 32)
+_FLATNESS = 1e-6
+"""Added to the inertia of a region's points, relative to its trace."""
 _SHARES = (0.5, 0.25, 0.1, 0.0)
 _SHORTENINGS = 16
 
@@ -46,40 +49,45 @@ class StepRepair:
 
     Parameters
     ----------
-    rest : RestMesh
     variables : Variables
     """
 
-    def __init__(self, rest: RestMesh, variables: Variables) -> None:
-        self._rest, self._variables = rest, variables
-        self._faces = rest.faces.numpy()
-        self._component_of_vertex = rest.components.numpy()
-        self._component = self._component_of_vertex[self._faces[:, 0]]
+    def __init__(self, variables: Variables) -> None:
+        self._variables, self._elements = variables, variables.elements
+        self._component = self._elements.component
 
     def copy(self) -> dict[str, Tensor]:
         """Return a copy of the current variables."""
         return {name: tensor.detach().clone() for name, tensor in self._variables.tensors.items()}
 
     @torch.no_grad()
-    def repair(self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], optimizer: Adam) -> _Flags:
-        """Revert as much of the step as needed until no face is broken.
+    def repair(
+        self,
+        find_broken: Callable[[], _Flags],
+        old: Mapping[str, Tensor],
+        optimizer: Adam,
+        excuse: Callable[[], bool] | None = None,
+    ) -> _Flags:
+        """Revert as much of the step as needed until no element is broken.
 
         Parameters
         ----------
         find_broken : callable
-            Returns which faces (F,) of the current shape are broken. None is broken in `old`, or stays broken.
+            Returns which elements (E,) of the current shape are broken. None is broken in `old`, or stays broken.
         old : mapping of name to Tensor
             The variables before the step, from `copy`.
         optimizer : Adam
             Loses the momentum of what is reset.
+        excuse : callable, optional
+            Called before a whole component is held back: allows what is not worth that, and returns whether it did.
 
         Returns
         -------
-        Flags (F,) of the faces that were held back: none if the step breaks nothing, all of a component if its step was
-        shortened.
+        Flags (E,) of the elements that were held back: none if the step breaks nothing, all of a component if its step
+        was shortened.
         """
         broken = find_broken()
-        held = np.zeros(len(self._faces), bool)
+        held = np.zeros(len(self._elements), bool)
         if not broken.any():
             return held
         new = self.copy()
@@ -88,39 +96,34 @@ class StepRepair:
             self._blend(old, new, self._ramp(held, rings))
             broken = find_broken()
             if not broken.any():
-                self._reset_momentum(optimizer, held, np.zeros_like(held))
+                self._reset_momentum(optimizer, held)
                 return held
-        if not self._hold_positions(find_broken, old, new, held, broken):
+        if not self._hold_regions(find_broken, old, new, held, broken):
+            allowed = excuse is not None and excuse()
             self._set(new)
+            if allowed:
+                return self.repair(find_broken, old, optimizer)
             held |= self._shorten(find_broken, old, new)
-        # Positions were reset, which includes the translations of their components.
-        self._reset_momentum(optimizer, held, held)
+        self._reset_momentum(optimizer, held)
         return held
 
     def _ramp(self, held: _Flags, rings: int) -> _Floats:
-        """Return shares (F,): 0 on the held faces, rising by 1 / (rings + 1) with every ring of faces around them."""
+        """Return shares (E,): 0 on the held elements, rising by 1 / (rings + 1) with every ring around them."""
         share = np.ones(len(held))
         reached = held.astype(np.float64)
         share[held] = 0.0
         for ring in range(rings):
-            reached = ((self._rest.face_adjacency @ reached) > 0).astype(np.float64)
+            reached = ((self._elements.adjacency @ reached) > 0).astype(np.float64)
             share = np.where(reached > 0, np.minimum(share, (ring + 1) / (rings + 1)), share)
         return share
 
     def _blend(self, old: Mapping[str, Tensor], new: Mapping[str, Tensor], share: _Floats) -> None:
-        """Interpolate the variables between `old` (0) and `new` (1) by a share (F,) per face.
-
-        Translations of components take their new values.
-        """
-        rows = self._variables.rows(
-            of_face=share,
-            of_vertex=1.0 - (self._rest.incidence.T @ (1 - share) > 0),
-            of_component=np.ones(self._rest.num_components),
-        )
+        """Interpolate the variables between `old` (0) and `new` (1) by a share (E,) per element."""
+        rows = self._variables.rows(share)
         for name, tensor in self._variables.tensors.items():
             tensor.copy_(old[name] + _column(rows[name], tensor) * (new[name] - old[name]))
 
-    def _hold_positions(
+    def _hold_regions(
         self,
         find_broken: Callable[[], _Flags],
         old: Mapping[str, Tensor],
@@ -128,32 +131,56 @@ class StepRepair:
         held: _Flags,
         broken: _Flags,
     ) -> bool:
-        """Reset positions on and around held faces, extending `held`; return whether no face is broken any more."""
+        """Move regions around held elements affinely, extending `held`; return whether nothing is broken any more."""
         self._set(old)
-        before = self._variables.place().detach()
+        before = self._variables.solve().detach().numpy()
         self._set(new)
-        step = self._variables.place().detach() - before
+        after = self._variables.solve().detach().numpy()
         for rings in _HOLD_RINGS:
             held |= broken
-            of_face = self._ramp(held, rings)
-            # A vertex moves by the smallest share among its faces.
-            of_vertex = np.ones(len(before))
-            np.minimum.at(of_vertex, self._faces.ravel(), np.repeat(of_face, 3))
-            self._set(new)
-            self._variables.adopt(before + torch.from_numpy(of_vertex)[:, None] * step)
+            share = self._ramp(self._ramp(held, rings // 2) < 1, rings - rings // 2)
+            # From the blended variables, because a lattice adopts differences from node to node only slowly.
+            self._blend(old, new, share)
+            self._variables.adopt(torch.from_numpy(self._moved_affinely(before, after, share)))
             broken = find_broken()
             if not broken.any():
                 return True
         return False
 
+    def _moved_affinely(self, before: _Floats, after: _Floats, share: _Floats) -> _Floats:
+        """Replace the step by the best affine map of each region; `share` (E,) of an element's own step remains."""
+        inside = np.flatnonzero(share < 1)
+        corners = self._elements.corners
+        count, region = self._regions(inside)
+        label = np.full(len(before), -1)
+        label[corners[inside].ravel()] = np.repeat(region, corners.shape[1])
+        weight = 1 - self._elements.least_at_corners(share, len(before))
+        moved = after.copy()
+        for number in range(count):
+            points = np.flatnonzero(label == number)
+            w = weight[points][:, None]
+            moved[points] += w * (_affine_fit(before[points], after[points], w) - after[points])
+        return moved
+
+    def _regions(self, inside: _Index) -> tuple[int, _Index]:
+        """Return the number of regions of these elements, and the region of each.
+
+        Cells that are close to each other are connected. Faces that cut each other may be far apart on the surface, so
+        there all belong together.
+        """
+        if self._elements.holding is None:
+            return 1, np.zeros(len(inside), np.int64)
+        count, region = csgraph.connected_components(self._elements.adjacency[inside][:, inside], directed=False)
+        return count, region.astype(np.int64)
+
     def _shorten(
         self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], new: Mapping[str, Tensor]
     ) -> _Flags:
-        """Shorten the steps of broken components until no face is broken; return flags (F,) of their faces.
+        """Shorten the steps of broken components until nothing is broken; return flags (E,) of their elements.
 
-        Another component can run into one that no longer moves, so the broken faces are found anew each time.
+        Another component can run into one that no longer moves, so the broken elements are found anew each time.
         """
-        tried = np.zeros(self._rest.num_components, np.int64)
+        tried = np.zeros(int(self._component.max()) + 1, np.int64)
         for _ in range(_SHORTENINGS):
             broken = np.unique(self._component[find_broken()])
             if not len(broken):
@@ -166,30 +193,37 @@ class StepRepair:
         return np.asarray(tried[self._component] > 0)
 
     def _shorten_to(self, old: Mapping[str, Tensor], new: Mapping[str, Tensor], tried: _Index) -> None:
-        """Set every component in `tried` to its share of the step; the others do not change."""
-        share = np.array([1.0, *_SHARES])[tried]
-        rows = self._variables.rows(
-            of_face=self._component, of_vertex=self._component_of_vertex, of_component=np.arange(len(tried))
-        )
-        for name, tensor in self._variables.tensors.items():
-            shorter = old[name] + _column(share[rows[name]], tensor) * (new[name] - old[name])
-            tensor.copy_(torch.where(_column(tried[rows[name]] > 0, tensor), shorter, tensor))
+        """Set every component in `tried` to its share of the step, and the others to the whole step."""
+        self._blend(old, new, np.array([1.0, *_SHARES])[tried][self._component])
 
-    def _reset_momentum(self, optimizer: Adam, held: _Flags, carried: _Flags) -> None:
-        """Clear the momentum of held faces (F,), and of the translations of components with `carried` faces (F,)."""
-        rows = self._variables.rows(
-            of_face=held,
-            of_vertex=self._rest.incidence.T @ held.astype(np.float64) > 0,
-            of_component=np.bincount(self._component[carried], minlength=self._rest.num_components) > 0,
-        )
+    def _reset_momentum(self, optimizer: Adam, held: _Flags) -> None:
+        """Clear the momentum of held elements (E,)."""
+        rows = self._variables.rows((~held).astype(np.float64))
         for name, tensor in self._variables.tensors.items():
             momentum = optimizer.state.get(tensor, {}).get("exp_avg")
             if momentum is not None:
-                momentum[torch.from_numpy(rows[name])] = 0.0
+                momentum[torch.from_numpy(rows[name] == 0)] = 0.0
 
     def _set(self, state: Mapping[str, Tensor]) -> None:
         for name, tensor in self._variables.tensors.items():
             tensor.copy_(state[name])
+
+
+def _affine_fit(before: _Floats, after: _Floats, weight: _Floats) -> _Floats:
+    """Return points (P, 3) moved by the affine map that best takes `before` to `after`, weighted by (P, 1).
+
+    Where the points do not determine the map, because they lie in a plane, it does nothing across it.
+    """
+    total = max(float(weight.sum()), 1e-300)
+    centre, goal = (weight * before).sum(0) / total, (weight * after).sum(0) / total
+    arms = before - centre
+    spread = (weight * arms).T @ arms
+    linear = np.linalg.solve(
+        spread + (_FLATNESS * np.trace(spread) + 1e-300) * np.eye(3), (weight * arms).T @ (after - goal - arms)
+    )
+    if np.linalg.det(np.eye(3) + linear) <= 0:
+        linear = np.zeros((3, 3))
+    return np.asarray(goal + arms + arms @ linear)
 
 
 def _column(values: NDArray[np.generic], tensor: Tensor) -> Tensor:

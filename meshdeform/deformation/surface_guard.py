@@ -7,7 +7,7 @@ shape of a run is intact, including the last one.
 Faults that the asset already has at rest are allowed. Faces that are folded at rest, or almost, may stay folded.
 Components that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may
 the faces around places where a component cuts or touches itself (a lining in a shell). Faces without area at rest
-cannot fold.
+cannot fold. Slivers on a lattice may fold where otherwise the whole asset would be held back.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.step_repair import StepRepair
-from meshdeform.deformation.variables import Variables
+from meshdeform.deformation.variables import Variables, placed
 from meshdeform.geometry.intersections import cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FOLD_MARGIN, FaceNeighbours
@@ -34,6 +34,10 @@ EVERY_STEPS = 5
 _LOOSE_RINGS = 2
 _CONTACT, _CONTACT_OF_EDGE = 1e-4, 0.1
 """Faces touch up to this share of the diagonal, and of their longest edge: in dense scans every face is near others."""
+
+_SLIVER = 0.1
+"""Height of a face, in cells of a lattice, below which its folds may be allowed: the lattice moves its corners by one
+smooth map, but its long edges are chords of that map, and such a face turns with them."""
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -57,10 +61,13 @@ class SurfaceGuard:
         self._kind, self._variables, self._rest = kind, variables, RestMesh.of(mesh)
         self._faces = self._rest.faces.numpy()
         count = len(self._faces)
-        self._repair = StepRepair(self._rest, variables)
+        self._repair = StepRepair(variables)
         self._copy = self._repair.copy
         self._solid = np.flatnonzero(self._rest.solid)
         self._neighbours = FaceNeighbours(self._faces[self._solid])
+        corners = self._rest.verts.numpy()[self._faces]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+        self._slivers = 2 * self._rest.areas < _SLIVER * variables.resolution * longest
         self._component = self._rest.components.numpy()[self._faces[:, 0]]
         self._folded = np.zeros(count, bool)
         self._loose = np.zeros(count, bool)
@@ -77,7 +84,7 @@ class SurfaceGuard:
 
     def begin(self) -> None:
         """Take the current shape as intact, and allow all its faults."""
-        self._allow_faults(self._variables.place().detach().numpy())
+        self._allow_faults(placed(self._variables).detach().numpy())
         self._intact = self._copy()
 
     def restore(self, state: dict[str, Tensor]) -> None:
@@ -126,20 +133,29 @@ class SurfaceGuard:
         return np.unique(apart[:, 0] * (self._rest.num_components) + apart[:, 1])
 
     @torch.no_grad()
-    def correct(self, optimizer: Adam) -> int:
+    def correct(self, optimizer: Adam) -> float:
         """Revert the shape where it is broken.
 
         Returns
         -------
-        Number of faces that were reset: 0 if the shape was intact, all faces of a component if nothing else helped.
+        Share of the elements that were reset: 0 if the shape was intact, all of a component if nothing else helped.
         """
-        held = self._repair.repair(self._find_broken, self._intact, optimizer)
+        elements = self._variables.elements
+        held = self._repair.repair(
+            lambda: elements.of_faces(self._find_broken()), self._intact, optimizer, self._excuse_slivers
+        )
         self._intact = self._copy()
-        return int(held.sum())
+        return float(held.mean())
+
+    def _excuse_slivers(self) -> bool:
+        """Allow the folds of faces that are too thin for the variables to control; return whether there are any."""
+        folded = self._folds(placed(self._variables).detach().numpy()) & ~self._folded & self._slivers
+        self._folded |= folded
+        return bool(folded.any())
 
     def _find_broken(self) -> _Flags:
         """Return flags (F,) of the faces that are broken and not allowed to be."""
-        verts = self._variables.place().detach().numpy()
+        verts = placed(self._variables).detach().numpy()
         broken = self._folds(verts) & ~self._folded
         if self._kind is Safeguard.INTERSECTIONS:
             cuts = cutting_pairs(verts, self._faces)

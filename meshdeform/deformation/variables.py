@@ -1,7 +1,7 @@
-"""Hold the variables of the optimisation: one Jacobian per face, integrated to vertices by the Poisson solve.
+"""Hold the variables of the optimisation, by default one Jacobian per face, integrated by the Poisson solve.
 
 This way a gradient on one face moves the surface around it smoothly and at all scales. The optimisation uses its
-variables only through the interface `Variables`, so an ablation can substitute others.
+variables only through the interface `Variables`, so a lattice (`lattice_field.py`) or an ablation can replace them.
 
 Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 """
@@ -9,18 +9,68 @@ Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Protocol
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from scipy import sparse
 from torch import Tensor
 
 from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
 from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.errors import CheckpointError
+from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.rest_mesh import RestMesh
 
-T = TypeVar("T")
+__all__ = ["Elements", "JacobianField", "Variables", "copy_into", "placed"]
 
-__all__ = ["JacobianField", "Variables", "copy_into"]
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Elements:
+    """The elements whose steps can be reverted: faces of the surface, or cells of a lattice.
+
+    Attributes
+    ----------
+    corners : (E, K) int64
+        Control points of each element.
+    adjacency : sparse (E, E)
+        Nonzero where two elements share a control point.
+    component : (E,) int64
+        Connected component of each element, from 0; their steps can be shortened independently.
+    holding : sparse (E, F), optional
+        Nonzero where an element holds a part of a face; None if the elements are the faces.
+    """
+
+    corners: NDArray[np.int64]
+    adjacency: sparse.csr_matrix
+    component: NDArray[np.int64]
+    holding: sparse.csr_matrix | None = None
+
+    def __len__(self) -> int:
+        return len(self.component)
+
+    @classmethod
+    def faces_of(cls, rest: RestMesh) -> Elements:
+        """Return the faces of a mesh as elements."""
+        return cls(rest.faces.numpy(), rest.face_adjacency, rest.components.numpy()[rest.faces.numpy()[:, 0]])
+
+    def least_at_corners(self, values: _Floats, count: int) -> _Floats:
+        """Return, for `count` control points, the least of 1 and the values (E,) of their elements."""
+        least = np.ones(count)
+        np.minimum.at(least, self.corners.ravel(), np.repeat(values, self.corners.shape[1]))
+        return least
+
+    def of_faces(self, flags: _Flags) -> _Flags:
+        """Return flags (E,) of the elements that hold a part of a flagged face (F,)."""
+        if self.holding is None:
+            return flags
+        return np.asarray(self.holding @ flags.astype(np.float64) > 0)
 
 
 class Variables(Protocol):
@@ -29,80 +79,106 @@ class Variables(Protocol):
     tensors: dict[str, Tensor]
     """Leaf tensors with gradients, float64, by their names in checkpoints; the first one defines the shape."""
 
-    def rates(self, translation_rate: float) -> dict[str, float]:
-        """Return each tensor's learning rate as a multiple of the job's."""
+    rest: RestMesh
+    """The mesh at rest; of a Poisson system, with its threshold for collapsed faces."""
 
-    def jacobians(self) -> Tensor:
-        """Return the Jacobians (F, 3, 3) float64 that the Jacobian regulariser penalises."""
+    elements: Elements
+    """The elements that a repair reverts."""
 
-    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:
-        """Return, for each of `tensors`, the argument whose rows correspond to the tensor's rows."""
+    resolution: float
+    """Length in object units below which the variables do not control the shape; 0 if they control every face."""
 
-    def place(self) -> Tensor:
-        """Compute the positions (V, 3) float64, differentiable in `tensors`."""
+    def solve(self) -> Tensor:
+        """Compute the control points (N, 3) float64, differentiable in `tensors`: vertices, or nodes of a lattice."""
 
-    def adopt(self, verts: Tensor) -> None:
-        """Set the variables so that `place` returns these positions (V, 3) float64, up to a translation of all."""
+    def verts(self, control: Tensor) -> Tensor:
+        """Return the vertices (V, 3) float64 for the control points, differentiably."""
+
+    def jacobian_penalty(self) -> Tensor:
+        """Return the mean of ||J - I||^2 as a scalar, differentiable in `tensors`."""
+
+    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+        """Return the mean symmetric Dirichlet energy of the elements as a scalar, differentiable in the argument."""
+
+    def sizes(self, control: Tensor) -> Tensor:
+        """Return oriented sizes (E, K, D) of the elements: area vectors of faces, volumes of tetrahedra."""
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return, for each row of each of `tensors`, the least value among its elements."""
+
+    def adopt(self, control: Tensor) -> None:
+        """Set the variables to give these control points, up to a translation of all, as exactly as they can."""
 
 
 class JacobianField:
-    """Jacobians and one translation per connected component: ``verts = poisson(J) + t_c``.
+    """One Jacobian per face: ``verts = poisson(J)``. Every connected component keeps its centre of mass.
 
     Parameters
     ----------
-    poisson : PoissonSystem
-        The system of the rest mesh, whose overall centre of mass stays fixed.
+    mesh : TriangleMesh
+        At rest.
+
+    Raises
+    ------
+    NumericalError
+        The Poisson system could not be factored.
     """
 
-    def __init__(self, poisson: PoissonSystem) -> None:
-        self._poisson, self._rest = poisson, poisson.rest
-        rest, vertex_areas = poisson.rest, torch.from_numpy(poisson.rest.vertex_areas)
-        areas = torch.zeros(rest.num_components, dtype=torch.float64)
-        areas.index_add_(0, rest.components, vertex_areas)
-        self._shares = areas / areas.sum()
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self._poisson = PoissonSystem(mesh)
+        self.rest = rest = self._poisson.rest
+        self._regularizers = Regularizers(rest)
+        self._solid = torch.from_numpy(rest.solid).double()[:, None, None]
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
-        self._weights = vertex_areas / areas.clamp_min(1e-300)[rest.components]
-        self.tensors = {
-            "jacobians": identity_jacobians(rest.faces.shape[0]).requires_grad_(),
-            "translations": torch.zeros(rest.num_components, 3, dtype=torch.float64, requires_grad=True),
-        }
+        self.elements = Elements.faces_of(rest)
+        self.resolution = 0.0
+        self.tensors = {"jacobians": identity_jacobians(rest.faces.shape[0]).requires_grad_()}
         self._solved: tuple[int, Tensor] | None = None
 
-    def rates(self, translation_rate: float) -> dict[str, float]:
-        """Return the multiples of the job's learning rate: 1 for Jacobians, `translation_rate` for translations."""
-        return {"jacobians": 1.0, "translations": translation_rate}
-
-    def jacobians(self) -> Tensor:
-        """Return the Jacobians themselves, (F, 3, 3) float64."""
-        return self.tensors["jacobians"]
-
-    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (no tensor has a row per vertex)
-        """Return the argument for each tensor: Jacobians have a row per face, translations one per component."""
-        return {"jacobians": of_face, "translations": of_component}
-
-    def place(self) -> Tensor:
-        """Solve for the vertices, and move each component by its translation.
+    def solve(self) -> Tensor:
+        """Solve for the vertices.
 
         The solution is reused while the Jacobians do not change: the step limit, the surface guard and the next step's
         loss share it.
         """
-        jacobians, translations = self.tensors["jacobians"], self.tensors["translations"]
+        jacobians = self.tensors["jacobians"]
         known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
         solution = self._poisson.solve(jacobians, known)
         if known is None:
             self._solved = (jacobians._version, solution.detach().clone())
-        free = translations - self._shares @ translations
-        return solution + free[self._rest.components]
+        return solution
 
-    def adopt(self, verts: Tensor) -> None:
+    def verts(self, control: Tensor) -> Tensor:
+        """Return the argument: the control points are the vertices."""
+        return control
+
+    def jacobian_penalty(self) -> Tensor:
+        """Return the area-weighted mean of ||J - I||^2."""
+        return self._regularizers.jacobian(self.tensors["jacobians"])
+
+    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+        """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
+        return self._regularizers.dirichlet(control)
+
+    def sizes(self, control: Tensor) -> Tensor:
+        """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
+        return face_cross(control, self.rest.faces)[:, None] * self._solid
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return the argument: Jacobians have a row per face."""
+        return {"jacobians": of_element}
+
+    def adopt(self, control: Tensor) -> None:
         """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""
         with torch.no_grad():
             jacobians = self.tensors["jacobians"]
-            of_map = jacobians_from_verts(self._rest.gradient, verts)
+            of_map = jacobians_from_verts(self.rest.gradient, control)
             jacobians.copy_(of_map + (jacobians - of_map) @ self._along_normal)
-            moved = torch.zeros_like(self.tensors["translations"])
-            moved.index_add_(0, self._rest.components, self._weights[:, None] * (verts - self._rest.verts))
-            self.tensors["translations"].copy_(moved)
+
+
+def placed(variables: Variables) -> Tensor:
+    """Return the vertices (V, 3) float64 that the variables represent, differentiably."""
+    return variables.verts(variables.solve())
 
 
 def copy_into(variables: Variables, state: Mapping[str, Tensor]) -> None:

@@ -12,21 +12,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
-from typing import Any, TypeVar
+from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.jacobians import jacobians_from_verts
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import PoissonSystem
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.variables import Elements
+from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import ResolvedParams
-
-T = TypeVar("T")
 
 __all__ = ["Ablation", "SingleViews", "VertexDisplacements", "ablated_params", "deformation_of"]
 
@@ -81,40 +83,52 @@ class VertexDisplacements:
 
     Parameters
     ----------
-    poisson : PoissonSystem
-        System of the rest mesh, used for the weights of the centre of mass only.
+    mesh : TriangleMesh
+        At rest.
     """
 
-    def __init__(self, poisson: PoissonSystem) -> None:
-        self._rest = poisson.rest
-        areas = torch.from_numpy(self._rest.vertex_areas)
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.rest = rest = RestMesh.of(mesh)
+        areas = torch.from_numpy(rest.vertex_areas)
         self._shares = areas / areas.sum()
         # So that the normal part does not contribute to ||J - I||^2.
-        rest_jacobians = jacobians_from_verts(self._rest.gradient, self._rest.verts)
+        rest_jacobians = jacobians_from_verts(rest.gradient, rest.verts)
         self._normal_part = torch.eye(3, dtype=torch.float64) - rest_jacobians
-        self.tensors = {"displacements": torch.zeros_like(self._rest.verts, requires_grad=True)}
+        self._regularizers = Regularizers(rest)
+        self._solid = torch.from_numpy(rest.solid).double()[:, None, None]
+        self.elements = Elements.faces_of(rest)
+        self.resolution = 0.0
+        self.tensors = {"displacements": torch.zeros_like(rest.verts, requires_grad=True)}
 
-    def rates(self, translation_rate: float) -> dict[str, float]:  # noqa: ARG002 (components move with their vertices)
-        """Return the learning rate's multiple, 1 for the displacements."""
-        return {"displacements": 1.0}
-
-    def jacobians(self) -> Tensor:
-        """Return the Jacobians of the map from rest, with a normal part that does not contribute to ||J - I||^2."""
-        return jacobians_from_verts(self._rest.gradient, self.place()) + self._normal_part
-
-    def rows(self, *, of_face: T, of_vertex: T, of_component: T) -> dict[str, T]:  # noqa: ARG002 (one tensor only)
-        """Return the argument for the displacements, which have a row per vertex."""
-        return {"displacements": of_vertex}
-
-    def place(self) -> Tensor:
+    def solve(self) -> Tensor:
         """Add the displacements to the rest positions."""
         displacements = self.tensors["displacements"]
-        return self._rest.verts + displacements - self._shares @ displacements
+        return self.rest.verts + displacements - self._shares @ displacements
 
-    def adopt(self, verts: Tensor) -> None:
-        """Set the displacements so that `place` gives these positions (V, 3) float64, up to a translation of all."""
+    def verts(self, control: Tensor) -> Tensor:
+        """Return the argument: the control points are the vertices."""
+        return control
+
+    def jacobian_penalty(self) -> Tensor:
+        """Return the mean of ||J - I||^2 of the map from rest, in the planes of the faces."""
+        return self._regularizers.jacobian(jacobians_from_verts(self.rest.gradient, self.solve()) + self._normal_part)
+
+    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+        """Return the area-weighted mean symmetric Dirichlet energy of the faces."""
+        return self._regularizers.dirichlet(control)
+
+    def sizes(self, control: Tensor) -> Tensor:
+        """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
+        return face_cross(control, self.rest.faces)[:, None] * self._solid
+
+    def rows(self, of_element: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return the least value (V,) among the faces at each vertex."""
+        return {"displacements": self.elements.least_at_corners(of_element, len(self.rest.verts))}
+
+    def adopt(self, control: Tensor) -> None:
+        """Set the displacements so that `solve` gives these positions (V, 3) float64, up to a translation of all."""
         with torch.no_grad():
-            self.tensors["displacements"].copy_(verts - self._rest.verts)
+            self.tensors["displacements"].copy_(control - self.rest.verts)
 
 
 class SingleViews:

@@ -6,6 +6,7 @@ The figures of `meshdeform.geometry.quality`, which every job's report has, and 
 
     self_intersections_added   faces that cut another now but none at rest
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
+    neighbour_offset           mean change of the offsets between neighbouring components over d (`neighbours.py`)
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
 with d the diagonal of the source's bounding box, so both distances are dimensionless. The first follows every vertex;
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
@@ -45,7 +47,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     Returns
     -------
     dict
-        The fields of `meshdeform.geometry.quality.MeshQuality`, and the three above.
+        The fields of `meshdeform.geometry.quality.MeshQuality`, and the four above.
 
     Raises
     ------
@@ -65,6 +67,7 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
         **measure(before, faces, after).to_dict(),
         "self_intersections_added": int(added.sum()),
         "displacement": displacement(before, faces, after) / diagonal,
+        "neighbour_offset": neighbour_offsets(rest, deformed.verts).mean,
         "chamfer": chamfer_distance(before, after, faces) / diagonal,
     }
 

@@ -98,6 +98,14 @@ class RestMesh(TriangleMesh):
         """Adjacency matrix (F, F), nonzero where two faces share a vertex."""
         return (self.incidence @ self.incidence.T).tocsr()
 
+    @cached_property
+    def edge_adjacency(self) -> sparse.csr_matrix:
+        """Adjacency matrix (F, F), one where two faces share an edge."""
+        pairs = self.edges.faces[self.edges.faces[:, 1] >= 0].numpy()
+        rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
+        count = self.faces.shape[0]
+        return sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+
     def centre_of_mass(self) -> Tensor:
         """Return the centroid (3,) of the surface: the mean of the vertices, weighted by their areas."""
         weights = torch.from_numpy(self.vertex_areas)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["GuidanceKind", "JobKind", "Preset", "Safeguard"]
+__all__ = ["Carrier", "GuidanceKind", "JobKind", "Preset", "Safeguard"]
 
 
 class JobKind(StrEnum):
@@ -49,3 +49,11 @@ class Safeguard(StrEnum):
     NONE = "none"
     FLIPS = "flips"
     INTERSECTIONS = "intersections"
+
+
+class Carrier(StrEnum):
+    """What carries the vertices."""
+
+    AUTO = "auto"
+    SURFACE = "surface"
+    LATTICE = "lattice"

@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from meshdeform.requests.choices import GuidanceKind, Preset, Safeguard
+from meshdeform.requests.choices import Carrier, GuidanceKind, Preset, Safeguard
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -137,12 +137,20 @@ class DeformParams(StrictModel):
         le=1.0,
         form={"label": "Learning rate", "help": "How far one step may go. Lower is calmer and needs more steps."},
     )
-    translation_rate: float = _of_preset(
-        0.0,
-        "How fast each connected part may move as a whole, as a multiple of `learning_rate`; 0: not at all.",
-        ge=0.0,
-        le=100.0,
-        examples=[1.0],
+    carrier: Carrier = _of_preset(
+        Carrier.SURFACE,
+        "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
+        "the asset together; or `auto`, the lattice if the asset has more than one connected part.",
+        examples=["auto"],
+        form={
+            "label": "Carrier",
+            "help": "A lattice holds separate parts together; the surface bends in finer detail.",
+            "choices": [
+                ["auto", "Lattice for assets of several parts"],
+                ["surface", "Surface"],
+                ["lattice", "Lattice"],
+            ],
+        },
     )
     guidance_scale: float = _of_preset(
         100.0,
@@ -215,14 +223,6 @@ class DeformParams(StrictModel):
         le=_MAX_WEIGHT,
         examples=[0.1],
         form={"label": "Smoothness", "help": "Weight against creases between neighbouring faces."},
-    )
-    attachment_weight: float = _of_preset(
-        0.0,
-        "Weight that keeps neighbouring parts of an asset together (docs/method.md).",
-        ge=0.0,
-        le=_MAX_WEIGHT,
-        examples=[2000.0],
-        form={"label": "Attachment", "help": "Weight that keeps separate parts together."},
     )
     dirichlet_weight: float = _of_preset(
         0.0,

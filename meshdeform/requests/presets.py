@@ -11,8 +11,8 @@ __all__ = ["OVERRIDES", "Family"]
 
 Family = Literal["builtin", "sd", "target"]
 
-# The safeguard of our own presets.
-_GUARDED: dict[str, Any] = {"safeguard": "intersections"}
+# The safeguard and the carrier of our own presets.
+_GUARDED: dict[str, Any] = {"safeguard": "intersections", "carrier": "auto"}
 
 # An image difference is a smaller number than score distillation's sum over 16,384 latents.
 _TARGET: dict[str, Any] = {
@@ -33,8 +33,6 @@ _BUILTIN_VIEW: dict[str, Any] = {"framing": 0.57, "framing_max": 1.0}
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
     "learning_rate": 0.03,
-    "translation_rate": 1.0,
-    "attachment_weight": 2000.0,
     "guidance_scale": 7.5,
     "guidance_rescale": 0.7,
     "timestep_min": 0.75,
@@ -51,8 +49,6 @@ _BUILTIN: dict[str, Any] = {
 # distillation, and growth is visible only if the camera does not follow at once. Not measured with a real model.
 _SD: dict[str, Any] = {
     **_GUARDED,
-    "translation_rate": 1.0,
-    "attachment_weight": 2000.0,
     "jacobian_reg_weight": 16.0,
     "laplacian_weight": 0.16,
     "normal_weight": 1600.0,
@@ -75,15 +71,11 @@ OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
         **_GUARDED,
         "steps": 600,
         "learning_rate": 0.01,
-        "translation_rate": 1.0,
-        "attachment_weight": 20.0,
     },
     ("target", "preview"): {
         **_TARGET,
         **_GUARDED,
         "steps": 300,
         "learning_rate": 0.01,
-        "translation_rate": 1.0,
-        "attachment_weight": 20.0,
     },
 }

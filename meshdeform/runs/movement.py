@@ -23,8 +23,8 @@ _REMEDIES = {
     "guidance": "Use more steps, or a prompt that differs more from the asset.",
 }
 _CAUSES = {
-    "safeguard": "the safeguard held back {held:.0%} of the faces",
-    "dirichlet_weight": "the distortion barrier held back {limited:.0%} of the faces",
+    "safeguard": "the safeguard held back {held:.0%} of it",
+    "dirichlet_weight": "the distortion barrier held back {limited:.0%} of it",
     "guidance": "the guidance hardly pulled at it",
 }
 
@@ -38,7 +38,8 @@ class Movement:
     rms : float
         Area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box.
     held_share, limited_share : float
-        Mean share of the faces that the safeguard held back when it checked, and that the barrier held back per step.
+        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked, and that
+        the barrier held back per step.
     stalled_by : str, optional
         What mostly held back a mesh that hardly moved: `safeguard`, `dirichlet_weight` or `guidance`; None if it moved.
     """
@@ -62,24 +63,22 @@ class Movement:
 
 
 class HoldCounter:
-    """Counts the faces that were held back in the steps of one attempt."""
+    """Collects the shares of the surface that were held back in the steps of one attempt."""
 
     def __init__(self) -> None:
         self._held: list[float] = []
         self._limited: list[float] = []
 
     def add(self, losses: Mapping[str, float], *, checked: bool) -> None:
-        """Count one step; `checked` says whether the safeguard checked the surface after it."""
-        if checked and "held_faces" in losses:
-            self._held.append(losses["held_faces"])
-        if "limited_faces" in losses:
-            self._limited.append(losses["limited_faces"])
+        """Add one step; `checked` says whether the safeguard checked the surface after it."""
+        if checked and "held_share" in losses:
+            self._held.append(losses["held_share"])
+        if "limited_share" in losses:
+            self._limited.append(losses["limited_share"])
 
-    def shares(self, faces: int) -> tuple[float, float]:
-        """Return the mean shares of `faces` that the safeguard and the barrier held back."""
-        held, limited = (
-            float(np.mean(counts)) / max(faces, 1) if counts else 0.0 for counts in (self._held, self._limited)
-        )
+    def shares(self) -> tuple[float, float]:
+        """Return the mean shares that the safeguard and the barrier held back."""
+        held, limited = (float(np.mean(shares)) if shares else 0.0 for shares in (self._held, self._limited))
         return held, limited
 
 
@@ -100,7 +99,7 @@ def measure_movement(rest: RestMesh, verts: Tensor, holds: HoldCounter) -> Movem
     squared = ((verts.numpy() - rest.verts.numpy()) ** 2).sum(1)
     total = float(weights.sum())
     rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
-    held, limited = holds.shares(len(rest.faces))
+    held, limited = holds.shares()
     cause = None
     if rms < _STALLED:
         cause = "safeguard" if held > _MOSTLY else "dirichlet_weight" if limited > _MOSTLY else "guidance"

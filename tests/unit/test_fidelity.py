@@ -30,7 +30,7 @@ def test_the_published_numbers() -> None:
     published = {
         "steps": 5000,
         "learning_rate": 0.0025,
-        "translation_rate": 0.0,
+        "carrier": "surface",
         "guidance_scale": 100.0,
         "guidance_rescale": 0.0,
         "timestep_min": 0.02,
@@ -41,7 +41,6 @@ def test_the_published_numbers() -> None:
         "elevation_max_deg": 30.0,
         "fov_min_deg": 30.0,
         "fov_max_deg": 45.0,
-        "attachment_weight": 0.0,
         "dirichlet_weight": 0.0,
         "safeguard": "none",
     }

@@ -70,17 +70,17 @@ test("ten shapes on the way, at least one step apart", () => {
 test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
   const job = {
     prompt: "a vase",
-    params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5, checkpoint_every_steps: 7 },
+    params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5, checkpoint_every_steps: 7 },
     output: { morph: true, usd: true, other: 1 },
   };
-  const kept = { params: { translation_rate: 0.5 }, output: { other: 1 } };
+  const kept = { params: { timestep_min: 0.5 }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
   assert.deepEqual(wish, { prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, usd: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FIELDS);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, translation_rate: 0.5 }, output: { morph: true, usd: true, other: 1 },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5 }, output: { morph: true, usd: true, other: 1 },
   });
-  assert.equal(keptText(kept), "translation_rate 0.5, output.other 1");
+  assert.equal(keptText(kept), "timestep_min 0.5, output.other 1");
   assert.equal(keptText(nothingKept()), "");
 });
 

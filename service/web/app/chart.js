@@ -115,7 +115,6 @@ const LABELS = /** @type {Record<string, string>} */ ({
   jacobian: "Change of the asset",
   normal: "Creases",
   laplacian: "Roughness",
-  attachment: "Loose parts",
   sds_mse: "Noise error of the model",
   sds_gradient_norm: "Pull of the prompt",
 });

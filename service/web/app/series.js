@@ -42,7 +42,7 @@ export function ticks(low, high, wanted = 4) {
  */
 export function seriesNames(points) {
   const hidden = ["timestep"];
-  const first = ["total", "guidance", "jacobian", "normal", "laplacian", "attachment"];
+  const first = ["total", "guidance", "jacobian", "normal", "laplacian"];
   const found = new Set(points.flatMap((point) => Object.keys(point.losses)));
   const rest = [...found].filter((name) => !first.includes(name) && !hidden.includes(name)).sort();
   return [...first.filter((name) => found.has(name)), ...rest];

@@ -26,7 +26,7 @@ def test_the_paper_is_the_paper() -> None:
     assert (resolved.timestep_min, resolved.timestep_max, resolved.timestep_max_end) == (0.02, 0.98, 0.98)
     assert (resolved.fov_min_deg, resolved.fov_max_deg) == (30, 45)
     assert (resolved.elevation_min_deg, resolved.elevation_max_deg) == (0, 30)
-    assert resolved.translation_rate == 0
+    assert resolved.carrier == "surface"
 
 
 @each_case("preset", list(Preset))

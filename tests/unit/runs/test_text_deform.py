@@ -179,7 +179,7 @@ def test_a_snapshot_is_the_result_of_that_step() -> None:
 def test_where_nothing_pulls_the_source_comes_back() -> None:
     """Through frame, weld, solve, scatter and file, every number is as it was."""
     asset = glb(icosphere(2), scale=7.0, offset=-3.0)
-    weights = ("guidance", "jacobian_reg", "laplacian", "normal", "attachment", "dirichlet")
+    weights = ("guidance", "jacobian_reg", "laplacian", "normal", "dirichlet")
     run = start(asset, request(steps=3, **{f"{name}_weight": 0.0 for name in weights}))
     for _ in run:
         pass

@@ -1,0 +1,27 @@
+"""Choose what carries the vertices: the surface itself, or a lattice around all components."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshdeform.deformation.lattice_field import LatticeField
+from meshdeform.deformation.variables import JacobianField, Variables
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.requests.choices import Carrier
+
+__all__ = ["carry", "chosen_carrier"]
+
+
+def chosen_carrier(carrier: Carrier, mesh: RestMesh) -> Carrier:
+    """Return `surface` or `lattice`; `auto` chooses the lattice for a mesh of several connected components."""
+    if carrier is not Carrier.AUTO:
+        return carrier
+    several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
+    return Carrier.LATTICE if several else Carrier.SURFACE
+
+
+def carry(carrier: Carrier, mesh: TriangleMesh) -> Variables:
+    """Return the variables of a mesh."""
+    rest = RestMesh.of(mesh)
+    return LatticeField(rest) if chosen_carrier(carrier, rest) is Carrier.LATTICE else JacobianField(rest)

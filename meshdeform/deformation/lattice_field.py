@@ -1,0 +1,141 @@
+"""Optimise the Jacobians of a lattice's cells in place of those of the faces: ``verts = W solve(J)``.
+
+One smooth map of space carries all components, so what belongs together stays together. The penalties are those of the
+cells:
+
+* jacobian   1/C  sum_c ||J_c - I||^2
+* dirichlet  1/T  sum_t (||F_t||^2 + ||F_t^-1||^2 - 6)   over the six Kuhn tetrahedra t of every cell, with F_t their
+  maps: zero where no length changes, infinite where a tetrahedron collapses. As long as no step crosses the barrier
+  (`step_limit.py`), the piecewise-linear map of the lattice is locally injective.
+
+Source: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2, for tetrahedra.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from torch import Tensor
+
+from meshdeform.deformation.jacobians import identity_jacobians
+from meshdeform.deformation.lattice import Lattice, LatticeSystem
+from meshdeform.deformation.variables import Elements
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.operators import sparse_product
+from meshdeform.geometry.rest_mesh import RestMesh
+
+__all__ = ["LatticeField"]
+
+_LEAST_VOLUME = 1e-6
+"""Lower bound of a tetrahedron's relative volume in the barrier."""
+
+_CORRECTIONS = 3
+
+_Floats = NDArray[np.float64]
+
+
+class LatticeField:
+    """One Jacobian per cell of a lattice around the mesh. Implements `deformation.variables.Variables`.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        At rest.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.rest = rest = RestMesh.of(mesh)
+        self.lattice = lattice = Lattice.around(rest)
+        self._embedding = lattice.embedding(rest.verts.numpy())
+        areas = rest.vertex_areas
+        shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
+        self._system = LatticeSystem(lattice, self._embedding.T @ shares)
+        count = len(lattice.cells)
+        # Whether a face is folded depends on its neighbours as well.
+        holding = lattice.cells_of_faces(rest) @ (sparse.identity(len(rest.faces)) + rest.edge_adjacency)
+        self.elements = Elements(
+            lattice.cell_nodes, lattice.cell_adjacency(), np.zeros(count, np.int64), holding.tocsr()
+        )
+        self.resolution = lattice.spacing
+        self.tensors = {"cell_jacobians": identity_jacobians(count).requires_grad_()}
+        self._edges = torch.from_numpy(lattice.edges)
+        self._cell_edges = torch.from_numpy(lattice.cell_edges)
+        self._tetrahedra = torch.from_numpy(_kuhn_edges(lattice)).reshape(-1)
+        self._solved: tuple[int, Tensor] | None = None
+
+    def solve(self) -> Tensor:
+        """Solve for the nodes; the solution is reused while the Jacobians do not change."""
+        jacobians = self.tensors["cell_jacobians"]
+        known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
+        nodes = self._system.solve(jacobians, known)
+        if known is None:
+            self._solved = (jacobians._version, nodes.detach().clone())
+        return nodes
+
+    def verts(self, control: Tensor) -> Tensor:
+        """Return the vertices that follow the nodes."""
+        return sparse_product(self._embedding, control)
+
+    def jacobian_penalty(self) -> Tensor:
+        """Return the mean of ||J - I||^2 over the cells."""
+        rigid = torch.eye(3, dtype=torch.float64)
+        mean: Tensor = (self.tensors["cell_jacobians"] - rigid).square().sum((1, 2)).mean()
+        return mean
+
+    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+        """Return the mean symmetric Dirichlet energy of the tetrahedra."""
+        columns = self._columns(control)
+        x, y, z = columns.unbind(1)
+        yz, zx, xy = torch.linalg.cross(y, z), torch.linalg.cross(z, x), torch.linalg.cross(x, y)
+        volume = (x * yz).sum(1).clamp_min(_LEAST_VOLUME)
+        cofactors = yz.square().sum(1) + zx.square().sum(1) + xy.square().sum(1)
+        mean: Tensor = (columns.square().sum((1, 2)) + cofactors / volume.square() - 6).mean()
+        return mean
+
+    def sizes(self, control: Tensor) -> Tensor:
+        """Return the relative volumes (C, 6, 1) of the tetrahedra."""
+        x, y, z = self._columns(control).unbind(1)
+        volumes: Tensor = (x * torch.linalg.cross(y, z)).sum(1)
+        return volumes.view(-1, 6, 1)
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return the argument: the Jacobians have a row per cell."""
+        return {"cell_jacobians": of_element}
+
+    def adopt(self, control: Tensor) -> None:
+        """Correct the Jacobians until they give these nodes, but for differences that alternate from node to node.
+
+        A cell takes the mean gradient of what is missing over its edges, so cells around which nothing is missing
+        hardly change.
+        """
+        with torch.no_grad():
+            for _ in range(_CORRECTIONS):
+                missing = (control - self.solve())[self._edges]
+                gradient = (missing[:, 1] - missing[:, 0]) / self.lattice.spacing
+                self.tensors["cell_jacobians"] += gradient[self._cell_edges].mean(2).mT
+
+    def _columns(self, control: Tensor) -> Tensor:
+        """Return the columns (6 C, 3, 3), first index after the tetrahedron, of each tetrahedron's map."""
+        ends = control.index_select(0, self._edges.reshape(-1)).view(-1, 2, 3)
+        edges = (ends[:, 1] - ends[:, 0]) / self.lattice.spacing
+        return edges.index_select(0, self._tetrahedra).view(-1, 3, 3)
+
+
+def _kuhn_edges(lattice: Lattice) -> NDArray[np.int64]:
+    """Return the axis edges (C, 6, 3) of each tetrahedron's path from its cell's first corner to its last.
+
+    The k-th edge is along axis k, so the map of the tetrahedron has the edges as its columns.
+    """
+    paths = []
+    for order in itertools.permutations(range(3)):
+        corner, edge = [0, 0, 0], [0, 0, 0]
+        for axis in order:
+            first, second = (other for other in range(3) if other != axis)
+            edge[axis] = 2 * corner[first] + corner[second]
+            corner[axis] = 1
+        paths.append(edge)
+    return lattice.cell_edges[:, np.arange(3), np.array(paths)]

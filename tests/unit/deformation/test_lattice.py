@@ -1,0 +1,186 @@
+"""The lattice: exact for affine maps, right gradients, one smooth map for all parts, and as local as it should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.carriers import chosen_carrier
+from meshdeform.deformation.lattice import CELLS, MAX_CELLS, Lattice, LatticeSystem
+from meshdeform.deformation.lattice_field import LatticeField
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.step_limit import StepLimit
+from meshdeform.deformation.variables import placed
+from meshdeform.evaluation.neighbours import neighbour_offsets
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import box, icosphere, join, torus
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.rendering.shading import RenderStyle
+from meshdeform.requests.choices import Carrier
+from meshdeform.requests.document import DeformParams, resolve
+
+F64 = torch.float64
+
+
+def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=F64), mesh.faces)
+
+
+def cart() -> TriangleMesh:
+    """A body and four wheels a little below it, of very different triangle sizes."""
+    wheels = [moved(icosphere(2), 0.12, 0.44 * x, -0.26, 0.29 * z) for x in (-1, 1) for z in (-1, 1)]
+    body = TriangleMesh(box(1).verts * torch.tensor([0.9, 0.25, 0.6], dtype=F64), box(1).faces)
+    return join(body, *wheels)
+
+
+CART = cart()
+
+
+def random_stretch(count: int, seed: int = 0) -> Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return torch.eye(3, dtype=F64) + 0.3 * torch.randn(count, 3, 3, generator=generator, dtype=F64)
+
+
+def test_every_point_follows_an_affine_map_exactly() -> None:
+    lattice = Lattice.around(RestMesh.of(CART))
+    weights = lattice.embedding(CART.verts.numpy())
+    np.testing.assert_allclose(weights @ lattice.nodes, CART.verts.numpy(), atol=1e-14)
+    linear = random_stretch(1)[0].numpy()
+    np.testing.assert_allclose(weights @ (lattice.nodes @ linear.T), CART.verts.numpy() @ linear.T, atol=1e-14)
+    with pytest.raises(ValueError, match="not inside"):
+        lattice.embedding(np.array([[5.0, 0.0, 0.0]]))
+
+
+def test_equal_jacobians_give_their_map_and_the_centre_of_mass_stays() -> None:
+    field = LatticeField(CART)
+    torch.testing.assert_close(placed(field), CART.verts, atol=1e-12, rtol=0)
+    linear = random_stretch(1)[0]
+    with torch.no_grad():
+        field.tensors["cell_jacobians"].copy_(linear.expand_as(field.tensors["cell_jacobians"]))
+    centre = RestMesh.of(CART).centre_of_mass()
+    torch.testing.assert_close(placed(field), (CART.verts - centre) @ linear.T + centre, atol=1e-10, rtol=0)
+
+
+def test_the_gradient_of_the_solve_is_right() -> None:
+    rest = RestMesh.of(join(icosphere(0), moved(icosphere(0), 0.5, 2.0, 0, 0)))
+    lattice = Lattice.around(rest, 4)
+    shares = np.full(len(lattice.keys), 1 / len(lattice.keys))
+    system = LatticeSystem(lattice, shares)
+    jacobians = random_stretch(len(lattice.cells)).requires_grad_()
+    probe = torch.randn(len(lattice.keys), 3, generator=torch.Generator().manual_seed(1), dtype=F64)
+    (found,) = torch.autograd.grad((system.solve(jacobians) * probe).sum(), jacobians)
+    # The solve is linear in the Jacobians, so a difference of any length is exact.
+    direction = random_stretch(len(lattice.cells), 2)
+    difference = ((system.solve(jacobians + direction) - system.solve(jacobians)) * probe).sum()
+    assert float((found * direction).sum()) == pytest.approx(float(difference.detach()), rel=1e-9)
+
+
+def test_the_gradients_of_the_penalties_are_right() -> None:
+    field = LatticeField(join(icosphere(0), moved(icosphere(0), 0.2, 1.5, 0, 0)))
+    field.tensors["cell_jacobians"] = random_stretch(len(field.elements)).requires_grad_()
+    jacobians = field.tensors["cell_jacobians"]
+    direction = random_stretch(len(field.elements), 2)
+    for penalty in (field.jacobian_penalty, lambda: field.dirichlet_penalty(field.solve())):
+        (found,) = torch.autograd.grad(penalty(), jacobians)
+        values = []
+        for sign in (1, -1):
+            with torch.no_grad():
+                jacobians += sign * 1e-6 * direction
+                values.append(float(penalty()))
+                jacobians -= sign * 1e-6 * direction
+        assert float((found * direction).sum()) == pytest.approx((values[0] - values[1]) / 2e-6, rel=1e-4)
+
+
+def test_the_barrier_has_known_values_and_rotations_are_free() -> None:
+    field = LatticeField(CART)
+    nodes = field.solve().detach()
+    assert float(field.dirichlet_penalty(nodes)) == pytest.approx(0, abs=1e-10)
+    turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
+    turn *= torch.linalg.det(turn)
+    assert float(field.dirichlet_penalty(nodes @ turn.T + 3)) == pytest.approx(0, abs=1e-9)
+    stretched = nodes * torch.tensor([2.0, 0.5, 1.0], dtype=F64)
+    assert float(field.dirichlet_penalty(stretched)) == pytest.approx(4 + 0.25 + 0.25 + 4 + 1 + 1 - 6)
+    torch.testing.assert_close(field.sizes(stretched), torch.ones(len(field.elements), 6, 1, dtype=F64))
+    mirrored = nodes * torch.tensor([-1.0, 1.0, 1.0], dtype=F64)
+    assert (field.sizes(mirrored) < 0).all()
+
+
+def test_no_step_inverts_a_cell() -> None:
+    field = LatticeField(CART)
+    limit = StepLimit(field)
+    old, before = limit.copy(), field.solve().detach()
+    tensor = field.tensors["cell_jacobians"]
+    with torch.no_grad():
+        tensor += 0.01 * torch.randn(tensor.shape, generator=torch.Generator().manual_seed(3), dtype=F64)
+        tensor[len(tensor) // 2 : len(tensor) // 2 + 40, 0, 0] = -6.0
+    assert (field.sizes(field.solve().detach()) < 0).any()
+    assert 0 < limit.enforce(Adam([{"params": [tensor], "lr": 1.0}]), old, before) < 1
+    assert (field.sizes(field.solve().detach()) > 0.05).all()
+    assert float((tensor.detach() - torch.eye(3, dtype=F64)).norm()) > 1, "the rest of the step is kept"
+
+
+def test_all_parts_keep_together_under_a_random_stretch_of_every_part() -> None:
+    field = LatticeField(CART)
+    centres = torch.from_numpy(field.lattice.origin + (field.lattice.cells + 0.5) * field.lattice.spacing)
+    jacobians = torch.eye(3, dtype=F64).repeat(len(centres), 1, 1)
+    jacobians[:, 0, 0] += 0.8 * torch.sin(5 * centres[:, 0])
+    jacobians[:, 1, 1] += 0.5 * torch.cos(7 * centres[:, 2])
+    with torch.no_grad():
+        field.tensors["cell_jacobians"].copy_(jacobians)
+    offsets = neighbour_offsets(CART, placed(field).detach())
+    assert 0 < offsets.mean < 0.02
+    apart = CART.verts.clone()
+    apart[RestMesh.of(CART).components == 1] += 0.2
+    assert neighbour_offsets(CART, apart).p95 > 0.1
+
+
+def test_solid_blocks_get_a_coarser_lattice_and_flat_things_a_fine_one() -> None:
+    assert len(Lattice.around(RestMesh.of(box(4))).cells) <= MAX_CELLS
+    flat = TriangleMesh(box(4).verts * torch.tensor([1.0, 0.001, 1.0], dtype=F64), box(4).faces)
+    lattice = Lattice.around(RestMesh.of(flat))
+    assert lattice.spacing == pytest.approx(1 / CELLS)
+    assert len(lattice.cells) < MAX_CELLS
+
+
+def test_islands_are_joined() -> None:
+    far = join(moved(icosphere(1), 0.1, 0, 0, 0), moved(icosphere(1), 0.1, 5.0, 3.0, 0))
+    field = LatticeField(far)
+    with torch.no_grad():
+        field.tensors["cell_jacobians"].mul_(2.0)
+    gap = placed(field).detach()[-1] - placed(field).detach()[0]
+    torch.testing.assert_close(gap, 2 * (far.verts[-1] - far.verts[0]), atol=1e-9, rtol=0)
+
+
+def test_auto_takes_the_lattice_for_several_parts_only() -> None:
+    assert chosen_carrier(Carrier.AUTO, RestMesh.of(torus())) is Carrier.SURFACE
+    assert chosen_carrier(Carrier.AUTO, RestMesh.of(CART)) is Carrier.LATTICE
+    assert chosen_carrier(Carrier.SURFACE, RestMesh.of(CART)) is Carrier.SURFACE
+    unused = TriangleMesh(torch.cat([torus().verts, torch.zeros(3, 3, dtype=F64)]), torus().faces)
+    assert chosen_carrier(Carrier.AUTO, RestMesh.of(unused)) is Carrier.SURFACE
+
+
+def test_a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> None:
+    mesh = moved(CART, 0.8, 0, 0, 0)
+    goal = TriangleMesh(mesh.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), mesh.faces)
+    guidance = TargetGuidance(goal, style=RenderStyle(view_size=16, supersample=1))
+    params = resolve(DeformParams.model_validate({
+        "guidance": "target", "steps": 12, "learning_rate": 0.05, "dirichlet_weight": 0.1, "normal_weight": 0.0,
+    }))  # fmt: skip
+    assert params.carrier is Carrier.AUTO
+    whole = Deformation(mesh, guidance, params)
+    steps = iter(whole)
+    for _ in range(7):
+        next(steps)
+    resumed = Deformation(mesh, guidance, params, checkpoint=whole.checkpoint())
+    for run in (steps, iter(resumed)):
+        for _ in run:
+            pass
+    assert torch.equal(whole.verts(), resumed.verts())
+    assert "cell_jacobians" in whole.checkpoint().tensors
+    spread = np.ptp(whole.verts().numpy(), axis=0) / np.ptp(mesh.verts.numpy(), axis=0)
+    assert spread[1] > 1.05
+    assert spread[0] < 1
