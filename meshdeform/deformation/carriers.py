@@ -21,7 +21,10 @@ def chosen_carrier(carrier: Carrier, mesh: RestMesh) -> Carrier:
     return Carrier.LATTICE if several else Carrier.SURFACE
 
 
-def carry(carrier: Carrier, mesh: TriangleMesh) -> Variables:
-    """Return the variables of a mesh."""
+def carry(carrier: Carrier, mesh: TriangleMesh, whole: TriangleMesh | None = None) -> Variables:
+    """Return the variables of a mesh, or of the stand-in of a `whole` mesh, which a lattice encloses as well."""
     rest = RestMesh.of(mesh)
-    return LatticeField(rest) if chosen_carrier(carrier, rest) is Carrier.LATTICE else JacobianField(rest)
+    of_whole = rest if whole is None else RestMesh.of(whole)
+    if chosen_carrier(carrier, of_whole) is Carrier.SURFACE:
+        return JacobianField(rest)
+    return LatticeField(rest, of_whole)

@@ -26,13 +26,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
-from meshdeform.deformation.variables import Variables, copy_into, placed
+from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
@@ -66,7 +66,8 @@ class Deformation:
     Parameters
     ----------
     mesh : TriangleMesh, float64
-        The welded rest mesh in the cameras' frame, where they see the unit sphere.
+        The welded rest mesh in the cameras' frame, where they see the unit sphere. If it is large, the run deforms a
+        simplified mesh, which it follows (`stand_in.py`).
     guidance : Guidance
         Loss on the rendered views.
     params : ResolvedParams
@@ -108,14 +109,16 @@ class Deformation:
         self.step = 0
         self._guidance = guidance
         self._device = device
-        self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh)
+        self._stand_in = StandIn(mesh)
+        drawn = self._stand_in.mesh
+        self._variables = variables(drawn) if variables is not None else self._stand_in.carry(params.carrier)
         rest = self._variables.rest
         self._regularizers = Regularizers(rest)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(rest.verts.abs().max())
-        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
+        self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
@@ -129,6 +132,11 @@ class Deformation:
                 self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
+
+    @property
+    def drawn_faces(self) -> int:
+        """Number of faces that are drawn and penalised: those of the mesh, or of its stand-in."""
+        return self._stand_in.mesh.faces.shape[0]
 
     @property
     def done(self) -> bool:
@@ -153,7 +161,7 @@ class Deformation:
     def verts(self) -> Tensor:
         """Return the deformed positions (V, 3) float64 in the rest mesh's frame, with its centre of mass."""
         with torch.no_grad():
-            return placed(self._variables)
+            return self._stand_in.follow(self._variables)
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state from which the run can continue.

@@ -16,6 +16,7 @@ from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
@@ -134,7 +135,7 @@ def _guidance(
         shape = load_asset(target, target_filename, limits).surface
         goal = weld(shape.positions, shape.triangles).mesh
         identity = {"id": "target", "revision": "", "sha256": sha256_hex(target)}
-        return TargetGuidance(place_target(goal, rest), device=device, identity=identity)
+        return TargetGuidance(stand_in_of(place_target(goal, rest)), device=device, identity=identity)
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:
