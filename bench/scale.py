@@ -47,10 +47,10 @@ def bumpy_sphere(faces: int) -> TriangleMesh:
 
 def write(path: Path, faces: int, components: int) -> None:
     parts = [bumpy_sphere(faces // components) for _ in range(components)]
-    shift = torch.tensor([1.5, 0.0, 0.0], dtype=torch.float64)
+    shift = torch.tensor([2.5, 0.0, 0.0], dtype=torch.float64)
     mesh = join(*(TriangleMesh(part.verts + k * shift, part.faces) for k, part in enumerate(parts)))
     verts = mesh.verts.numpy()
-    normals = verts - np.round(verts[:, :1] / 1.5) * shift.numpy()
+    normals = verts - np.round(verts[:, :1] / 2.5) * shift.numpy()
     path.write_bytes(build_glb(verts, mesh.faces.numpy(), normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
 
 

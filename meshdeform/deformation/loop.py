@@ -134,8 +134,8 @@ class Deformation:
             self.restore(checkpoint)
 
     @property
-    def drawn_faces(self) -> int:
-        """Number of faces that are drawn and penalised: those of the mesh, or of its stand-in."""
+    def optimized_faces(self) -> int:
+        """Number of faces of the mesh, or of its stand-in if it has one."""
         return self._stand_in.mesh.faces.shape[0]
 
     @property

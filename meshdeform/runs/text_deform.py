@@ -16,7 +16,7 @@ from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.stand_in import stand_in_of
+from meshdeform.deformation.stand_in import FACES, MAX_FACES, stand_in_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
@@ -109,6 +109,7 @@ def start(
             prompt=request.prompt,
             asset=asset_sha256,
             guidance=guidance.identity,
+            **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         shape = load_shape(initial, asset_sha256) if initial is not None else None
@@ -240,6 +241,7 @@ class TextDeformRun:
             usdz=usdz,
             history=self._history,
             holds=self._holds,
+            optimized_faces=self._deformation.optimized_faces,
             rebuilt_normals=self._rebuilt_normals,
             first_step=self._first_step,
             clock=self._clock,

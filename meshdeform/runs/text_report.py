@@ -74,6 +74,7 @@ def build_report(
     usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
+    optimized_faces: int,
     rebuilt_normals: int,
     first_step: int,
     clock: PhaseClock,
@@ -98,6 +99,8 @@ def build_report(
         `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
+    optimized_faces : int
+        Faces of the mesh that was deformed: of the stand-in, if there was one.
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face.
     first_step : int
@@ -131,6 +134,7 @@ def build_report(
             "source_triangles": len(asset.surface.triangles),
             "welded_vertices": welded.mesh.verts.shape[0],
             "welded_faces": welded.mesh.faces.shape[0],
+            "optimized_faces": optimized_faces,
             "rebuilt_normals": rebuilt_normals,
             **invariants,
         },
