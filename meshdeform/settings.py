@@ -138,7 +138,7 @@ class Settings(BaseSettings):
     max_accessor_elements: int = Field(
         20_000_000, ge=1, description="Largest number of elements that one accessor may declare."
     )
-    max_triangles: int = Field(500_000, ge=1, description="Largest number of triangles to deform.")
+    max_triangles: int = Field(1_000_000, ge=1, description="Largest number of triangles to deform.")
     max_json_bytes: int = Field(16 * 2**20, ge=1024, description="Largest JSON chunk of a GLB.")
 
     @cached_property

@@ -51,7 +51,7 @@ class Limits:
     max_bytes: int = 100 * 2**20
     max_json_bytes: int = 16 * 2**20
     max_accessor_elements: int = 20_000_000
-    max_triangles: int = 500_000
+    max_triangles: int = 1_000_000
     max_bare_elements: int = 250_000
     max_json_values: int = 500_000
     max_json_depth: int = 128
@@ -59,7 +59,7 @@ class Limits:
     max_chunks: int = 1000
     max_archive_files: int = 1000
     max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20
-    max_check_s: float = 30.0
+    max_check_s: float = 60.0
 
     @property
     def max_vertices(self) -> int:

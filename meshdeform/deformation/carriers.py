@@ -27,7 +27,12 @@ def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> 
 
 
 def carry(
-    carrier: Carrier, mesh: TriangleMesh, initial: Mapping[str, Tensor] | None = None, bodies: Sequence[Body] = ()
+    carrier: Carrier,
+    mesh: TriangleMesh,
+    *,
+    whole: TriangleMesh | None = None,
+    initial: Mapping[str, Tensor] | None = None,
+    bodies: Sequence[Body] = (),
 ) -> Variables:
     """Return the variables of a mesh.
 
@@ -35,6 +40,8 @@ def carry(
     ----------
     carrier : Carrier
     mesh : TriangleMesh
+    whole : TriangleMesh, optional
+        The mesh for which `mesh` stands in, which a lattice encloses as well; its components decide.
     initial : mapping of name to Tensor, optional
         The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
     bodies : sequence of Body, optional
@@ -46,7 +53,8 @@ def carry(
         The shape is of an edition that moved parts by translations, or of the surface while there are bodies.
     """
     rest = RestMesh.of(mesh)
-    chosen = chosen_carrier(carrier, rest, rigid=bool(bodies))
+    of_whole = rest if whole is None else RestMesh.of(whole)
+    chosen = chosen_carrier(carrier, of_whole, rigid=bool(bodies))
     if initial is not None:
         if "translations" in initial and bool(initial["translations"].any()) and len(initial["translations"]) > 1:
             raise CheckpointError(
@@ -54,7 +62,7 @@ def carry(
             )
         chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
     if chosen is Carrier.LATTICE:
-        return LatticeField(rest, bodies)
+        return LatticeField(rest, of_whole, bodies)
     if bodies and initial is not None:
         raise CheckpointError("The shape to start from has no lattice, which the parts in `rigid` need.")
     if bodies:

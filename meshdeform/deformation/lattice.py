@@ -30,6 +30,7 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 from meshdeform.deformation.ldl import factorise
 from meshdeform.errors import NumericalError
 from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.samples import samples_of
 
 __all__ = ["CELLS", "MAX_CELLS", "Lattice", "LatticeSystem"]
 
@@ -108,7 +109,7 @@ class Lattice:
         # Centred, so that the lattice of a symmetric mesh is symmetric.
         origin = (low + high) / 2 - counts * spacing / 2
         occupied = np.zeros(counts, bool)
-        occupied[tuple(np.floor((_samples(verts, faces, spacing / 2) - origin) / spacing).astype(int).T)] = True
+        occupied[tuple(np.floor((samples_of(verts, faces, spacing / 2)[0] - origin) / spacing).astype(int).T)] = True
         occupied = _joined(ndimage.binary_fill_holes(occupied))
         occupied = ndimage.binary_dilation(occupied, _NEIGHBOURS)
         shape = (int(counts[0]) + 1, int(counts[1]) + 1, int(counts[2]) + 1)
@@ -161,7 +162,7 @@ class Lattice:
         verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
         lookup = np.full(np.array(self.shape) - 1, -1)
         lookup[tuple(self.cells.T)] = np.arange(len(self.cells))
-        points, owner = _samples_of(verts, faces, self.spacing / 2)
+        points, owner = samples_of(verts, faces, self.spacing / 2)
         cell = lookup[tuple(np.floor((points - self.origin) / self.spacing).astype(int).T)]
         found = sparse.csr_matrix((np.ones(len(cell)), (cell, owner)), shape=(len(self.cells), len(faces)))
         found.sum_duplicates()
@@ -249,27 +250,6 @@ def _axis_edges(cell_nodes: _Index) -> tuple[_Index, _Index]:
     pairs = np.stack([cell_nodes[:, tails], cell_nodes[:, heads]], 2).reshape(-1, 2)
     edges, inverse = np.unique(pairs, axis=0, return_inverse=True)
     return edges, inverse.reshape(len(cell_nodes), 3, 4)
-
-
-def _samples(verts: _Floats, faces: _Index, distance: float) -> _Floats:
-    """Return points on all faces, at most `distance` apart."""
-    return _samples_of(verts, faces, distance)[0]
-
-
-def _samples_of(verts: _Floats, faces: _Index, distance: float) -> tuple[_Floats, _Index]:
-    """Return points on all faces, at most `distance` apart, and the face of each."""
-    corners = verts[faces]
-    longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(1)
-    parts = np.maximum(np.ceil(longest / distance).astype(int), 1)
-    points, owners = [], []
-    for count in np.unique(parts):
-        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
-        inside = i + j <= count
-        weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], 1) / count
-        chosen = np.flatnonzero(parts == count)
-        points.append(np.einsum("sb,fbc->fsc", weights, corners[chosen]).reshape(-1, 3))
-        owners.append(np.repeat(chosen, len(weights)))
-    return np.concatenate(points), np.concatenate(owners)
 
 
 def _joined(occupied: _Flags) -> _Flags:

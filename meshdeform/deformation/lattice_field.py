@@ -37,6 +37,8 @@ _LEAST_VOLUME = 1e-6
 
 _CORRECTIONS = 3
 
+_CHUNK = 50_000
+
 _Floats = NDArray[np.float64]
 
 
@@ -47,14 +49,16 @@ class LatticeField:
     ----------
     mesh : TriangleMesh
         At rest.
+    whole : TriangleMesh, optional
+        Another mesh that the lattice encloses as well, to be moved with it.
     bodies : sequence of Body
         Vertices that keep their shape; they follow the nodes by the motion that fits best.
     """
 
-    def __init__(self, mesh: TriangleMesh, bodies: Sequence[Body] = ()) -> None:
+    def __init__(self, mesh: TriangleMesh, whole: TriangleMesh | None = None, bodies: Sequence[Body] = ()) -> None:
         self.rest = rest = RestMesh.of(mesh)
         self._bodies = RigidBodies(rest, bodies) if bodies else None
-        self.lattice = lattice = Lattice.around(rest)
+        self.lattice = lattice = Lattice.around(rest if whole is None or whole is mesh else _joined(rest, whole))
         self._embedding = lattice.embedding(rest.verts.numpy())
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
@@ -85,6 +89,16 @@ class LatticeField:
         """Return the vertices that follow the nodes."""
         points = sparse_product(self._embedding, control)
         return points if self._bodies is None else self._bodies.place(points)
+
+    def moved(self, points: Tensor) -> Tensor:
+        """Return other points (P, 3) float64 inside of the lattice, moved with its current nodes.
+
+        They are computed in chunks, since each has 27 weights.
+        """
+        with torch.no_grad():
+            nodes = self.solve().numpy()
+        chunks = [self.lattice.embedding(chunk) @ nodes for chunk in _chunks(points.numpy())]
+        return torch.from_numpy(np.concatenate(chunks))
 
     def jacobian_penalty(self) -> Tensor:
         """Return the mean of ||J - I||^2 over the cells."""
@@ -129,6 +143,16 @@ class LatticeField:
         ends = control.index_select(0, self._edges.reshape(-1)).view(-1, 2, 3)
         edges = (ends[:, 1] - ends[:, 0]) / self.lattice.spacing
         return edges.index_select(0, self._tetrahedra).view(-1, 3, 3)
+
+
+def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
+    """Return the surface of both meshes."""
+    faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
+    return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
+
+
+def _chunks(points: _Floats) -> list[_Floats]:
+    return [points[start : start + _CHUNK] for start in range(0, len(points), _CHUNK)]
 
 
 def _kuhn_edges(lattice: Lattice) -> NDArray[np.int64]:

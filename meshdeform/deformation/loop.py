@@ -20,21 +20,22 @@ Gao et al. 2023, TextDeformer, section 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.orientation import Grader, Orientation, OrientationSource, find_orientation
 from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
-from meshdeform.deformation.variables import Variables, copy_into, placed
+from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import Guidance, StepContext
@@ -71,7 +72,8 @@ class Deformation:
     Parameters
     ----------
     mesh : TriangleMesh, float64
-        The welded rest mesh in the cameras' frame, where they see the unit sphere.
+        The welded rest mesh in the cameras' frame, where they see the unit sphere. If it is large, the run deforms a
+        simplified mesh, which it follows (`stand_in.py`).
     guidance : Guidance
         Loss on the rendered views.
     params : ResolvedParams
@@ -83,6 +85,8 @@ class Deformation:
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
         shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh. With
         `params.orientation` = `auto`, the turn is that of the checkpoint.
+    bodies : sequence of Body, optional
+        Parts that keep their shape. A large mesh with bodies has no stand-in.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -111,6 +115,7 @@ class Deformation:
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
         initial: Mapping[str, Tensor] | None = None,
+        bodies: Sequence[Body] = (),
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
     ) -> None:
@@ -119,7 +124,12 @@ class Deformation:
         self.step = 0
         self._guidance = guidance
         self._device = device
-        self._variables = variables(mesh) if variables is not None else carry(params.carrier, mesh, initial)
+        # Bodies are vertices of the mesh itself.
+        self._stand_in = StandIn(mesh, simplify=not bodies)
+        drawn = self._stand_in.mesh
+        self._variables = (
+            variables(drawn) if variables is not None else self._stand_in.carry(params.carrier, initial, bodies)
+        )
         rest = self._variables.rest
         self._regularizers = Regularizers(rest)
         self._bounds = CameraRange(
@@ -128,7 +138,7 @@ class Deformation:
         self._views = views(self._bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(rest.verts.abs().max())
-        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], self._views.style, device)
+        self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device)
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
@@ -149,6 +159,11 @@ class Deformation:
     def cells(self) -> int | None:
         """Number of cells of the lattice that carries the mesh; None if its own surface does."""
         return len(self._variables.elements) if isinstance(self._variables, LatticeField) else None
+
+    @property
+    def optimized_faces(self) -> int:
+        """Number of faces of the mesh, or of its stand-in if it has one."""
+        return self._stand_in.mesh.faces.shape[0]
 
     @property
     def done(self) -> bool:
@@ -173,7 +188,7 @@ class Deformation:
     def verts(self) -> Tensor:
         """Return the deformed positions (V, 3) float64 in the rest mesh's frame, with its centre of mass."""
         with torch.no_grad():
-            return placed(self._variables)
+            return self._stand_in.follow(self._variables)
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state from which the run can continue.

@@ -14,7 +14,18 @@ import meshdeform
 
 __all__ = ["LossHistory", "PhaseClock", "sha256_hex", "versions"]
 
-_PACKAGES = ("torch", "numpy", "scipy", "numba", "trimesh", "safetensors", "diffusers", "transformers", "usd-core")
+_PACKAGES = (
+    "torch",
+    "numpy",
+    "scipy",
+    "numba",
+    "trimesh",
+    "fast-simplification",
+    "safetensors",
+    "diffusers",
+    "transformers",
+    "usd-core",
+)
 _MAX_SAMPLES = 200
 
 

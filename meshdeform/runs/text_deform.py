@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,11 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.usd import require_usd, write_usdz
-from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.stand_in import FACES, MAX_FACES, stand_in_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
@@ -113,6 +112,7 @@ def start(
             prompt=request.prompt,
             asset=asset_sha256,
             guidance=guidance.identity,
+            **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         shape = load_shape(initial, asset_sha256) if initial is not None else None
@@ -123,7 +123,7 @@ def start(
             device=device,
             checkpoint=state,
             initial=shape,
-            variables=partial(carry, params.carrier, initial=shape, bodies=bodies),
+            bodies=bodies,
         )
     facts = RunFacts(request, params, asset_sha256, len(asset), filename, guidance.identity, run, device)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, bodies)
@@ -147,7 +147,7 @@ def _guidance(
         shape = load_asset(target, target_filename, limits).surface
         goal = weld(shape.positions, shape.triangles).mesh
         identity = {"id": "target", "revision": "", "sha256": sha256_hex(target)}
-        return TargetGuidance(place_target(goal, rest), device=device, identity=identity)
+        return TargetGuidance(stand_in_of(place_target(goal, rest)), device=device, identity=identity)
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:
@@ -255,6 +255,7 @@ class TextDeformRun:
             usdz=usdz,
             history=self._history,
             holds=self._holds,
+            optimized_faces=self._deformation.optimized_faces,
             rebuilt_normals=self._rebuilt_normals,
             cells=self._deformation.cells,
             first_step=self._first_step,

@@ -81,6 +81,7 @@ def build_report(
     usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
+    optimized_faces: int,
     rebuilt_normals: int,
     cells: int | None,
     first_step: int,
@@ -109,6 +110,8 @@ def build_report(
         `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
+    optimized_faces : int
+        Faces of the mesh that was deformed: of the stand-in, if there was one.
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
         had without a direction.
@@ -152,6 +155,7 @@ def build_report(
             "source_triangles": len(asset.surface.triangles),
             "welded_vertices": welded.mesh.verts.shape[0],
             "welded_faces": welded.mesh.faces.shape[0],
+            "optimized_faces": optimized_faces,
             "rebuilt_normals": rebuilt_normals + asset.repairs.normals,
             "rebuilt_tangents": asset.repairs.tangents,
             **invariants,

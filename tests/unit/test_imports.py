@@ -105,7 +105,7 @@ def test_the_base_install_is_enough_for_the_client(repository: Path) -> None:
 
 def test_the_extra_deform_is_enough_to_deform(repository: Path, tmp_path: Path) -> None:
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert packages["deform"][0] == "meshdeform[asset]"
+    assert [line for line in packages["deform"] if line.startswith("meshdeform")] == ["meshdeform[asset]"]
     refused = [line.partition(">")[0] for line in packages["stack"]]
     program = _REFUSE % refused + "from meshdeform.cli.app import main\nsys.argv[0] = 'meshdeform'\nmain()"
     arguments = ["run", str(repository / "examples/sphere.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]

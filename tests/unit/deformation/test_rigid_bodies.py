@@ -51,7 +51,7 @@ def bent(field: LatticeField, seed: int = 0) -> LatticeField:
 
 
 def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> None:
-    plain, held = placed(bent(LatticeField(CART))).detach(), placed(bent(LatticeField(CART, BODIES))).detach()
+    plain, held = placed(bent(LatticeField(CART))).detach(), placed(bent(LatticeField(CART, bodies=BODIES))).detach()
     rest = CART.verts
     assert float((lengths(plain[LEFT]) - lengths(rest[LEFT])).abs().max()) > 0.01
     torch.testing.assert_close(lengths(held[LEFT]), lengths(rest[LEFT]), atol=1e-12, rtol=0)
@@ -73,8 +73,8 @@ def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> Non
 
 
 def test_a_field_without_bodies_is_the_plain_one_bit_for_bit() -> None:
-    assert torch.equal(placed(bent(LatticeField(CART, []))), placed(bent(LatticeField(CART))))
-    torch.testing.assert_close(placed(LatticeField(CART, BODIES)), CART.verts, atol=1e-12, rtol=0)
+    assert torch.equal(placed(bent(LatticeField(CART, bodies=[]))), placed(bent(LatticeField(CART))))
+    torch.testing.assert_close(placed(LatticeField(CART, bodies=BODIES)), CART.verts, atol=1e-12, rtol=0)
 
 
 @each_case("mode", [RIGID, SIMILARITY])
@@ -116,7 +116,7 @@ def test_rigid_bodies_choose_the_lattice() -> None:
     assert chosen_carrier(Carrier.AUTO, ball) is Carrier.SURFACE
     assert chosen_carrier(Carrier.AUTO, ball, rigid=True) is Carrier.LATTICE
     with pytest.raises(ValueError, match="lattice"):
-        carry(Carrier.SURFACE, ball, [Body(np.arange(10))])
+        carry(Carrier.SURFACE, ball, bodies=[Body(np.arange(10))])
 
 
 def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
@@ -126,7 +126,11 @@ def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
     def start(checkpoint=None) -> Deformation:
         guidance = TargetGuidance(goal, style=RenderStyle(view_size=16, supersample=1))
         return Deformation(
-            CART, guidance, params, checkpoint=checkpoint, variables=lambda mesh: carry(params.carrier, mesh, BODIES)
+            CART,
+            guidance,
+            params,
+            checkpoint=checkpoint,
+            variables=lambda mesh: carry(params.carrier, mesh, bodies=BODIES),
         )
 
     whole = start()

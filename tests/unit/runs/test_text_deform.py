@@ -13,6 +13,7 @@ from PIL import Image
 
 import meshdeform
 from meshdeform.assets import build_glb, load_asset
+from meshdeform.deformation import stand_in
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
@@ -50,6 +51,26 @@ def test_the_fake_priors_optimum_is_approached() -> None:
     extent = positions.max(0) - positions.min(0)
     assert extent[1] / extent[0] == pytest.approx(2.0, rel=0.15)
     assert extent[1] / extent[2] == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_large_asset_keeps_everything_though_a_stand_in_is_deformed(monkeypatch: pytest.MonkeyPatch) -> None:
+    asset = glb(icosphere(4), scale=30.0, offset=100.0)
+    usual = len(start(asset).checkpoint())
+    monkeypatch.setattr(stand_in, "MAX_FACES", 1500)
+    monkeypatch.setattr(stand_in, "FACES", 800)
+    run = start(asset, request(steps=6))
+    for _ in run:
+        pass
+    assert len(run.checkpoint()) < usual / 3
+    files = run.finish()
+    report = json.loads(files["report.json"].data)
+    assert (report["mesh"]["optimized_faces"], report["mesh"]["welded_faces"]) == (800, 5120)
+    assert report["mesh"]["same_vertex_count"]
+    assert report["mesh"]["same_faces"]
+    assert (report["quality"]["flipped_faces"], report["quality"]["self_intersecting_faces_after"]) == (0, 0)
+    result = load_asset(files["result.glb"].data).surface
+    np.testing.assert_allclose(result.positions, run.positions(), rtol=1e-6)
+    assert np.abs(result.positions - load_asset(asset).surface.positions).max() > 0.5
 
 
 def test_results_keep_the_asset_and_say_so() -> None:

@@ -1,0 +1,142 @@
+"""Stand-ins of large meshes: what follows them, that nothing is lost, and that runs resume."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation import stand_in
+from meshdeform.deformation.binding import Binding
+from meshdeform.deformation.checkpoint import dump_checkpoint, load_checkpoint
+from meshdeform.deformation.lattice_field import LatticeField
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.stand_in import StandIn, stand_in_of
+from meshdeform.deformation.variables import placed
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.rendering.shading import RenderStyle
+from meshdeform.requests.choices import Carrier
+from meshdeform.requests.document import DeformParams, resolve
+
+F64 = torch.float64
+TORUS = RestMesh.of(torus(0.4, 0.15, 120, 50))
+"""12,000 faces."""
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stand_in, "MAX_FACES", 1500)
+    monkeypatch.setattr(stand_in, "FACES", 800)
+
+
+def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=F64), mesh.faces)
+
+
+def turned(verts: Tensor) -> Tensor:
+    """A similarity: a rotation of 50 degrees about a diagonal, 1.3 times as large, and moved."""
+    axis = torch.tensor([1.0, 2.0, -1.0], dtype=F64)
+    axis = np.radians(50) * axis / axis.norm()
+    x, y, z = axis.tolist()
+    rotation = torch.linalg.matrix_exp(torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=F64))
+    return 1.3 * verts @ rotation.T + torch.tensor([0.1, -0.2, 0.3], dtype=F64)
+
+
+def bent(verts: Tensor) -> Tensor:
+    x, y, z = verts.unbind(1)
+    angle = 1.5 * y
+    return torch.stack([x * angle.cos() - z * angle.sin() + 0.3 * y.square(), y, x * angle.sin() + z * angle.cos()], 1)
+
+
+def test_a_small_mesh_is_its_own_stand_in() -> None:
+    small = RestMesh.of(icosphere(3, 0.6))
+    assert stand_in_of(small) is small
+
+
+def test_vertices_follow_the_simplified_surface() -> None:
+    simple = stand_in_of(TORUS)
+    assert simple.faces.shape[0] == 800
+    binding = Binding(simple, TORUS)
+    assert np.array_equal(binding.move(simple.verts), TORUS.verts.numpy())
+    np.testing.assert_allclose(binding.move(turned(simple.verts)), turned(TORUS.verts).numpy(), atol=1e-12)
+    followed = binding.move(bent(simple.verts))
+    expected = bent(TORUS.verts).numpy()
+    assert float((bent(TORUS.verts) - TORUS.verts).abs().max()) > 0.1
+    assert np.linalg.norm(followed - expected, axis=1).max() < 0.01
+    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), followed)
+    assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)
+
+
+def test_the_sides_of_a_thin_wall_follow_their_own_sides() -> None:
+    """Each side stretches its own way, which is no map of space: vertices must find the side that they are on."""
+    wall = RestMesh.of(TriangleMesh(box(30).verts * torch.tensor([1.0, 1.0, 0.1], dtype=F64), box(30).faces))
+    simple = stand_in_of(wall)
+    assert simple.faces.shape[0] < wall.faces.shape[0] / 2
+
+    def parted(verts: Tensor) -> Tensor:
+        return verts + torch.tensor([0.0, 0.0, 1.0], dtype=F64) * verts[:, 2:].sign()
+
+    followed = Binding(simple, wall).move(parted(simple.verts))
+    middle = (wall.verts[:, :2].abs() < 0.3).all(1).numpy()
+    assert (np.sign(followed[middle, 2]) == np.sign(wall.verts.numpy()[middle, 2])).all()
+    assert np.abs(followed[middle, 2]).min() > 0.5
+
+
+def test_a_lattice_carries_the_whole_mesh_as_if_there_were_no_stand_in() -> None:
+    whole = RestMesh.of(join(shifted(TORUS, -0.5, 0, 0), shifted(TORUS, 0.5, 0, 0)))
+    stands = StandIn(whole)
+    field = stands.carry(Carrier.AUTO)
+    assert isinstance(field, LatticeField)
+    np.testing.assert_allclose(stands.follow(field), whole.verts, atol=1e-12)
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        field.tensors["cell_jacobians"] += 0.1 * torch.randn(
+            field.tensors["cell_jacobians"].shape, generator=generator, dtype=F64
+        )
+    expected = field.lattice.embedding(whole.verts.numpy()) @ field.solve().detach().numpy()
+    np.testing.assert_array_equal(stands.follow(field), expected)
+    assert len(placed(field)) < whole.verts.shape[0] / 4
+
+
+def test_a_stand_in_loses_no_part() -> None:
+    """A thousand separate leaves: edges of theirs can collapse only with the whole leaf."""
+    places = torch.rand(1000, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
+    leaf = TriangleMesh(grid(1).verts * 0.02, grid(1).faces)
+    leaves = RestMesh.of(join(*(shifted(leaf, *place.tolist()) for place in places)))
+    simple = stand_in_of(leaves)
+    assert float(simple.areas.sum()) > 0.5 * float(leaves.areas.sum())
+
+
+@pytest.mark.parametrize("carrier", [Carrier.SURFACE, Carrier.LATTICE])
+def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: Carrier) -> None:
+    goal = TriangleMesh(TORUS.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), TORUS.faces)
+    guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))
+    params = resolve(
+        DeformParams.model_validate(
+            {"preset": "preview", "guidance": "target", "steps": 24, "learning_rate": 0.02, "carrier": carrier}
+        )
+    )
+    whole = Deformation(TORUS, guidance, params)
+    steps = iter(whole)
+    for _ in range(11):
+        next(steps)
+    stored = dump_checkpoint(whole.checkpoint(), "run")
+    assert whole.optimized_faces == 800
+    if carrier is Carrier.SURFACE:
+        assert {t.shape for t in whole.checkpoint().tensors.values() if t.ndim == 3} == {(800, 3, 3)}
+    resumed = Deformation(TORUS, guidance, params, checkpoint=load_checkpoint(stored, "run"))
+    for run in (steps, iter(resumed)):
+        for _ in run:
+            pass
+    assert torch.equal(whole.verts(), resumed.verts())
+    assert whole.verts().shape == TORUS.verts.shape
+    moved = whole.verts() - TORUS.verts
+    wanted = goal.verts - TORUS.verts
+    assert float((moved * wanted).sum() / (moved.norm() * wanted.norm())) > 0.5
+    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), whole.verts().numpy())
+    assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)
