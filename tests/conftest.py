@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,10 @@ from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_server, redis_server
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# A shell without job control starts background commands with Ctrl-C ignored, and so would the tests' own processes be.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Before anything imports torch or numba: threads of ours would fight with the processes that the tests start.
 os.environ["OMP_NUM_THREADS"] = "1"

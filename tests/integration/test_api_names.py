@@ -61,7 +61,7 @@ def test_known_query_parameters_are_accepted(api: Api) -> None:
         ),
         (
             {"prompt": "a vase", "output": {"xyz": True}},
-            {"output.xyz": "there is no such member. There are: morph, usd."},
+            {"output.xyz": "there is no such member. There are: compact, morph, provenance, usd."},
         ),
     ],
 )
