@@ -57,14 +57,14 @@ class Parts:
 def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
     """Read the parts of the surface that `read_surface` gathered in `blocks`."""
     root = document.root
-    nodes, meshes, materials = (root.get(name, []) for name in ("nodes", "meshes", "materials"))
+    nodes, meshes = root["nodes"], root["meshes"]
+    # Materials have not been checked: nothing else reads them here.
+    materials = root["materials"] if isinstance(root.get("materials"), list) else []
     children = {at: node["children"] for at, node in enumerate(nodes) if node.get("children")}
     counts = [count for block in blocks for count in block.triangles]
     owners = [block.node for block in blocks for _ in block.triangles]
     looks = [
-        meshes[block.mesh]["primitives"][primitive].get("material", -1)
-        for block in blocks
-        for primitive in block.primitives
+        _material(meshes[block.mesh]["primitives"][primitive]) for block in blocks for primitive in block.primitives
     ]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
@@ -93,6 +93,11 @@ def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
     return meshes[node["mesh"]] if "mesh" in node else {}
 
 
-def _name(item: dict[str, Any]) -> str:
-    name = item.get("name", "")
+def _material(primitive: dict[str, Any]) -> int:
+    found = primitive.get("material")
+    return found if type(found) is int and found >= 0 else -1
+
+
+def _name(item: Any) -> str:
+    name = item.get("name", "") if isinstance(item, dict) else ""
     return name[:_MAX_NAME] if isinstance(name, str) else ""

@@ -9,7 +9,7 @@ import pytest
 
 from meshdeform.assets import inspect_asset, load_asset
 from meshdeform.errors import AssetEmptyError, AssetError, AssetTruncatedError, AssetUnsupportedError
-from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS, Builder, pack, quad, unpack
+from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS, Builder, notable, pack, quad, unpack
 from tests.unit.assets.test_replace import position
 
 
@@ -90,7 +90,7 @@ def test_an_instanced_mesh_is_deformed_once_and_keeps_its_instances() -> None:
     np.testing.assert_allclose(asset.surface.positions, expected, atol=1e-12)
     assert asset.summary.skipped == ()
     assert "draws 1 mesh 3 times" in asset.summary.warnings[0]
-    assert inspect_asset(builder.glb()).warnings == asset.summary.warnings
+    assert inspect_asset(builder.glb()).warnings == notable(asset)
     written = asset.replace(asset.surface.positions + [0.0, 2.0, 0.0])
     np.testing.assert_allclose(position(written), QUAD_VERTS + np.float32([0, 1, 0]), atol=1e-6)
     before, after = unpack(builder.glb())[0], unpack(written)[0]
@@ -117,3 +117,11 @@ def test_triangle_strips_of_a_ply_are_named() -> None:
     header += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
     with pytest.raises(AssetUnsupportedError, match="triangle strips"):
         load_asset(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode(), "strips.ply")
+
+
+def test_materials_that_are_none_have_no_name() -> None:
+    for materials, material in ([None, "red"], 0), ("none", 0), ([5], 0), ([{"name": 7}], "0"), ([{}], True):
+        root, binary, _ = unpack(quad())
+        root["meshes"][0]["primitives"][0]["material"] = material
+        root["materials"] = materials
+        assert load_asset(pack(root, binary)).summary.materials in ((), ({"index": 0, "name": ""},))
