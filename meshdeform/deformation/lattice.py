@@ -20,14 +20,13 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
-from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.deformation.ldl import factorise
+from meshdeform.deformation.linear_system import solve_linear
 from meshdeform.errors import NumericalError
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import samples_of
@@ -208,8 +207,7 @@ class LatticeSystem:
 
     def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
         """Return the nodes (N, 3) float64 that best fit Jacobians (C, 3, 3) float64; differentiable once in them."""
-        result: Tensor = _Solve.apply(self, jacobians, known)  # type: ignore[no-untyped-call]
-        return result
+        return solve_linear(self, jacobians, known)
 
     def _forward(self, jacobians: _Floats) -> _Floats:
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
@@ -222,21 +220,6 @@ class LatticeSystem:
         pulled = gradient - self._weights[:, None] * gradient.sum(0)
         field = self._divergence_t @ self._factor.solve(pulled)
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
-
-
-class _Solve(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: FunctionCtx, system: LatticeSystem, jacobians: Tensor, known: Tensor | None) -> Tensor:
-        ctx.system = system  # type: ignore[attr-defined]
-        if known is not None:
-            return known.clone()
-        return torch.from_numpy(system._forward(jacobians.detach().numpy()))
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor, None]:
-        system: LatticeSystem = ctx.system  # type: ignore[attr-defined]
-        return None, torch.from_numpy(system._backward(gradient.numpy())), None
 
 
 def _axis_edges(cell_nodes: _Index) -> tuple[_Index, _Index]:

@@ -24,9 +24,9 @@ import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
-from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.deformation.ldl import Factor, factorise
+from meshdeform.deformation.linear_system import solve_linear
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
@@ -100,8 +100,7 @@ class PoissonSystem:
                 f"expected jacobians ({self.rest.faces.shape[0]}, 3, 3) float64, "
                 f"got {tuple(jacobians.shape)} {jacobians.dtype}"
             )
-        result: Tensor = _Solve.apply(self, jacobians, known)  # type: ignore[no-untyped-call]
-        return result
+        return solve_linear(self, jacobians, known)
 
     def _forward(self, jacobians: _Floats) -> _Floats:
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
@@ -121,21 +120,6 @@ class PoissonSystem:
         if values.ndim == 1:
             return np.bincount(self._labels, values, self._count).astype(np.float64)
         return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
-
-
-class _Solve(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: FunctionCtx, system: PoissonSystem, jacobians: Tensor, known: Tensor | None) -> Tensor:
-        ctx.system = system  # type: ignore[attr-defined]
-        if known is not None:
-            return known.clone()
-        return torch.from_numpy(system._forward(jacobians.detach().numpy()))
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor, None]:
-        system: PoissonSystem = ctx.system  # type: ignore[attr-defined]
-        return None, torch.from_numpy(system._backward(gradient.numpy())), None
 
 
 def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
