@@ -52,6 +52,11 @@ class RigidBodies:
     rest : RestMesh
     bodies : sequence of Body
         No two share a vertex.
+
+    Attributes
+    ----------
+    members : (V,) bool
+        Vertices of any body.
     """
 
     def __init__(self, rest: RestMesh, bodies: Sequence[Body]) -> None:
@@ -72,8 +77,9 @@ class RigidBodies:
         self._similar = torch.tensor([body.mode is Rigidity.SIMILARITY for body in bodies]) & torch.from_numpy(
             spread > 0
         )
-        self._free = torch.ones(total, 1, dtype=torch.float64)
-        self._free[torch.from_numpy(members)] = 0.0
+        self.members = np.zeros(total, bool)
+        self.members[members] = True
+        self._free = torch.from_numpy(~self.members).double()[:, None]
 
     def place(self, verts: Tensor) -> Tensor:
         """Return vertices (V, 3) float64 with those of the bodies moved back into shape; differentiable once."""

@@ -6,8 +6,9 @@ shape of a run is intact, including the last one.
 
 Faults that the asset already has at rest are allowed. Faces that are folded at rest, or almost, may stay folded.
 Components that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may
-the faces around places where a component cuts or touches itself (a lining in a shell). Faces without area at rest
-cannot fold. Slivers on a lattice may fold where otherwise the whole asset would be held back.
+the faces around places where a component cuts or touches itself (a lining in a shell). A rigid body does not give way,
+so it may also cut the components within half a cell of it (a wheel and its arch). Faces without area at rest cannot
+fold. Slivers on a lattice may fold where otherwise the whole asset would be held back.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
@@ -24,6 +26,7 @@ from meshdeform.geometry.intersections import cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FOLD_MARGIN, FaceNeighbours
 from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.samples import samples_of
 from meshdeform.requests.document import Safeguard
 
 __all__ = ["EVERY_STEPS", "SurfaceGuard"]
@@ -73,6 +76,7 @@ class SurfaceGuard:
         self._loose = np.zeros(count, bool)
         self._meeting: _Index = np.empty(0, np.int64)
         self._allow_faults(self._rest.verts.numpy())
+        self._meeting = np.union1d(self._meeting, self._near_bodies())
         self._intact = self._copy()
 
     @property
@@ -110,6 +114,21 @@ class SurfaceGuard:
             reached = self._rest.face_adjacency @ reached
         self._loose |= reached > 0
         self._meeting = np.union1d(self._meeting, self._keys(contacts))
+
+    def _near_bodies(self) -> _Index:
+        """Return the keys of the pairs of components of which one has a rigid body within half a cell of the other."""
+        rigid = self._variables.elements.rigid
+        if rigid is None or self._kind is not Safeguard.INTERSECTIONS:
+            return np.empty(0, np.int64)
+        reach = self._variables.resolution / 2
+        points, face = samples_of(self._rest.verts.numpy(), self._faces, reach / 2)
+        # One point per component and voxel is enough, and a dense scan has many.
+        voxel = np.column_stack([np.floor(points / (reach / 4)), self._component[face], rigid[face]]).astype(np.int64)
+        kept = np.unique(voxel, axis=0, return_index=True)[1]
+        points, face = points[kept], face[kept]
+        near = cKDTree(points).query_ball_point(points[rigid[face]], reach, return_sorted=False)
+        owner = np.repeat(face[rigid[face]], [len(found) for found in near])
+        return self._keys(np.column_stack([owner, face[np.concatenate(near).astype(np.int64)]]))
 
     def _across_collapsed(self, pairs: _Index) -> _Flags:
         """Return flags (P,) of the pairs of faces with a collapsed face between them, which are neighbours."""

@@ -2,9 +2,9 @@
 
 Bounding boxes are swept along the longest axis. Two triangles cut each other if an edge of one passes through the
 other. The signs of five determinants decide this: the edge's ends lie on different sides of the plane, and the edge's
-line passes on the same side of all three edges of the triangle, or through one of them. A determinant closer to zero
-than its rounding error has no sign, and an edge that ends in the other's plane only touches it: touching and coplanar
-overlap do not count as cuts.
+line passes on the same side of all three edges of the triangle. A determinant closer to zero than its rounding error
+has no sign; then the point where the edge crosses the plane decides. An edge that ends in the other's plane only
+touches it: touching and coplanar overlap do not count as cuts.
 
 Faces that share an edge cannot cut each other unless they are folded flat, and are not tested; of faces that share one
 vertex, each one's opposite edge is tested.
@@ -25,6 +25,9 @@ __all__ = ["cutting_pairs", "intersecting_faces", "touching_pairs"]
 
 _ERROR = 8.0e-16
 """Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
+
+_BORDER = 1e-9
+"""Barycentric coordinate below zero that counts as on the border."""
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -57,7 +60,28 @@ def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bo
         return False
     first, second, third = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
     low, high = min(first, second, third), max(first, second, third)
-    return bool(low * high >= 0 and (low != 0 or high != 0))
+    if low * high < 0 or (low == 0 and high == 0):
+        return False
+    return bool(first * second * third != 0 or _crosses_inside(p, q, a, b, c))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _crosses_inside(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
+    """Return whether the segment p q crosses the plane a b c in the triangle or on its border.
+
+    In one plane all determinants are rounding errors, so those without a sign do not tell even far from the triangle.
+    """
+    nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+    ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
+    nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    above = abs(nx * (p[0] - a[0]) + ny * (p[1] - a[1]) + nz * (p[2] - a[2]))
+    below = abs(nx * (q[0] - a[0]) + ny * (q[1] - a[1]) + nz * (q[2] - a[2]))
+    share = above / (above + below) if above + below > 0.0 else 0.5
+    bb, cc, bc = _dot(a, b, a, b), _dot(a, c, a, c), _dot(a, b, a, c)
+    xb = (1 - share) * _dot(a, p, a, b) + share * _dot(a, q, a, b)
+    xc = (1 - share) * _dot(a, p, a, c) + share * _dot(a, q, a, c)
+    v, w, size = cc * xb - bc * xc, bb * xc - bc * xb, bb * cc - bc * bc
+    return bool(v >= -_BORDER * size and w >= -_BORDER * size and v + w <= (1 + _BORDER) * size)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -26,7 +26,7 @@ def test_only_what_cannot_bend_is_warned_about(mesh, warned, scale) -> None:
     warnings = coarseness_warnings(*arrays(mesh, scale))
     assert bool(warnings) is warned
     if warned:
-        assert "Subdivide" in warnings[0]
+        assert "output.subdivide" in warnings[0]
 
 
 def test_the_share_is_that_of_the_area() -> None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
@@ -142,6 +143,16 @@ def _crosses(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
             if u > 0 and v > 0 and u + v < 1 and 0 < t < 1:
                 return True
     return False
+
+
+def test_a_flat_sheet_does_not_cut_itself_however_it_is_turned() -> None:
+    """All determinants are rounding errors, so only where an edge crosses the plane tells the triangles apart."""
+    sheet = grid(20)
+    for seed in range(30):
+        generator = np.random.default_rng(seed)
+        flat = sheet.verts.numpy() + np.pad(generator.uniform(-0.01, 0.01, (len(sheet.verts), 2)), ((0, 0), (0, 1)))
+        turned = (flat + [0, 0, 1]) @ Rotation.random(random_state=seed).as_matrix()
+        assert not intersecting_faces(turned, sheet.faces.numpy()).any(), seed
 
 
 def test_who_cuts_whom() -> None:

@@ -126,6 +126,20 @@ def test_a_result_equal_to_its_source_up_to_rounding_has_no_new_flip_and_no_new_
         assert found.self_intersecting_faces_after == found.self_intersecting_faces_before
 
 
+def test_turning_faces_that_touch_adds_no_cut() -> None:
+    """A wall of boxes: their faces lie on each other, and rounding moves them out of their common planes."""
+    places = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0], [1.3, 1, 0.2]], dtype=torch.float64)
+    wall = join(*(TriangleMesh(box(1).verts + place, box(1).faces) for place in places))
+    for seed in range(4):
+        turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+        found = compare(wall, 1.1 * wall.verts @ torch.from_numpy(turn))
+        assert found.self_intersections_added == 0
+    row = join(box(1), TriangleMesh(box(1).verts + places[1] * 1.1, box(1).faces))
+    pushed = row.verts.clone()
+    pushed[8:] -= places[1] * 0.2
+    assert compare(row, pushed).self_intersections_added > 0
+
+
 def test_cuts_are_counted_against_rest_by_pairs() -> None:
     """A box that cuts one box moves on and cuts another: as many faces as before, but other pairs."""
     spot = torch.tensor([[0.0, 0, 0], [4.0, 0, 0], [0.5, 0.25, 0.25]], dtype=torch.float64)
