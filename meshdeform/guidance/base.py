@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from meshdeform.geometry.mesh import TriangleMesh
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["Guidance", "StepContext"]
+__all__ = ["Guidance", "ShapeGuidance", "StepContext"]
 
 
 @dataclass(frozen=True)
@@ -72,3 +75,25 @@ class Guidance(Protocol):
         NumericalError
             The loss is not finite.
         """
+
+
+@runtime_checkable
+class ShapeGuidance(Protocol):
+    """A guidance that compares the shape itself as well, and places it."""
+
+    @property
+    def offset(self) -> Tensor:
+        """Translation (3,) float64 of the deformed mesh, which the solve keeps at its centre of mass."""
+
+    def begin(self, mesh: TriangleMesh) -> None:
+        """Prepare for the mesh at rest that is deformed: the stand-in of a large one."""
+
+    def shape_loss(self, verts: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        """Return a scalar float64, differentiable in the vertices (V, 3) without the offset, and values for the log."""
+
+    @property
+    def state(self) -> dict[str, Tensor]:
+        """What changes during a run, for checkpoints."""
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Continue from `state`."""

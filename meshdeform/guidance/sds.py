@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -40,7 +41,7 @@ from meshdeform.guidance.base import StepContext
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.rendering.cameras import Cameras
-    from meshdeform.rendering.shading import RenderStyle
+    from meshdeform.rendering.shading import RenderStyle, Shading
 
 __all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
 
@@ -66,6 +67,8 @@ class ScoreDistillation:
         Lowest timestep drawn, as a fraction of T.
     timestep_max, timestep_max_end : float
         Highest timestep drawn at the first and at the last step, as fractions of T.
+    shading : Shading, optional
+        Shading of the views; by default that of the prior's style.
 
     Raises
     ------
@@ -84,6 +87,7 @@ class ScoreDistillation:
         timestep_min: float = 0.02,
         timestep_max: float = 0.98,
         timestep_max_end: float = 0.98,
+        shading: Shading | None = None,
     ) -> None:
         for name, high in (("timestep_max", timestep_max), ("timestep_max_end", timestep_max_end)):
             if not 0 <= timestep_min <= high <= 1:
@@ -91,6 +95,7 @@ class ScoreDistillation:
                     f"Timesteps must satisfy 0 <= timestep_min ({timestep_min}) <= {name} ({high}) <= 1."
                 )
         self._prior = prior
+        self._shading = shading
         prompted, unprompted = prior.encode_texts(prompt, negative_prompt)
         self._embedding = torch.stack([unprompted, prompted])
         self._scale, self._rescale = guidance_scale, guidance_rescale
@@ -98,8 +103,9 @@ class ScoreDistillation:
 
     @property
     def style(self) -> RenderStyle:
-        """Style of the views that the prior requires."""
-        return self._prior.style
+        """Style of the views that the prior requires, with the chosen shading."""
+        style = self._prior.style
+        return replace(style, shading=self._shading) if self._shading else style
 
     @property
     def identity(self) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Use a second mesh as guidance: render both meshes with the same cameras and compare the pictures.
+"""Use a second mesh as guidance: compare pictures of both from the same cameras, and their surfaces (`points.py`).
 
 ::
 
@@ -16,53 +16,48 @@ start, and from a sphere to a cow they were slower (after 300 steps, the mean di
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor
 
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import StepContext
-from meshdeform.rendering.normalization import Frame
+from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
+from meshdeform.guidance.points import EVERY_STEPS, PointTerm, diagonal_of
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
-__all__ = ["TARGET_STYLE", "TargetGuidance", "place_target"]
+__all__ = ["TARGET_STYLE", "TargetGuidance"]
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 _COLOUR_SCALE = 0.1
-
-
-def place_target(target: TriangleMesh, rest: TriangleMesh) -> TriangleMesh:
-    """Normalise a target like its source, and move its centre of mass to that of the source.
-
-    The Poisson solve keeps the centre of mass of the deformed mesh fixed. A target placed by its bounding box usually
-    has a different one, which the mesh could only match by stretching.
-
-    Parameters
-    ----------
-    target : TriangleMesh
-        In any unit, at any position.
-    rest : TriangleMesh
-        The source at rest, in the cameras' frame.
-    """
-    placed = Frame.around(target.verts).place(target)
-    shift = RestMesh.of(rest).centre_of_mass() - RestMesh.of(placed).centre_of_mass()
-    return TriangleMesh(placed.verts + shift, placed.faces)
+_ROUNDING = 1e-4
+"""Difference of colours that counts as none."""
 
 
 class TargetGuidance:
-    """Guides the views towards those of a target mesh.
+    """Guides the views towards those of a target mesh, and the surface towards its surface.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        The target, in the frame and with the centre of mass of the deformed mesh: see `place_target`.
+        The target, in the frame of the deformed mesh.
     style : RenderStyle
     device : str or torch.device
         Where the views are rendered.
     identity : dict of str to str, optional
         Identity of the target in the report; by default a hash of its vertices and faces.
+    point_weight : float
+        Weight of the distances between the surfaces; 0: only the views are compared.
+    seed : int
+        Of the samples whose distances are taken.
+    landmarks : sequence of Landmark
+        Points that go to places, in the frame of the deformed mesh.
+    offset : (3,) float64, optional
+        Translation with which the deformed mesh starts.
+    shifts : bool
+        Whether the translation may change; not where some of the mesh must stay in place.
     """
 
     def __init__(
@@ -72,11 +67,28 @@ class TargetGuidance:
         style: RenderStyle = TARGET_STYLE,
         device: str | torch.device = "cpu",
         identity: dict[str, str] | None = None,
+        point_weight: float = 0.0,
+        seed: int = 0,
+        landmarks: Sequence[Landmark] = (),
+        offset: Tensor | None = None,
+        shifts: bool = True,
     ) -> None:
         self.style = style
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
         self._verts = mesh.verts.to(device)
         self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
+        self._points = PointTerm(mesh, seed=seed) if point_weight else None
+        self._point_weight = point_weight
+        self._landmarks = LandmarkTerm(landmarks, diagonal_of(mesh)) if landmarks else None
+        self.offset = torch.zeros(3, dtype=torch.float64) if offset is None else offset
+        self._shifts = shifts
+        self._paired: dict[str, Tensor] = {}
+
+    def begin(self, mesh: TriangleMesh) -> None:
+        """Prepare for the mesh at rest that is deformed."""
+        for term in (self._points, self._landmarks):
+            if term is not None:
+                term.begin(mesh)
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Compare the views with those of the target from the same cameras.
@@ -93,13 +105,56 @@ class TargetGuidance:
             The loss is not finite.
         """
         with torch.no_grad():
-            target = combine_views(self._renderer.render(self._verts, context.cameras))
+            placed = self._verts - self.offset.to(self._verts)
+            target = combine_views(self._renderer.render(placed, context.cameras))
         if image.shape != target.shape:
             raise ShapeError(f"expected an image {tuple(target.shape)}, got {tuple(image.shape)}")
-        error = (image - target).square().mean()
+        apart = image - target
+        # Rounding errors alone would move a mesh that is already where it should be, since Adam scales gradients up.
+        error = torch.where(apart.abs() < _ROUNDING, 0.0, apart).square().mean()
         if not torch.isfinite(error):
             raise NumericalError(f"The views cannot be compared with the target at step {context.step + 1}.")
         return error / _COLOUR_SCALE**2, {"target_mse": error.item()}
+
+    def shape_loss(self, verts: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
+        """Return the distances between the surfaces and of the landmarks; and `paired_share`, of the samples."""
+        total, logs = verts.sum() * 0.0, {}
+        if self._points is not None:
+            if context.step % EVERY_STEPS == 0 or not self._paired:
+                self._pair(verts.detach(), context.fraction)
+            distances, logs["paired_share"] = self._points.loss(verts, self.offset)
+            total = total + self._point_weight * distances
+        if self._landmarks is not None:
+            total = total + self._landmarks.loss(verts, self.offset)
+        return total, logs
+
+    def _pair(self, verts: Tensor, fraction: float) -> None:
+        assert self._points is not None
+        before = self.offset
+        # The pairs of a resumed run are found again from what they were found from.
+        self._paired = {
+            "fit.verts": verts.clone(),
+            "fit.before": before,
+            "fit.fraction": torch.tensor([fraction], dtype=torch.float64),
+        }
+        found = self._points.pair(verts, before, fraction)
+        self.offset = before + found if self._shifts else before
+
+    @property
+    def state(self) -> dict[str, Tensor]:
+        """The offset, and the shape for which pairs were found last."""
+        return {"fit.offset": self.offset, **self._paired}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Continue from `state`; a checkpoint of an earlier version has none."""
+        self.offset = state.get("fit.offset", self.offset)
+        self._paired = {}
+        if self._points is not None and "fit.verts" in state:
+            self._pair_again(state)
+
+    def _pair_again(self, state: Mapping[str, Tensor]) -> None:
+        self.offset = state["fit.before"]
+        self._pair(state["fit.verts"], float(state["fit.fraction"]))
 
 
 def _sha256(mesh: TriangleMesh) -> str:

@@ -1,0 +1,166 @@
+"""Fit meshes to meshes, ours and two peers on the same pairs: ``python bench/fit.py ASSETS [-o FOLDER] [--only WORD]``.
+
+ASSETS is a folder with spot.obj, cow.obj, Duck.glb, CesiumMilkTruck.glb and further files that we read. The pairs are a
+sphere to each file, spot to cow and back, Duck to monkey.glb (if it is there), the truck to a box, spot to a scan of
+itself turned (noise, holes, floaters), and a sphere of 20,480 faces to the cow. The peers are
+`trimesh.registration.nricp_amberg` and `nricp_sumner` with their own settings. All methods get the target where our
+alignment puts it; the peers search the vertices of a target subdivided to 1 % of its diagonal. For each result: the
+share of the target within 1 % of its diagonal, the mean distances to and from the target (% of the diagonal), the mean
+and the 99th percentile of the symmetric Dirichlet energy (1: a similarity), flipped faces, and CPU time relative to
+ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+from numpy.typing import NDArray
+from trimesh.registration import nricp_amberg, nricp_sumner
+
+from meshdeform.assets import load_asset
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.stand_in import stand_in_of
+from meshdeform.geometry.fit_quality import measure_fit
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.weld import weld
+from meshdeform.guidance.alignment import aligned
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.requests.document import DeformParams, resolve
+
+Floats = NDArray[np.float64]
+SUFFIXES = (".glb", ".obj", ".ply", ".stl")
+STYLE = RenderStyle(view_size=256, supersample=2, shading="lambert", background=(1.0, 1.0, 1.0))
+
+
+def load(path: Path) -> TriangleMesh:
+    surface = load_asset(path.read_bytes(), path.name).surface
+    return weld(surface.positions, surface.triangles).mesh
+
+
+def scanned(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh as a scanner might see it: turned, noisy, with holes and floaters."""
+    random = np.random.default_rng(0)
+    verts, faces = mesh.verts.numpy().copy(), mesh.faces.numpy()
+    size = np.linalg.norm(np.ptp(verts, axis=0))
+    middles = verts[faces].mean(1)
+    holes = middles[random.choice(len(faces), 6)]
+    faces = faces[(np.linalg.norm(middles[:, None] - holes, axis=2) > 0.06 * size).all(1)]
+    verts += random.normal(0, 0.002 * size, verts.shape)
+    speck = icosphere(0)
+    for place in random.uniform(verts.min(0) - 0.2 * size, verts.max(0) + 0.2 * size, (12, 3)):
+        faces = np.concatenate([faces, speck.faces.numpy() + len(verts)])
+        verts = np.concatenate([verts, 0.01 * size * speck.verts.numpy() + place])
+    turn = np.radians(140)
+    about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    return TriangleMesh(torch.from_numpy(12.0 * verts @ about_y.T), torch.from_numpy(faces))
+
+
+def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
+    named = {path.stem: load(path) for path in sorted(assets.iterdir()) if path.suffix.lower() in SUFFIXES}
+    sphere = icosphere(4)
+    found = {f"sphere to {name}": (sphere, mesh) for name, mesh in named.items()}
+    found["spot to cow"] = named["spot"], named["cow"]
+    found["cow to spot"] = named["cow"], named["spot"]
+    if "monkey" in named:
+        found["Duck to monkey"] = named["Duck"], named["monkey"]
+    found["truck to box"] = named["CesiumMilkTruck"], box()
+    found["spot to its scan"] = named["spot"], scanned(named["spot"])
+    found["large sphere to cow"] = icosphere(5), named["cow"]
+    return found
+
+
+def ours(rest: TriangleMesh, target: TriangleMesh, preset: str) -> Floats:
+    params = resolve(DeformParams.model_validate({"guidance": "target", "preset": preset}))
+    guidance = TargetGuidance(stand_in_of(target), point_weight=params.point_weight)
+    run = Deformation(rest, guidance, params)
+    for _ in run:
+        pass
+    return run.verts().numpy()
+
+
+def peer(method: Callable[..., Floats]) -> Callable[[TriangleMesh, TriangleMesh], Floats]:
+    def run(rest: TriangleMesh, target: TriangleMesh) -> Floats:
+        source = trimesh.Trimesh(rest.verts.numpy(), rest.faces.numpy(), process=False)
+        goal = trimesh.Trimesh(target.verts.numpy(), target.faces.numpy(), process=False)
+        goal = goal.subdivide_to_size(0.01 * goal.scale, max_iter=20)
+        return np.asarray(method(source, goal, use_faces=False))
+
+    return run
+
+
+def draw(verts: list[Floats], faces: list[torch.Tensor], path: Path) -> None:
+    """Draw meshes below each other from four sides."""
+    from PIL import Image
+
+    rows = []
+    for points, corners in zip(verts, faces, strict=True):
+        cameras = fixed_cameras(30.0, 15.0)
+        image = Renderer(corners, len(points), STYLE).render(torch.from_numpy(np.ascontiguousarray(points)), cameras)
+        rows.append(np.concatenate(list(image.numpy()), 1))
+    Image.fromarray((255 * np.concatenate(rows)).clip(0, 255).astype(np.uint8)).save(path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("assets", type=Path)
+    parser.add_argument("-o", "--output", type=Path, help="folder for pictures: target, ours, Amberg, Sumner")
+    parser.add_argument("--only", action="append", help="pairs whose name contains this")
+    parser.add_argument("--preset", default="balanced")
+    parser.add_argument("--no-peers", action="store_true")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    methods: dict[str, Callable[[TriangleMesh, TriangleMesh], Floats]] = {
+        "ours": lambda rest, target: ours(rest, target, arguments.preset)
+    }
+    if not arguments.no_peers:
+        methods |= {"Amberg": peer(nricp_amberg), "Sumner": peer(nricp_sumner)}
+    warm_up = Frame.around(icosphere(1).verts).place(icosphere(1))
+    ours(warm_up, warm_up, "preview")
+    print("| pair | method | within 1 % | to | from | distortion | p99 | flips | time |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, (source, goal) in pairs(arguments.assets).items():
+        if arguments.only and not any(word in name for word in arguments.only):
+            continue
+        rest = Frame.around(source.verts).place(source)
+        target = aligned(goal, rest).place_mesh(goal)
+        shapes, first = [target.verts.numpy()], 0.0
+        for method, fit in methods.items():
+            began = time.process_time()
+            try:
+                verts = fit(rest, target)
+            except Exception as error:
+                print(f"| {name} | {method} | failed: {type(error).__name__} |||||||", flush=True)
+                continue
+            spent = time.process_time() - began
+            first = first or spent
+            fitted = measure_fit(TriangleMesh(torch.from_numpy(verts), rest.faces), target)
+            quality = measure(rest.verts.numpy(), rest.faces.numpy(), verts)
+            cells = (
+                f"{fitted.within:.1%}",
+                f"{100 * fitted.to_target:.2f}",
+                f"{100 * fitted.from_target:.2f}",
+                f"{quality.symmetric_dirichlet_mean:.2f}",
+                f"{quality.symmetric_dirichlet_p99:.1f}",
+                f"{quality.flipped_faces}",
+                f"{spent / first:.2f}",
+            )
+            print(f"| {name} | {method} | {' | '.join(cells)} |", flush=True)
+            shapes.append(verts)
+        if arguments.output is not None:
+            arguments.output.mkdir(parents=True, exist_ok=True)
+            draw(shapes, [target.faces, *[rest.faces] * (len(shapes) - 1)], arguments.output / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()

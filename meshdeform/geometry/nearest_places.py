@@ -1,0 +1,199 @@
+"""Find the places on a mesh that are nearest to points.
+
+A k-d tree of samples, with their normals as further coordinates, gives a first triangle; from there the search walks to
+nearer ones around it.
+
+Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest place on a triangle).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.samples import samples_of
+
+__all__ = ["NearestPlaces", "SurfaceTree"]
+
+_OPPOSITE = 2.0
+"""Distance, in typical edges, that counts as much as opposite normals: the other side of a thin wall is not near."""
+_CHUNK = 100_000
+_MOST_MOVES = 50
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+class SurfaceTree:
+    """A search tree of the surface of a mesh.
+
+    Parameters
+    ----------
+    verts : (V, 3) float64
+    faces : (F, 3) int64
+    normals : (F, 3) float64
+        Unit normals of the faces.
+    spacing : float
+        Greatest distance between neighbouring samples.
+    opposite : float
+        Distance that counts as much as opposite normals.
+    slack : float
+        How much farther than the nearest sample the one may be from which the walk begins, as a share; more is faster.
+    """
+
+    def __init__(
+        self,
+        verts: _Floats,
+        faces: _Index,
+        normals: _Floats,
+        *,
+        spacing: float,
+        opposite: float,
+        slack: float = 0.0,
+    ) -> None:
+        self._verts, self._faces, self._turn, self._slack = verts, faces, opposite / 2, slack
+        samples, self._owner = samples_of(verts, faces, spacing)
+        self._tree = cKDTree(np.concatenate([samples, self._turn * normals[self._owner]], 1))
+        self._around, self._begin = _faces_around(faces, len(verts))
+
+    def find(self, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats]:
+        """Return the nearest face (P,) of each point and the barycentric coordinates (P, 3) of the nearest place.
+
+        Parameters
+        ----------
+        points, normals : (P, 3) float64
+            Normals are unit normals of the surface to which the points belong; zero if unknown.
+        """
+        found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
+        for rows in _chunks(len(points)):
+            wanted = np.concatenate([points[rows], self._turn * normals[rows]], 1)
+            found[rows] = self._owner[self._tree.query(wanted, eps=self._slack)[1]]
+            _descend(points[rows], found[rows], self._verts, self._faces, self._around, self._begin, weights[rows])
+        return found, weights
+
+
+class NearestPlaces:
+    """The places on a mesh at rest that are nearest to points.
+
+    Parameters
+    ----------
+    mesh : RestMesh
+    points : (P, 3) float64
+        Near the mesh.
+    normals : (P, 3) float64
+        Unit normals of the surface to which the points belong; zero if unknown.
+
+    Attributes
+    ----------
+    faces : (P,) int64
+        The nearest face of each point.
+    corners : (P, 3) int32
+        Its corners.
+    weights : (P, 3) float64
+        Barycentric coordinates of the nearest place.
+    """
+
+    def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats) -> None:
+        self._verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+        edge = math.sqrt(2 * float(mesh.areas.sum()) / len(faces))
+        tree = SurfaceTree(self._verts, faces, mesh.normals.numpy(), spacing=edge, opposite=_OPPOSITE * edge)
+        self.faces, self.weights = tree.find(points, normals)
+        self.corners = faces[self.faces].astype(np.int32)
+
+    def distances(self, points: _Floats) -> _Floats:
+        """Return the distances (P,) of the points from the mesh."""
+        return np.asarray(np.linalg.norm(points - self.blend(self._verts), axis=1))
+
+    def blend(self, values: _Floats) -> _Floats:
+        """Interpolate values (V, K) of the vertices at the places, (P, K)."""
+        out = np.zeros((len(self.corners), values.shape[1]))
+        for k in range(3):
+            out += self.weights[:, k, None] * values[self.corners[:, k]]
+        return out
+
+
+def _chunks(count: int) -> list[slice]:
+    return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
+
+
+def _faces_around(faces: _Index, count: int) -> tuple[_Index, _Index]:
+    """Return the faces around all vertices, in the order of the vertices, and where those of each begin, (V + 1,)."""
+    corners = faces.ravel()
+    begin = np.concatenate([[0], np.bincount(corners, minlength=count).cumsum()])
+    return np.argsort(corners, kind="stable") // 3, begin
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _quotient(part: float, total: float) -> float:
+    return part / total if total != 0.0 else 0.0
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _nearest_place(p: _Floats, a: _Floats, b: _Floats, c: _Floats, weights: _Floats) -> float:
+    """Set the barycentric coordinates of the nearest place on a triangle; return the squared distance."""
+    # Written out: temporary arrays would take ten times as long.
+    ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    ap0, ap1, ap2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    bp0, bp1, bp2 = p[0] - b[0], p[1] - b[1], p[2] - b[2]
+    cp0, cp1, cp2 = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+    d1, d2 = ab0 * ap0 + ab1 * ap1 + ab2 * ap2, ac0 * ap0 + ac1 * ap1 + ac2 * ap2
+    d3, d4 = ab0 * bp0 + ab1 * bp1 + ab2 * bp2, ac0 * bp0 + ac1 * bp1 + ac2 * bp2
+    d5, d6 = ab0 * cp0 + ab1 * cp1 + ab2 * cp2, ac0 * cp0 + ac1 * cp1 + ac2 * cp2
+    v, w = 0.0, 0.0
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    if d1 <= 0.0 and d2 <= 0.0:
+        pass
+    elif d3 >= 0.0 and d4 <= d3:
+        v = 1.0
+    elif d6 >= 0.0 and d5 <= d6:
+        w = 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v = _quotient(d1, d1 - d3)
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        w = _quotient(d2, d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        w = _quotient(d4 - d3, (d4 - d3) + (d5 - d6))
+        v = 1.0 - w
+    else:
+        v, w = _quotient(vb, va + vb + vc), _quotient(vc, va + vb + vc)
+    weights[0], weights[1], weights[2] = 1.0 - v - w, v, w
+    x, y, z = ap0 - v * ab0 - w * ac0, ap1 - v * ab1 - w * ac1, ap2 - v * ab2 - w * ac2
+    return float(x * x + y * y + z * z)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _descend(
+    points: _Floats,
+    faces_found: _Index,
+    verts: _Floats,
+    faces: _Index,
+    around: _Index,
+    begin: _Index,
+    weights: _Floats,
+) -> None:
+    """Walk from a face to the nearest one around it as long as that is nearer; set it and the coordinates."""
+    found = np.empty(3)
+    for number in range(len(points)):
+        p, face = points[number], faces_found[number]
+        best = _nearest_place(p, verts[faces[face, 0]], verts[faces[face, 1]], verts[faces[face, 2]], weights[number])
+        for _ in range(_MOST_MOVES):
+            here = face
+            for k in range(3):
+                corner = faces[here, k]
+                for at in range(begin[corner], begin[corner + 1]):
+                    other = around[at]
+                    squared = _nearest_place(
+                        p, verts[faces[other, 0]], verts[faces[other, 1]], verts[faces[other, 2]], found
+                    )
+                    if squared < best:
+                        best, face = squared, other
+                        weights[number] = found
+            if face == here:
+                break
+        faces_found[number] = face

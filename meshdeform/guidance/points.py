@@ -1,0 +1,187 @@
+"""Pull a surface to a target surface and back: distances from samples of each to the nearest places on the other.
+
+With s_i samples of the deformed mesh, q_i the nearest places on the target, n_i the normals there, t_j samples of the
+target, x_j the nearest places on the deformed mesh, m_j the normals there, and D the diagonal of the target::
+
+    loss = mean_i g_i h(s_i - q_i; n_i) + mean_j g_j h(t_j - x_j; m_j)
+    h(d; n) = 2 (sqrt(1 + e / u^2) - 1),     e = 0.9 (n . d)^2 + 0.1 |d|^2,     u = D / 100
+
+so that surfaces slide along each other, and few far pairs do not outweigh the rest. The pairs are fixed for ten steps.
+A pair counts (g = 1) if the normals differ by at most 60 degrees, the distance is at most a limit that falls from 10 %
+to 2 % of D over the run, and the nearest place is not on an open border: there, something is missing.
+
+Sources: Amberg et al. 2007, Optimal Step Nonrigid ICP Algorithms for Surface Registration (gates); Rusinkiewicz and
+Levoy 2001, Efficient Variants of the ICP Algorithm (distances to planes).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from torch import Tensor
+
+from meshdeform.geometry.mesh import TriangleMesh, face_normals
+from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.geometry.operators import sparse_product
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.samples import blend_matrix, even_samples
+
+__all__ = ["EVERY_STEPS", "LIMITS", "SAMPLES", "PointTerm", "diagonal_of", "on_border"]
+
+SAMPLES = 20_000
+EVERY_STEPS = 10
+"""Steps between two searches for pairs."""
+LIMITS = (0.10, 0.02)
+"""Greatest distance of a pair at the first and at the last step, as a share of the diagonal."""
+
+_LEAST_COSINE = 0.5
+_UNIT = 0.01
+_ALONG = 0.1
+_INSIDE = 1e-6
+_LEAST_RESISTANCE = 0.05
+_MOST_SHIFT = 0.02
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Rows of the samples that count, with what they are compared with."""
+
+    from_mesh: sparse.csr_matrix
+    to_target: Tensor
+    normals: Tensor
+    weight: float
+
+
+class PointTerm:
+    """The distances between a mesh and its target in both directions.
+
+    Parameters
+    ----------
+    target : TriangleMesh
+        In the frame of the deformed mesh.
+    seed : int
+        Of the samples.
+    samples : int
+        On each of the two surfaces.
+    """
+
+    def __init__(self, target: TriangleMesh, *, seed: int = 0, samples: int = SAMPLES) -> None:
+        self._target = goal = RestMesh.of(target)
+        self._seed, self._samples = seed, samples
+        self._diagonal = diagonal_of(goal)
+        self._tree = _tree_of(goal.verts.numpy(), goal, self._diagonal)
+        self._border = _border_of(goal)
+        face, weights = even_samples(goal.areas, samples, seed)
+        self._points = (goal.verts.numpy()[goal.faces.numpy()[face]] * weights[:, :, None]).sum(1)
+        self._normals = goal.normals.numpy()[face]
+
+    def begin(self, mesh: TriangleMesh) -> None:
+        """Place the samples on the mesh at rest that is deformed."""
+        self._mesh = rest = RestMesh.of(mesh)
+        self._mesh_border = _border_of(rest)
+        self._face, weights = even_samples(rest.areas, self._samples, self._seed + 1)
+        self._sampler = blend_matrix(rest.faces.numpy()[self._face], weights, len(rest.verts))
+
+    def pair(self, verts: Tensor, offset: Tensor, fraction: float) -> Tensor:
+        """Find the pairs for a shape.
+
+        Parameters
+        ----------
+        verts : (V, 3) float64
+        offset : (3,) float64
+            Translation of the mesh towards the target.
+        fraction : float
+            Progress of the run, which determines the greatest distance.
+
+        Returns
+        -------
+        The translation (3,) float64 that brings the pairs that count together best.
+        """
+        moved = (verts + offset).numpy()
+        normals = face_normals(verts, self._mesh.faces).numpy()
+        limit = self._diagonal * (LIMITS[0] + (LIMITS[1] - LIMITS[0]) * fraction)
+        goal, faces = self._target, self._mesh.faces.numpy()
+        samples = self._sampler @ moved
+        face, weights = self._tree.find(samples, normals[self._face])
+        near = (goal.verts.numpy()[goal.faces.numpy()[face]] * weights[:, :, None]).sum(1)
+        there = goal.normals.numpy()[face]
+        counts = (there * normals[self._face]).sum(1) >= _LEAST_COSINE
+        counts &= np.linalg.norm(near - samples, axis=1) <= limit
+        counts &= ~on_border(self._border, goal.faces.numpy()[face], weights)
+        forward = self._kept(self._sampler, near, there, counts)
+        apart, across = [(near - samples)[counts]], [there[counts]]
+        face, weights = _tree_of(moved, self._mesh, self._diagonal, normals).find(self._points, self._normals)
+        blend = blend_matrix(faces[face], weights, len(moved))
+        missing = self._points - blend @ moved
+        counts = (self._normals * normals[face]).sum(1) >= _LEAST_COSINE
+        counts &= np.linalg.norm(missing, axis=1) <= limit
+        counts &= ~on_border(self._mesh_border, faces[face], weights)
+        self._pairs = [forward, self._kept(blend, self._points, normals[face], counts)]
+        apart.append(missing[counts])
+        across.append(normals[face][counts])
+        return torch.from_numpy(self._translation(np.concatenate(apart), np.concatenate(across)))
+
+    def _translation(self, apart: _Floats, normals: _Floats) -> _Floats:
+        """Return the translation (3,) that brings planes together best; zero along directions in which none resists."""
+        total = normals.T @ (normals * apart).sum(1)
+        found = np.linalg.pinv(normals.T @ normals, rcond=_LEAST_RESISTANCE, hermitian=True) @ total
+        length = float(np.linalg.norm(found))
+        most = _MOST_SHIFT * self._diagonal
+        return np.asarray(found if length <= most else found * (most / length))
+
+    def _kept(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
+        share = float(counts.mean())
+        return _Pairs(blend[counts], torch.from_numpy(points[counts]), torch.from_numpy(normals[counts]), share)
+
+    def loss(self, verts: Tensor, offset: Tensor) -> tuple[Tensor, float]:
+        """Return the loss, differentiable in the vertices (V, 3), and the share of the samples that count."""
+        unit = _UNIT * self._diagonal
+        total = verts.sum() * 0.0
+        for pairs in self._pairs:
+            if pairs.weight:
+                apart = (sparse_product(pairs.from_mesh, verts) + offset - pairs.to_target) / unit
+                across = (apart * pairs.normals).sum(1).square()
+                energy = (1 - _ALONG) * across + _ALONG * apart.square().sum(1)
+                total = total + pairs.weight * 2 * ((1 + energy).sqrt() - 1).mean()
+        return total, float(np.mean([pairs.weight for pairs in self._pairs]))
+
+
+def diagonal_of(mesh: TriangleMesh) -> float:
+    """Return the diagonal of the bounding box of the vertices that faces use."""
+    used = mesh.verts.numpy()[np.unique(mesh.faces.numpy())]
+    return float(np.linalg.norm(np.ptp(used, axis=0)))
+
+
+def on_border(border: _Flags, corners: _Index, weights: _Floats) -> _Flags:
+    """Return flags (P,) of the places on an open border.
+
+    Parameters
+    ----------
+    border : (V,) bool
+        The vertices on borders.
+    corners : (P, 3) int64
+    weights : (P, 3) float64
+        Barycentric coordinates.
+    """
+    reached = weights > _INSIDE
+    return np.asarray((border[corners] | ~reached).all(1) & ~reached.all(1))
+
+
+def _border_of(mesh: RestMesh) -> _Flags:
+    flags = np.zeros(len(mesh.verts), bool)
+    flags[mesh.edges.edges[mesh.edges.counts == 1].numpy().ravel()] = True
+    return flags
+
+
+def _tree_of(verts: _Floats, mesh: RestMesh, diagonal: float, normals: _Floats | None = None) -> SurfaceTree:
+    normals = mesh.normals.numpy() if normals is None else normals
+    spacing, opposite = 0.02 * diagonal, 0.1 * diagonal
+    return SurfaceTree(verts, mesh.faces.numpy(), normals, spacing=spacing, opposite=opposite, slack=0.2)

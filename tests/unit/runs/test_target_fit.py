@@ -1,0 +1,87 @@
+"""Jobs with a target mesh: how it is placed, what the report says, and what is refused."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.cli.fit import fit_line
+from meshdeform.errors import AlignmentError, ParameterError
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+
+SPHERE = icosphere(2)
+
+
+def glb(scale: tuple[float, float, float] = (1.0, 1.0, 1.0), offset: float = 0.0) -> bytes:
+    return build_glb(SPHERE.verts.numpy() * scale + offset, SPHERE.faces.numpy())
+
+
+def finished(asset: bytes, target: bytes, **params: object) -> tuple[np.ndarray, dict]:
+    params = {"guidance": "target", "preset": "preview", "steps": 30, **params}
+    request = JobRequest.model_validate({"params": params})
+    run = text_deform.start(asset=asset, filename="a.glb", request=request, target=target, target_filename="b.glb")
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    positions = load_asset(artifacts["result.glb"].data).surface.positions
+    return positions, json.loads(artifacts["report.json"].data)
+
+
+def test_the_report_says_how_well_the_target_is_fitted() -> None:
+    positions, report = finished(glb(), glb((8.0, 12.0, 10.0), 50.0), landmarks=[{"source": 0, "target": 0}])
+    fit = report["fit"]
+    assert np.abs(positions.mean(0)).max() < 0.05
+    assert fit["within"] > 0.95
+    assert fit["to_target"] < 0.005
+    assert fit["from_target"] < 0.005
+    assert fit["silhouettes"] > 0.95
+    assert fit["alignment"]["overlap"] > 0.9
+    assert fit["alignment"]["turn_deg"] == 0.0
+    assert fit["landmarks"]["count"] == 1
+    assert fit["landmarks"]["max"] < 0.03
+    line = fit_line(fit | {"quality": report["quality"]})
+    assert "of the target within 1 %" in line
+    assert "0 flipped faces" in line
+
+
+def test_without_alignment_the_result_is_where_the_target_is() -> None:
+    positions, report = finished(glb(), glb(offset=0.2), align="none")
+    assert np.abs(positions - (SPHERE.verts.numpy() + 0.2)).max() < 0.02
+    assert report["fit"]["alignment"]["turn_deg"] is None
+
+
+def test_a_matrix_places_the_target() -> None:
+    matrix = [0.1, 0, 0, -5, 0, 0.1, 0, -5, 0, 0, 0.1, -5, 0, 0, 0, 1]
+    positions, report = finished(glb(), glb((10.0, 10.0, 10.0), 50.0), align=matrix)
+    assert np.abs(positions - SPHERE.verts.numpy()).max() < 0.01
+    assert np.ravel(report["fit"]["alignment"]["matrix"]).tolist() == matrix
+
+
+def test_a_target_far_away_is_refused_with_a_picture() -> None:
+    with pytest.raises(AlignmentError, match="Only 0%") as refused:
+        finished(glb(), glb(offset=20.0), align="none")
+    assert refused.value.picture is not None
+    drawn = np.array(Image.open(io.BytesIO(refused.value.picture)))
+    assert {(222, 143, 5), (1, 115, 178)} < {tuple(colour) for colour in drawn.reshape(-1, 3).tolist()}
+    assert "params.align" in refused.value.advice_text
+
+
+@pytest.mark.parametrize(
+    ("params", "place"),
+    [
+        ({"landmarks": [{"source": 9999, "target": 0}]}, ["params", "landmarks", 0, "source"]),
+        ({"landmarks": [{"source": [0.0, 1.0, 0.0], "target": 162}]}, ["params", "landmarks", 0, "target"]),
+        ({"align": [0.0] * 16}, ["params", "align"]),
+    ],
+)
+def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> None:
+    with pytest.raises(ParameterError) as refused:
+        finished(glb(), glb(), **params)
+    assert refused.value.extra["errors"][0]["loc"] == place
