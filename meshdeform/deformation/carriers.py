@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from torch import Tensor
 
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.variables import JacobianField, Variables
@@ -33,6 +34,7 @@ def carry(
     whole: TriangleMesh | None = None,
     initial: Mapping[str, Tensor] | None = None,
     bodies: Sequence[Body] = (),
+    constraints: Constraints = UNCONSTRAINED,
 ) -> Variables:
     """Return the variables of a mesh.
 
@@ -46,6 +48,8 @@ def carry(
         The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
     bodies : sequence of Body, optional
         Parts that keep their shape; they need the lattice.
+    constraints : Constraints
+        Of `mesh`.
 
     Raises
     ------
@@ -62,9 +66,9 @@ def carry(
             )
         chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
     if chosen is Carrier.LATTICE:
-        return LatticeField(rest, of_whole, bodies)
+        return LatticeField(rest, of_whole, bodies, constraints)
     if bodies and initial is not None:
         raise CheckpointError("The shape to start from has no lattice, which the parts in `rigid` need.")
     if bodies:
         raise ValueError("rigid bodies need the lattice")
-    return JacobianField(rest)
+    return JacobianField(rest, constraints)

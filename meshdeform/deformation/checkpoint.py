@@ -45,7 +45,7 @@ def fingerprint(**parts: Any) -> str:
 
 
 def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
-    """Serialise a checkpoint of the run with fingerprint `run` and of the asset with SHA-256 `asset`."""
+    """Serialise a checkpoint of the run with fingerprint `run` and of the mesh with id `asset`."""
     metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
     return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
 
@@ -65,7 +65,7 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
 
 
 def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
-    """Load the tensors of a checkpoint of any run that deformed the asset with SHA-256 `asset`.
+    """Load the tensors of a checkpoint of any run that deformed the mesh with this id: the SHA-256 of its asset.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
     checkpoint, metadata = _read(data)
     # Older checkpoints do not name their asset; only the shapes of their tensors can be checked.
     if metadata.get("asset") not in (None, "", asset):
-        raise CheckpointError("The checkpoint was made with another asset.")
+        raise CheckpointError("The checkpoint was made with another asset, params.exclude or output.subdivide.")
     return checkpoint.tensors
 
 

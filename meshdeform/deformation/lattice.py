@@ -176,6 +176,8 @@ class LatticeSystem:
     lattice : Lattice
     weights : (N,) float64
         Weights, summing to 1, of the mean of the nodes that a solve keeps at its place at rest.
+    pinned : (N,) bool, optional
+        Nodes that stay exactly where they are at rest; if there are any, they determine the place instead of the mean.
 
     Raises
     ------
@@ -183,7 +185,7 @@ class LatticeSystem:
         The matrix could not be factored.
     """
 
-    def __init__(self, lattice: Lattice, weights: _Floats) -> None:
+    def __init__(self, lattice: Lattice, weights: _Floats, pinned: _Flags | None = None) -> None:
         count, n_edges = len(lattice.cells), len(lattice.edges)
         around = np.bincount(lattice.cell_edges.ravel(), minlength=n_edges)
         ends = lattice.edges.ravel()
@@ -196,14 +198,19 @@ class LatticeSystem:
         row = lattice.cell_edges.ravel()
         wanted = sparse.csr_matrix((lattice.spacing / around[row], (row, column)), shape=(n_edges, 3 * count))
         weighted = difference.T @ sparse.diags(around / 4.0)
-        factor = factorise((weighted @ difference).tocsr(), np.arange(1, len(lattice.keys)))
+        matrix = (weighted @ difference).tocsr()
+        held = pinned is not None and bool(pinned.any())
+        self._pinned = pinned if pinned is not None else np.zeros(len(lattice.keys), bool)
+        factor = factorise(matrix, np.flatnonzero(~self._pinned)[0 if held else 1 :])
         if factor is None:
             raise NumericalError("The lattice's Laplacian could not be factored.")
         self._factor = factor
         self._divergence = (weighted @ wanted).tocsr()
         self._divergence_t = self._divergence.T.tocsr()
-        self._weights = weights
-        self._rest_mean = weights @ lattice.nodes
+        self._rest = lattice.nodes
+        self._pull = matrix[:, self._pinned] @ self._rest[self._pinned] if held else None
+        self._weights = np.zeros_like(weights) if held else weights
+        self._rest_mean = self._weights @ self._rest
 
     def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
         """Return the nodes (N, 3) float64 that best fit Jacobians (C, 3, 3) float64; differentiable once in them."""
@@ -211,15 +218,30 @@ class LatticeSystem:
 
     def _forward(self, jacobians: _Floats) -> _Floats:
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
-        nodes: _Floats = self._factor.solve(self._divergence @ field)
+        right = self._divergence @ field
+        nodes: _Floats = self._factor.solve(right if self._pull is None else right - self._pull)
         if not np.isfinite(nodes).all():
             raise NumericalError("The Jacobians are not finite, or too large to solve for.")
-        return nodes + (self._rest_mean - self._weights @ nodes)
+        nodes += self._rest_mean - self._weights @ nodes
+        nodes[self._pinned] = self._rest[self._pinned]
+        return nodes
 
     def _backward(self, gradient: _Floats) -> _Floats:
-        pulled = gradient - self._weights[:, None] * gradient.sum(0)
-        field = self._divergence_t @ self._factor.solve(pulled)
+        field = self._divergence_t @ self._factor.solve(self._balanced(gradient))
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
+
+    def smooth(self, forces: _Floats) -> _Floats:
+        """Return the displacements (N, 3) of the nodes under forces (N, 3), as `PoissonSystem.smooth` does."""
+        return self._response(self._response(forces))
+
+    def _response(self, forces: _Floats) -> _Floats:
+        moved: _Floats = self._factor.solve(self._balanced(forces))
+        moved -= self._weights @ moved
+        return moved
+
+    def _balanced(self, forces: _Floats) -> _Floats:
+        balanced: _Floats = forces - self._weights[:, None] * forces.sum(0)
+        return balanced
 
 
 def _axis_edges(cell_nodes: _Index) -> tuple[_Index, _Index]:

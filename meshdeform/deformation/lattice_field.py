@@ -22,10 +22,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.jacobians import identity_jacobians
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.variables import Elements
+from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.operators import sparse_product
 from meshdeform.geometry.rest_mesh import RestMesh
@@ -53,21 +56,38 @@ class LatticeField:
         Another mesh that the lattice encloses as well, to be moved with it.
     bodies : sequence of Body
         Vertices that keep their shape; they follow the nodes by the motion that fits best.
+    constraints : Constraints
+        Of `mesh`: all nodes that a kept vertex follows are pinned in the solve, and handles are part of it.
+
+    Raises
+    ------
+    ParameterError
+        All nodes that move anything are pinned.
     """
 
-    def __init__(self, mesh: TriangleMesh, whole: TriangleMesh | None = None, bodies: Sequence[Body] = ()) -> None:
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        whole: TriangleMesh | None = None,
+        bodies: Sequence[Body] = (),
+        constraints: Constraints = UNCONSTRAINED,
+    ) -> None:
         self.rest = rest = RestMesh.of(mesh)
         self._bodies = RigidBodies(rest, bodies) if bodies else None
         self.lattice = lattice = Lattice.around(rest if whole is None or whole is mesh else _joined(rest, whole))
         self._embedding = lattice.embedding(rest.verts.numpy())
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
-        self._system = LatticeSystem(lattice, self._embedding.T @ shares)
+        self._system = LatticeSystem(lattice, self._embedding.T @ shares, self._pinned(constraints))
+        self._placement = constraints.placement(rest)
+        given, smooth = constraints.handles, self._system.smooth
+        self._handles = Handles(given, rest, self._placement, self._embedding, smooth) if given else None
         count = len(lattice.cells)
         # Whether a face is folded depends on its neighbours as well.
         holding = lattice.cells_of_faces(rest) @ (sparse.identity(len(rest.faces)) + rest.edge_adjacency)
+        rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
         self.elements = Elements(
-            lattice.cell_nodes, lattice.cell_adjacency(), np.zeros(count, np.int64), holding.tocsr()
+            lattice.cell_nodes, lattice.cell_adjacency(), np.zeros(count, np.int64), holding.tocsr(), rigid
         )
         self.resolution = lattice.spacing
         self.tensors = {"cell_jacobians": identity_jacobians(count).requires_grad_()}
@@ -83,11 +103,28 @@ class LatticeField:
         nodes = self._system.solve(jacobians, known)
         if known is None:
             self._solved = (jacobians._version, nodes.detach().clone())
-        return nodes
+        return nodes if self._handles is None else self._handles.pull(nodes)
+
+    def _pinned(self, constraints: Constraints) -> NDArray[np.bool_] | None:
+        """Return flags (N,) of the nodes that kept vertices follow; None if nothing is kept."""
+        kept = constraints.kept
+        if kept is None:
+            return None
+        pinned = np.zeros(len(self.lattice.keys), bool)
+        followed = self._embedding[np.flatnonzero(kept)]
+        pinned[followed.indices[followed.data > 0]] = True
+        if not self._embedding[np.flatnonzero(~kept)][:, np.flatnonzero(~pinned)].sum() > 0:
+            raise ParameterError(
+                "params.regions: what is kept is everywhere near the rest, so the lattice cannot move anything.",
+                advice="Keep less, or set params.carrier to surface.",
+            )
+        return pinned
 
     def verts(self, control: Tensor) -> Tensor:
-        """Return the vertices that follow the nodes."""
+        """Return the vertices that follow the nodes, placed where the constraints allow."""
         points = sparse_product(self._embedding, control)
+        if self._placement is not None:
+            points = self._placement.place(points)
         return points if self._bodies is None else self._bodies.place(points)
 
     def moved(self, points: Tensor) -> Tensor:

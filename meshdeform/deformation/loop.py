@@ -26,7 +26,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from meshdeform.assets.appearance import Appearance
 from meshdeform.deformation.checkpoint import Checkpoint
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.orientation import Grader, Orientation, OrientationSource, find_orientation
@@ -38,9 +40,9 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.guidance.base import Guidance, StepContext
+from meshdeform.guidance.base import Guidance, ShapeGuidance, StepContext
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
-from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.rendering.views import OrthogonalGrid, Views
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
@@ -48,6 +50,10 @@ from meshdeform.requests.document import ResolvedParams, Safeguard
 __all__ = ["Deformation", "Step"]
 
 _ORIENTATION = "orientation"
+_REACHED = 1e-8
+"""Value of a target's guidance that differs from zero by rounding only."""
+_SOFT = 2 / 3
+"""Share of the run after which the regularisers have their own weights."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,10 @@ class Deformation:
         `params.orientation` = `auto`, the turn is that of the checkpoint.
     bodies : sequence of Body, optional
         Parts that keep their shape. A large mesh with bodies has no stand-in.
+    appearance : Appearance, optional
+        Look of the mesh, of which `rows` are its vertices, for guidance with a style of colours.
+    constraints : Constraints
+        Where the vertices of the mesh may go. A large mesh with handles has no stand-in.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -116,6 +126,8 @@ class Deformation:
         checkpoint: Checkpoint | None = None,
         initial: Mapping[str, Tensor] | None = None,
         bodies: Sequence[Body] = (),
+        appearance: Appearance | None = None,
+        constraints: Constraints = UNCONSTRAINED,
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
     ) -> None:
@@ -124,9 +136,13 @@ class Deformation:
         self.step = 0
         self._guidance = guidance
         self._device = device
-        # Bodies are vertices of the mesh itself.
-        self._stand_in = StandIn(mesh, simplify=not bodies)
+        # Bodies and handles are vertices of the mesh itself.
+        own = not bodies and not constraints.handles
+        self._stand_in = StandIn(mesh, simplify=own, constraints=constraints)
         drawn = self._stand_in.mesh
+        self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
+        if self._shape is not None:
+            self._shape.begin(drawn)
         self._variables = (
             variables(drawn) if variables is not None else self._stand_in.carry(params.carrier, initial, bodies)
         )
@@ -138,7 +154,9 @@ class Deformation:
         self._views = views(self._bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(rest.verts.abs().max())
-        self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device)
+        coloured = self._views.style.shading in ("textured", "mixed")
+        worn = self._stand_in.wear(appearance) if coloured else None
+        self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device, appearance=worn)
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
@@ -148,8 +166,8 @@ class Deformation:
         self._consistent = True
         if initial is not None:
             copy_into(self._variables, initial)
-            if self._guard is not None:
-                self._guard.begin()
+        if self._guard is not None and (initial is not None or constraints.changes_start):
+            self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
         else:
@@ -164,6 +182,16 @@ class Deformation:
     def optimized_faces(self) -> int:
         """Number of faces of the mesh, or of its stand-in if it has one."""
         return self._stand_in.mesh.faces.shape[0]
+
+    @property
+    def simplified(self) -> bool:
+        """Whether a stand-in is drawn in place of the mesh."""
+        return self.optimized_faces != self.mesh.faces.shape[0]
+
+    @property
+    def shading(self) -> Shading:
+        """Shading of the pictures for the guidance: clay, `lambert`, where colours are asked for and there are none."""
+        return self._renderer.shading
 
     @property
     def done(self) -> bool:
@@ -186,9 +214,13 @@ class Deformation:
             yield Step(self.step, losses)
 
     def verts(self) -> Tensor:
-        """Return the deformed positions (V, 3) float64 in the rest mesh's frame, with its centre of mass."""
+        """Return the deformed positions (V, 3) float64 in the rest mesh's frame.
+
+        They have its centre of mass unless the guidance places them elsewhere.
+        """
         with torch.no_grad():
-            return self._stand_in.follow(self._variables)
+            verts = self._stand_in.follow(self._variables)
+            return verts if self._shape is None else verts + self._shape.offset
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state from which the run can continue.
@@ -207,10 +239,12 @@ class Deformation:
             for key, value in self._optimizer.state.get(parameter, {}).items()
         }
         guarded = self._guard.state if self._guard is not None else {}
+        guiding = self._shape.state if self._shape is not None else {}
         state = {
             **tensors,
             **moments,
             **guarded,
+            **guiding,
             _ORIENTATION: self.orientation.to_tensor(),
             "generator": self._generator.get_state(),
         }
@@ -265,9 +299,17 @@ class Deformation:
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
         cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg).to(self._device)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
-        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene))
+        shading = self._renderer.sample_shading(self._generator)
+        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, logs = self._guidance.loss(image, context)
+        guidance = guidance.double().cpu()
+        if self._shape is not None:
+            of_shape, shape_logs = self._shape.shape_loss(verts, context)
+            guidance, logs = guidance + of_shape, {**logs, **shape_logs}
+            if guidance.item() < _REACHED:
+                # The target is reached. Adam would scale up the rounding errors of the regularisers.
+                return self._hold(verts, logs, control)
         regularizers = self._regularizers
         penalties: dict[str, tuple[float, Callable[[], Tensor]]] = {
             "jacobian": (p.jacobian_reg_weight, self._variables.jacobian_penalty),
@@ -275,9 +317,10 @@ class Deformation:
             "normal": (p.normal_weight, lambda: regularizers.normal(verts)),
             "dirichlet": (p.dirichlet_weight, lambda: self._variables.dirichlet_penalty(control)),
         }
-        terms = {"guidance": p.guidance_weight * guidance.double().cpu()}
+        terms = {"guidance": p.guidance_weight * guidance}
         # A weight of 0 skips the penalty: 0 times an infinite penalty would be NaN.
-        terms |= {name: weight * penalty() for name, (weight, penalty) in penalties.items() if weight}
+        stiffness = self._stiffness(context.fraction)
+        terms |= {name: stiffness * weight * penalty() for name, (weight, penalty) in penalties.items() if weight}
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
         total.backward()  # type: ignore[no-untyped-call]
@@ -286,6 +329,16 @@ class Deformation:
         if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
         return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, control.detach()
+
+    def _hold(self, verts: Tensor, logs: dict[str, float], control: Tensor) -> tuple[float, dict[str, float], Tensor]:
+        """Return a loss of zero, with a gradient of zero."""
+        self._optimizer.zero_grad()
+        (verts.sum() * 0.0).backward()  # type: ignore[no-untyped-call]
+        return 0.0, {"guidance": 0.0, **logs}, control.detach()
+
+    def _stiffness(self, fraction: float) -> float:
+        """Return the factor of the regularisers: from `params.stiffness` to 1 at two thirds of the run."""
+        return float(self.params.stiffness ** max(0.0, 1 - fraction / _SOFT))
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Replace the state by a checkpoint of the same mesh and parameters.
@@ -305,6 +358,8 @@ class Deformation:
             }
         if self._guard is not None:
             self._guard.restore(state)
+        if self._shape is not None:
+            self._shape.restore(state)
         self.orientation = _stored_orientation(state)
         self._generator.set_state(state["generator"])
         self._consistent = True

@@ -61,8 +61,8 @@ class OrientationSource(StrEnum):
 _NOTICES = {
     OrientationSource.UNDECIDED: "No side of the asset fits the prompt clearly better than +Z as its front. Set "
     "params.orientation to the azimuth of another side if the result faces the wrong way.",
-    OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth and cannot choose the front. Set "
-    "params.orientation to the azimuth of the front if it is not +Z.",
+    OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth: it sees four sides at once with one "
+    "text, so no side is the front, and params.orientation changes nothing about it.",
 }
 
 

@@ -7,6 +7,10 @@ component, so one vertex per component is grounded for the factorisation; the co
 mass at rest. The matrix is symmetric, so the backward pass reuses the same factor. Sources: Xu et al. 2024,
 FusionDeformer, eq. 6; Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 
+Pinned vertices are eliminated: their rows leave the matrix, and their positions at rest go to the right-hand side. What
+remains is positive definite on a component with a pinned vertex, so none is grounded there, and the component is not
+moved to its centre of mass: the pinned vertices determine its place.
+
 Collapsed faces (`operators.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
 float64. To keep what they connect together, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
 w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
@@ -50,6 +54,8 @@ class PoissonSystem:
     mesh : TriangleMesh
         May be open, non-manifold or of several components, with unused vertices (they do not move) and faces without
         area (they have no weight).
+    pinned : (V,) bool, optional
+        Vertices that stay exactly where they are at rest.
 
     Attributes
     ----------
@@ -63,15 +69,21 @@ class PoissonSystem:
         The matrix could not be factored.
     """
 
-    def __init__(self, mesh: TriangleMesh) -> None:
+    def __init__(self, mesh: TriangleMesh, pinned: NDArray[np.bool_] | None = None) -> None:
         rest = RestMesh.of(mesh)
         self._labels, self._count = rest.components.numpy(), rest.num_components
-        self.rest, self._factor, self._divergence = _prepare(rest, _ungrounded(self._labels))
+        self._pinned = np.zeros(len(self._labels), bool) if pinned is None else pinned
+        held = np.bincount(self._labels[self._pinned], minlength=self._count) > 0
+        free = _ungrounded(self._labels, held) & ~self._pinned
+        self.rest, self._factor, matrix, self._divergence = _prepare(rest, np.flatnonzero(free))
         self._divergence_t = self._divergence.T.tocsr()
+        self._verts = rest.verts.numpy()
+        self._pull = matrix[:, self._pinned] @ self._verts[self._pinned] if held.any() else None
         areas = self.rest.vertex_areas
         # In a component without area, all vertices have the same weight.
         share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
-        self._shares = (share / self._sums(share)[self._labels])[:, None]
+        share = np.where(held[self._labels], 0.0, share / self._sums(share)[self._labels])
+        self._shares = share[:, None]
         self._rest_centres = self._sums(self._shares * rest.verts.numpy())
 
     def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
@@ -104,16 +116,35 @@ class PoissonSystem:
 
     def _forward(self, jacobians: _Floats) -> _Floats:
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
-        verts: _Floats = self._factor.solve(self._divergence @ field)
+        right = self._divergence @ field
+        verts: _Floats = self._factor.solve(right if self._pull is None else right - self._pull)
         if not np.isfinite(verts).all():
             raise NumericalError("The Jacobians are not finite, or too large to solve for.")
         verts += (self._rest_centres - self._sums(self._shares * verts))[self._labels]
+        verts[self._pinned] = self._verts[self._pinned]
         return verts
 
     def _backward(self, gradient: _Floats) -> _Floats:
-        pulled = gradient - self._shares * self._sums(gradient)[self._labels]
-        field = self._divergence_t @ self._factor.solve(pulled)
+        field = self._divergence_t @ self._factor.solve(self._balanced(gradient))
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
+
+    def smooth(self, forces: _Floats) -> _Floats:
+        """Return the displacements (V, 3) that forces (V, 3) cause on a thin plate: G = S M S with S = L^-1.
+
+        They are zero on pinned vertices, and do not move the centres of mass of components without any.
+        """
+        bent = self.rest.vertex_areas[:, None] * self._response(forces)
+        return self._response(bent)
+
+    def _response(self, forces: _Floats) -> _Floats:
+        moved: _Floats = self._factor.solve(self._balanced(forces))
+        moved -= self._sums(self._shares * moved)[self._labels]
+        return moved
+
+    def _balanced(self, forces: _Floats) -> _Floats:
+        """Remove what would move a component's centre of mass."""
+        balanced: _Floats = forces - self._shares * self._sums(forces)[self._labels]
+        return balanced
 
     def _sums(self, values: _Floats) -> _Floats:
         """Sum over each component, (V,) to (C,) or (V, 3) to (C, 3), always in the order of the vertices."""
@@ -122,24 +153,25 @@ class PoissonSystem:
         return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
 
 
-def _ungrounded(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return all vertices except the first of each component."""
+def _ungrounded(labels: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return flags (V,) of all vertices except the first of each component that is not held in place."""
     _, first = np.unique(labels, return_index=True)
     free = np.ones(len(labels), bool)
-    free[first] = False
-    return np.flatnonzero(free)
+    free[first[~held]] = False
+    return free
 
 
-def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix]:
-    """Factor; return the mesh with the threshold used, the factor, and the right-hand side's operator (V, 3F)."""
+def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix, sparse.csr_matrix]:
+    """Factor; return the mesh with the threshold used, factor, matrix, and the right-hand side's operator (V, 3F)."""
     for shape in _SHAPES:
         taken = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
         weighted = taken.gradient.T @ sparse.diags(np.repeat(taken.areas, 3))
         springs, stretch, weights = _springs(taken, np.flatnonzero(~taken.solid))
         pull = springs.T @ sparse.diags(weights)
-        factor = factorise((weighted @ taken.gradient + pull @ springs).tocsr(), free)
+        matrix = (weighted @ taken.gradient + pull @ springs).tocsr()
+        factor = factorise(matrix, free)
         if factor is not None:
-            return taken, factor, (weighted + pull @ stretch).tocsr()
+            return taken, factor, matrix, (weighted + pull @ stretch).tocsr()
     raise NumericalError(
         "The mesh's Laplacian could not be factored.",
         advice="Remove needle-thin triangles (for example: merge vertices by distance), then try again.",

@@ -17,12 +17,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.binding import Binding, NearestPlaces
+from meshdeform.assets.appearance import Appearance
+from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.carriers import carry
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import Variables, placed
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.simplify import simplified
 from meshdeform.requests.choices import Carrier
@@ -51,6 +55,8 @@ class StandIn:
     whole : TriangleMesh
     simplify : bool
         False: the whole mesh itself is deformed, however large it is.
+    constraints : Constraints
+        Of the whole mesh; handles need `simplify` False.
 
     Attributes
     ----------
@@ -58,15 +64,25 @@ class StandIn:
         The simplified mesh; the whole mesh itself if that has at most `MAX_FACES` faces.
     """
 
-    def __init__(self, whole: TriangleMesh, *, simplify: bool = True) -> None:
+    def __init__(self, whole: TriangleMesh, *, simplify: bool = True, constraints: Constraints = UNCONSTRAINED) -> None:
         self._whole = RestMesh.of(whole)
+        self._constraints = constraints
         self.mesh = stand_in_of(self._whole) if simplify else self._whole
 
     def carry(
         self, carrier: Carrier, initial: Mapping[str, Tensor] | None = None, bodies: Sequence[Body] = ()
     ) -> Variables:
         """Return the variables that deform the stand-in, as `carriers.carry` does."""
-        return carry(carrier, self.mesh, whole=self._whole, initial=initial, bodies=bodies)
+        own = self._constraints
+        if self.mesh is not self._whole:
+            own = own.of_stand_in(self.mesh, self._whole)
+        return carry(carrier, self.mesh, whole=self._whole, initial=initial, bodies=bodies, constraints=own)
+
+    def wear(self, appearance: Appearance | None) -> Appearance | None:
+        """Return the look of the stand-in for that of the whole mesh, of which `rows` are vertices."""
+        if appearance is None or self.mesh is self._whole:
+            return appearance
+        return baked_appearance(appearance, self._whole, self.mesh)
 
     def follow(self, variables: Variables) -> Tensor:
         """Return the vertices (V, 3) float64 of the whole mesh for the variables of the stand-in."""
@@ -74,8 +90,14 @@ class StandIn:
             return placed(variables)
         with torch.no_grad():
             if isinstance(variables, LatticeField):
-                return variables.moved(self._whole.verts)
-            return torch.from_numpy(self._binding.move(placed(variables)))
+                return self._placed(variables.moved(self._whole.verts), self._constraints)
+            edge = float(np.sqrt(2 * self.mesh.areas.sum() / len(self.mesh.faces)))
+            moved = torch.from_numpy(self._binding.move(placed(variables)))
+            return self._placed(moved, self._constraints.of_followers(edge))
+
+    def _placed(self, verts: Tensor, constraints: Constraints) -> Tensor:
+        placement = constraints.placement(self._whole)
+        return verts if placement is None else placement.place(verts)
 
     @cached_property
     def _binding(self) -> Binding:

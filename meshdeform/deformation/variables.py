@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
@@ -45,12 +47,15 @@ class Elements:
         Connected component of each element, from 0; their steps can be shortened independently.
     holding : sparse (E, F), optional
         Nonzero where an element holds a part of a face; None if the elements are the faces.
+    rigid : (F,) bool, optional
+        Faces of rigid bodies, which do not give way to what surrounds them; None if there are none.
     """
 
     corners: NDArray[np.int64]
     adjacency: sparse.csr_matrix
     component: NDArray[np.int64]
     holding: sparse.csr_matrix | None = None
+    rigid: _Flags | None = None
 
     def __len__(self) -> int:
         return len(self.component)
@@ -111,12 +116,16 @@ class Variables(Protocol):
 
 
 class JacobianField:
-    """One Jacobian per face: ``verts = poisson(J)``. Every connected component keeps its centre of mass.
+    """One Jacobian per face: ``verts = poisson(J)``.
+
+    Every connected component of which nothing is kept keeps its centre of mass.
 
     Parameters
     ----------
     mesh : TriangleMesh
         At rest.
+    constraints : Constraints
+        Of this mesh: kept vertices are pinned in the solve, and handles are part of it.
 
     Raises
     ------
@@ -124,9 +133,12 @@ class JacobianField:
         The Poisson system could not be factored.
     """
 
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self._poisson = PoissonSystem(mesh)
+    def __init__(self, mesh: TriangleMesh, constraints: Constraints = UNCONSTRAINED) -> None:
+        self._poisson = PoissonSystem(mesh, constraints.kept)
         self.rest = rest = self._poisson.rest
+        self._placement = constraints.placement(rest)
+        given = constraints.handles
+        self._handles = Handles(given, rest, self._placement, None, self._poisson.smooth) if given else None
         self._regularizers = Regularizers(rest)
         self._solid = torch.from_numpy(rest.solid).double()[:, None, None]
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
@@ -146,11 +158,11 @@ class JacobianField:
         solution = self._poisson.solve(jacobians, known)
         if known is None:
             self._solved = (jacobians._version, solution.detach().clone())
-        return solution
+        return solution if self._handles is None else self._handles.pull(solution)
 
     def verts(self, control: Tensor) -> Tensor:
-        """Return the argument: the control points are the vertices."""
-        return control
+        """Return the argument, placed where the constraints allow: the control points are the vertices."""
+        return control if self._placement is None else self._placement.place(control)
 
     def jacobian_penalty(self) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2."""
@@ -158,11 +170,11 @@ class JacobianField:
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
-        return self._regularizers.dirichlet(control)
+        return self._regularizers.dirichlet(self.verts(control))
 
     def sizes(self, control: Tensor) -> Tensor:
         """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
-        return face_cross(control, self.rest.faces)[:, None] * self._solid
+        return face_cross(self.verts(control), self.rest.faces)[:, None] * self._solid
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return the argument: Jacobians have a row per face."""

@@ -38,6 +38,6 @@ def coarseness_warnings(positions: NDArray[np.float64], triangles: NDArray[np.in
         return ()
     return (
         f"{share:.0%} of the surface is in triangles with edges longer than a third of the asset. Triangles stay "
-        "flat, so these surfaces cannot bend. Subdivide them first, for example with Subdivide in Blender's edit mode, "
-        "until edges are shorter than a tenth of the asset.",
+        "flat, so these surfaces cannot bend. Set output.subdivide, which splits edges longer than a tenth of the "
+        "asset, or subdivide them in a modelling program.",
     )

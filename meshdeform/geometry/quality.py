@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
+from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
 
 __all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "measure"]
@@ -24,6 +24,8 @@ _COLLAPSED_SHARE = 1e-6
 _UNMOVED = 1e-7
 """Displacement, as a share of the bounding box's diagonal, that counts as none: about what 32-bit floats resolve.
 Rounding would otherwise flip needles and make sheets that touch cut each other."""
+_TOUCHING = 1e-6
+"""Distance, as a share of the bounding box's diagonal, up to which faces touch."""
 _ROUNDING = 1e-15
 """Of the largest coordinate: what entering and leaving another frame may change."""
 
@@ -48,7 +50,8 @@ class MeshQuality:
         Area-weighted mean and 99th percentile; a similarity has 1.
     self_intersecting_faces_before, self_intersecting_faces_after : int
     self_intersections_added : int
-        Faces that cut a face which they did not cut at rest.
+        Faces that cut a face which they neither cut nor touched at rest. Faces that touch without cutting cut each
+        other, by rounding, as soon as they are turned.
     volume_ratio : float
         Signed volume after over before; 0 if the rest mesh encloses none.
     area_ratio : float
@@ -112,7 +115,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
         symmetric_dirichlet_p99=float(np.percentile(energy, 99)) if len(energy) else 0.0,
         self_intersecting_faces_before=int(cuts_before.sum()),
         self_intersecting_faces_after=int(cuts_after.sum()),
-        self_intersections_added=_added(rest_verts, verts, faces, cuts_before, cuts_after),
+        self_intersections_added=_added(rest_verts, verts, faces, diagonal_sq**0.5) if cuts_after.any() else 0,
         volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
         area_ratio=scale,
         area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,
@@ -126,14 +129,13 @@ def _without_rounding(rest: _Floats, verts: _Floats, diagonal: float) -> _Floats
     return np.where(still[:, None], rest, verts)
 
 
-def _added(rest: _Floats, verts: _Floats, faces: _Faces, before: NDArray[np.bool_], after: NDArray[np.bool_]) -> int:
-    """Count the faces in pairs that cut each other now and did not at rest."""
-    if not before.any():
-        return int(after.sum())
+def _added(rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float) -> int:
+    """Count the faces in pairs that cut each other now, and at rest neither did nor touched."""
     pairs = cutting_pairs(verts, faces)
-    keys = [p[:, 0] * len(faces) + p[:, 1] for p in (pairs, cutting_pairs(rest, faces))]
-    new = pairs[~np.isin(keys[0], keys[1])]
-    return len(np.unique(new))
+    cutting = np.unique(pairs)
+    touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), _TOUCHING * diagonal))]
+    keys, known = (found[:, 0] * len(faces) + found[:, 1] for found in (pairs, touching))
+    return len(np.unique(pairs[~np.isin(keys, known)]))
 
 
 def _cross(verts: _Floats, faces: _Faces) -> _Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["looks_z_up"]
+__all__ = ["looks_z_up", "up_axis_warnings"]
 
 _DOWN = 0.97
 """Least cosine between a face of a base and the downward axis."""
@@ -35,6 +35,13 @@ def looks_z_up(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
     base = _flat_share(corners, cross, axis=2, sign=-1)
     others = max(_flat_share(corners, cross, axis=1, sign=-1), _flat_share(corners, cross, axis=2, sign=1))
     return base >= _BASE and others < _MUCH_LESS * base
+
+
+def up_axis_warnings(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a sentence about a mesh that looks as if Z were up; nothing for others."""
+    if not looks_z_up(positions, triangles):
+        return ()
+    return ("The asset seems to have Z up, so the model sees it on its side. Export it with +Y up.",)
 
 
 def _flat_share(corners: NDArray[np.float64], cross: NDArray[np.float64], *, axis: int, sign: int) -> float:

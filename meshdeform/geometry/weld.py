@@ -11,15 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
-
-WELD_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def weld(
     if not len(used):
         raise AssetEmptyError("The asset has no triangles.")
     points = positions[used].astype(np.float64)
-    representative = _merge(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
+    representative = coincident(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
     merged = np.full(len(positions), -1, np.int64)
     merged[used] = representative
     corners = merged[triangles]
@@ -113,30 +111,3 @@ def weld(
         "border_edges": int((counts == 1).sum()),
     }
     return WeldedMesh(mesh, vertex_map.astype(np.int64), np.flatnonzero(solid).astype(np.int64), skipped)
-
-
-def _merge(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
-    """Return the index of each point's representative.
-
-    Exact duplicates are merged first; then each point joins the earliest representative within `distance`. Points join
-    representatives only, so a chain of close points (a detail finer than the tolerance) is thinned out, not merged into
-    one point.
-    """
-    label = _first_of_each(points + 0.0)  # + 0.0 turns -0 into 0
-    if distance <= 0:
-        return label
-    # Keep one point per cell, which bounds the number of pairs below even if many points are in one place.
-    label = _first_of_each(np.floor((points - points.min(0)) / distance))[label]
-    unique = np.unique(label)
-    pairs = cKDTree(points[unique]).query_pairs(distance, output_type="ndarray")
-    target = np.arange(len(points))
-    for low, high in unique[pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]]:
-        if target[low] == low and target[high] == high:
-            target[high] = low
-    return target[label]
-
-
-def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the index of the first row that equals each row."""
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return first[inverse.reshape(-1)].astype(np.int64)

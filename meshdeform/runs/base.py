@@ -61,11 +61,17 @@ class ArtifactKind:
     media_type : str
     summary : str
         One sentence about the result, and the option that requests it, if any.
+    afterwards : bool
+        Whether the service can make it from the job's files later on (`meshdeform.assets.derive`).
+    strengths : bool
+        Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`).
     """
 
     name: str
     media_type: str
     summary: str
+    afterwards: bool = False
+    strengths: bool = False
 
 
 @dataclass(frozen=True)
@@ -205,6 +211,9 @@ class Kind:
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
         the files by part. Default: all fit. Torch-free.
+    as_branch : callable
+        Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
+        request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
     goal : callable
         Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
         names of its files by part. Default: the prompt.
@@ -220,6 +229,7 @@ class Kind:
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
     check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
+    as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
 
     @property

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import Asset
 from meshdeform.assets.parts import Parts
+from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.weld import WeldedMesh, weld
 
@@ -22,7 +23,10 @@ _Index = NDArray[np.int64]
 
 
 def inspect_parts(asset: Asset) -> dict[str, Any]:
-    """Return the nodes, materials and components of an asset, and proposals for `params.rigid`, as JSON.
+    """Return what a selection can refer to in an asset, and proposals for `params.rigid`, as JSON.
+
+    Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
+    has vertex `colors`, and its `symmetry`: the axes along which `params.symmetry` can be kept.
 
     A component has its `number` for `params.rigid`, its `triangles`, its `size` as a share of the asset's, its `nodes`
     and its `materials`. A proposal has the numbers of its `components`, whether they are `congruent` and `round`, and
@@ -43,6 +47,11 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         "vertices": len(asset.surface.positions),
         "nodes": parts.nodes,
         "materials": parts.materials,
+        "mesh_names": parts.meshes,
+        "joints": parts.joints,
+        "colors": bool(np.isfinite(asset.vertex_colors()).any()),
+        "box": {name: bound.tolist() for name, bound in _box(welded).items()},
+        "symmetry": [name for axis, name in enumerate("xyz") if not find_partners(welded.mesh, axis).unmatched],
         "components": [
             {
                 "number": component.number,
@@ -55,6 +64,11 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         "proposals": _proposals(components, owners),
         "warnings": list(asset.summary.warnings),
     }
+
+
+def _box(welded: WeldedMesh) -> dict[str, NDArray[np.float64]]:
+    points = welded.mesh.verts.numpy()
+    return {"min": points.min(0), "max": points.max(0)}
 
 
 def _owners(welded: WeldedMesh, parts: Parts) -> dict[str, _Index]:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.assets import Asset
-from meshdeform.assets.parts import Parts
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import Rigidity
-from meshdeform.requests.rigid import RigidSelector, find_parts, refuse_selector
+from meshdeform.requests.rigid import RigidSelector
+from meshdeform.runs.selection import SelectableSurface
 
 __all__ = ["select_bodies"]
 
@@ -25,19 +22,7 @@ _Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class _Surface:
-    parts: Parts
-    mesh: RestMesh
-    face_source: _Index
-
-    @property
-    def components(self) -> _Index:
-        """Connected component (F,) of each face."""
-        return np.asarray(self.mesh.components.numpy()[self.mesh.faces.numpy()[:, 0]])
-
-
-def select_bodies(selectors: Sequence[RigidSelector], asset: Asset, welded: WeldedMesh) -> list[Body]:
+def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface) -> list[Body]:
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
@@ -45,9 +30,7 @@ def select_bodies(selectors: Sequence[RigidSelector], asset: Asset, welded: Weld
     Parameters
     ----------
     selectors : sequence of RigidSelector
-    asset : Asset
-    welded : WeldedMesh
-        The asset's surface.
+    surface : SelectableSurface
 
     Raises
     ------
@@ -56,11 +39,10 @@ def select_bodies(selectors: Sequence[RigidSelector], asset: Asset, welded: Weld
     """
     if not selectors:
         return []
-    surface = _Surface(asset.parts(), welded.mesh, welded.face_source)
     found = [
         Body(verts, selector.mode)
         for number, selector in enumerate(selectors)
-        for verts in _bodies(selector, _faces(number, selector, surface), surface.mesh)
+        for verts in _bodies(selector, surface.faces("rigid", number, selector), surface.mesh)
     ]
     bodies = _united(found, len(surface.mesh.verts))
     if len(bodies) == 1 and len(bodies[0].verts) == len(surface.mesh.verts):
@@ -69,30 +51,6 @@ def select_bodies(selectors: Sequence[RigidSelector], asset: Asset, welded: Weld
             advice="Select the parts that keep their shape only.",
         )
     return bodies
-
-
-def _faces(number: int, selector: RigidSelector, surface: _Surface) -> _Flags:
-    """Return flags (F,) of the faces that a selector selects."""
-    what, wanted = selector.where
-    if what == "component":
-        flags = surface.components == wanted
-        if not flags.any():
-            count = len(np.unique(surface.components))
-            raise refuse_selector(
-                number,
-                what,
-                f"params.rigid: the asset has no component {wanted}.",
-                f"Its components are 0 to {count - 1}; `meshdeform inspect` lists them.",
-            )
-        return np.asarray(flags)
-    parts = surface.parts
-    known, flags_of = (parts.nodes, parts.in_node) if what == "node" else (parts.materials, parts.of_material)
-    flags = np.any([flags_of(at) for at in find_parts(number, selector, known)], axis=0)[surface.face_source]
-    if not flags.any():
-        raise refuse_selector(
-            number, what, f"params.rigid: the {what} {wanted!r} has no triangle with an area.", "Leave it out."
-        )
-    return np.asarray(flags)
 
 
 def _bodies(selector: RigidSelector, flags: _Flags, mesh: RestMesh) -> list[_Index]:

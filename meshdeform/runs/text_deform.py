@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,26 +14,32 @@ from torch import Tensor
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.deformation.stand_in import FACES, MAX_FACES, stand_in_of
+from meshdeform.deformation.orientation import Orientation
+from meshdeform.deformation.stand_in import FACES, MAX_FACES
+from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
-from meshdeform.geometry.normals import rebuild_turned_normals, transform_normals, transform_tangents
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.target import TargetGuidance, place_target
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
 from meshdeform.rendering.studio import Pose
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.runs.appearance_report import appearance_report, sees_colours
 from meshdeform.runs.base import ArtifactData, StepReport
+from meshdeform.runs.control import Control, read_control
+from meshdeform.runs.control_report import control_report
 from meshdeform.runs.movement import HoldCounter
+from meshdeform.runs.preparation import prepared, shape_id
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
-from meshdeform.runs.rigid_selection import select_bodies
+from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.strength import AssetPath, write_morph
+from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
+from meshdeform.runs.target_fit import TargetFit
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
 
@@ -41,7 +47,6 @@ __all__ = ["TextDeformRun", "start"]
 
 _GLB = "model/gltf-binary"
 _USDZ = "model/vnd.usdz+zip"
-_Floats = NDArray[np.float64]
 
 
 def start(
@@ -97,57 +102,54 @@ def start(
     params = resolved or resolve(request.params, default_model=default_model)
     asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
-        loaded = load_asset(asset, filename, limits)
+        loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
         if request.output.usd:
             loaded.scene()  # detect unreadable materials now, not after the last step
         surface = loaded.surface
         welded = weld(surface.positions, surface.triangles)
-        bodies = select_bodies(params.rigid, loaded, welded)
     frame = Frame.around(welded.mesh.verts)
-    mesh = frame.place(welded.mesh)
+    mesh = RestMesh.of(frame.place(welded.mesh))
+    shape = shape_id(asset_sha256, params, request.output)
     with clock.phase("prepare"):
-        guidance = _guidance(request, params, mesh, prior, target, target_filename, limits, device)
+        control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
+        fit = None
+        if params.guidance is GuidanceKind.TARGET:
+            if target is None:
+                raise ParameterError(
+                    "params.guidance is `target`, but there is no target mesh.",
+                    advice="Send one as the part `target`.",
+                )
+            fit = TargetFit.of(params, loaded, welded.mesh, load_asset(target, target_filename, limits))
+            guidance: Guidance = fit.guidance(mesh, params, device, sha256_hex(target))
+        else:
+            guidance = _prompted(request, params, prior)
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
-            asset=asset_sha256,
+            asset=shape,
             guidance=guidance.identity,
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
-        shape = load_shape(initial, asset_sha256) if initial is not None else None
+        start_shape = load_shape(initial, shape) if initial is not None else None
         deformation = Deformation(
             mesh,
             guidance,
             params,
             device=device,
             checkpoint=state,
-            initial=shape,
-            bodies=bodies,
+            initial=start_shape,
+            bodies=control.bodies,
+            appearance=welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None,
+            constraints=control.constraints,
         )
-    facts = RunFacts(request, params, asset_sha256, len(asset), filename, guidance.identity, run, device)
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, bodies)
+    facts = RunFacts(
+        request, params, asset_sha256, len(asset), filename, guidance.identity, run, device, shape, division
+    )
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, fit)
 
 
-def _guidance(
-    request: JobRequest,
-    params: ResolvedParams,
-    rest: TriangleMesh,
-    prior: Prior | None,
-    target: bytes | None,
-    target_filename: str,
-    limits: Limits | None,
-    device: str,
-) -> Guidance:
-    if params.guidance is GuidanceKind.TARGET:
-        if target is None:
-            raise ParameterError(
-                "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
-            )
-        shape = load_asset(target, target_filename, limits).surface
-        goal = weld(shape.positions, shape.triangles).mesh
-        identity = {"id": "target", "revision": "", "sha256": sha256_hex(target)}
-        return TargetGuidance(stand_in_of(place_target(goal, rest)), device=device, identity=identity)
+def _prompted(request: JobRequest, params: ResolvedParams, prior: Prior | None) -> Guidance:
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:
@@ -166,9 +168,11 @@ class TextDeformRun:
         deformation: Deformation,
         facts: RunFacts,
         clock: PhaseClock,
-        bodies: Sequence[Body] = (),
+        control: Control,
+        fit: TargetFit | None = None,
     ) -> None:
-        self._bodies = bodies
+        self._control = control
+        self._fit = fit
         self._asset = asset
         self._welded = welded
         self._frame = frame
@@ -190,6 +194,11 @@ class TextDeformRun:
         """Number of steps done."""
         return self._deformation.step
 
+    @property
+    def orientation(self) -> Orientation:
+        """The turn of the cameras, and how it was chosen."""
+        return self._deformation.orientation
+
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps."""
         start = time.perf_counter()
@@ -203,7 +212,7 @@ class TextDeformRun:
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
-        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.asset_sha256)
+        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:
         """Return the current world positions (N, 3), float64, of the asset's own vertices."""
@@ -217,7 +226,7 @@ class TextDeformRun:
         NumericalError
             The shape is not finite.
         """
-        return ArtifactData(self._written(*self._surface(self._world_verts())), _GLB)
+        return ArtifactData(self._written(self._surface(self._world_verts())), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
@@ -229,14 +238,13 @@ class TextDeformRun:
         """
         verts = self._world_verts()
         with self._clock.phase("write"):
-            positions, normals, tangents = self._surface(verts)
-            result = self._written(positions, normals, tangents)
+            surface = self._surface(verts)
+            result = self._written(surface)
             # Read the file back, so that the report describes what is in the file.
-            written = read_result(result)
+            written = read_result(result).without(self._asset.excluded)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph:
-                morph = self._written(positions, normals, tangents, morph=True)
-                artifacts["morph.glb"] = ArtifactData(morph, _GLB)
+                artifacts["morph.glb"] = ArtifactData(self._morph(surface), _GLB)
             usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
@@ -250,6 +258,7 @@ class TextDeformRun:
             welded=self._welded,
             verts=verts,
             orientation=self._deformation.orientation,
+            appearance=appearance_report(self._facts.params, self._deformation),
             result=result,
             written=written,
             usdz=usdz,
@@ -260,18 +269,29 @@ class TextDeformRun:
             cells=self._deformation.cells,
             first_step=self._first_step,
             clock=self._clock,
-            not_drawn=appearance.left_out,
+            look=appearance,
             likeness=self._likeness(verts),
-            bodies=self._bodies,
+            fit=self._fitted(verts),
+            bodies=self._control.bodies,
+            control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
         )
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
 
-    def _written(self, positions: _Floats, normals: _Floats, tangents: _Floats, *, morph: bool = False) -> bytes:
+    def _written(self, surface: DeformedSurface) -> bytes:
         """Return the asset with a new shape as a GLB, with the options of the request."""
+        return self._asset.replace(surface.positions, surface.normals, surface.tangents, **self._file_options())
+
+    def _morph(self, surface: DeformedSurface) -> bytes:
+        path = AssetPath(self._asset, surface.positions, self._welded)
+        return write_morph(self._asset, path, surface, self._facts.request.output.morph_path, **self._file_options())
+
+    def _file_options(self) -> dict[str, Any]:
         output = self._facts.request.output
-        origin = provenance(self._facts, self.step) if output.provenance else None
-        return self._asset.replace(positions, normals, tangents, morph=morph, compact=output.compact, provenance=origin)
+        return {
+            "compact": output.compact,
+            "provenance": provenance(self._facts, self.step) if output.provenance else None,
+        }
 
     def _likeness(self, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
@@ -282,17 +302,19 @@ class TextDeformRun:
         with self._clock.phase("measure"):
             return likeness(TriangleMesh(verts, self._welded.mesh.faces), self._facts.request.prompt)
 
-    def _surface(self, verts: Tensor) -> tuple[_Floats, _Floats, _Floats]:
-        """Return positions, normals and tangents of the asset's own vertices, the last two if it has them."""
-        surface, rest = self._asset.surface, self._welded.mesh
-        jacobians = completed_jacobians(rest, verts)
-        areas = torch.from_numpy(rest.areas)
-        triangles = surface.triangles[self._welded.face_source]
-        normals = transform_normals(surface.normals, triangles, jacobians, areas)
-        faces = face_cross(rest.verts, rest.faces), face_cross(verts, rest.faces)
-        normals, self._rebuilt_normals = rebuild_turned_normals(normals, surface.normals, triangles, *faces)
-        tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
-        return self._welded.scatter(verts, surface.positions), normals, tangents
+    def _fitted(self, verts: Tensor) -> dict[str, Any] | None:
+        """Compare the result with the target, if there is one."""
+        if self._fit is None:
+            return None
+        with self._clock.phase("measure"):
+            return self._fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
+
+    def _surface(self, verts: Tensor) -> DeformedSurface:
+        found = deformed_surface(self._asset.surface, self._welded, verts)
+        self._rebuilt_normals = found.rebuilt_normals
+        return found
 
     def _world_verts(self) -> Tensor:
-        return self._frame.leave(self._deformation.verts())
+        verts, kept = self._frame.leave(self._deformation.verts()), self._control.constraints.kept
+        # The way into the frame and back rounds.
+        return verts if kept is None else torch.where(torch.from_numpy(kept)[:, None], self._welded.mesh.verts, verts)

@@ -21,7 +21,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.rigid import check_selectors
+from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 
 if TYPE_CHECKING:
@@ -142,9 +142,28 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
 
 def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
     found = files["asset"]
+    lists = {name: getattr(found, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
-    if max(len(found.nodes), len(found.materials)) < MAX_PARTS:
-        check_selectors(params.rigid, found.nodes, found.materials)
+    complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
+    if "nodes" in complete:
+        find_excluded(params.exclude, found.nodes)
+    check_selections("rigid", params.rigid, complete)
+    check_selections("regions", params.regions, complete)
+
+
+def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
+    """Return the branch's request with `subdivide` and `exclude` of its job, whose checkpoint fits one mesh only."""
+    for group, name in (("output", "subdivide"), ("params", "exclude")):
+        wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
+        if name in own.model_fields_set and getattr(own, name) != wanted:
+            raise ParameterError(
+                f"A branch deforms the same mesh as its job, so it needs the same {group}.{name}.",
+                advice=f"Leave {group}.{name} out, or post a new job.",
+                errors=[{"loc": [group, name], "msg": "differs from that of the job", "type": "value_error"}],
+            )
+        if getattr(own, name) != wanted:
+            branch = branch.model_copy(update={group: own.model_copy(update={name: wanted})})
+    return branch
 
 
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
@@ -219,7 +238,7 @@ TEXT_DEFORM = Kind(
     steps=_steps,
     load=_load,
     artifacts=(
-        ArtifactKind("result.glb", _GLB, "The asset with its new shape."),
+        ArtifactKind("result.glb", _GLB, "The asset with its new shape.", strengths=True),
         ArtifactKind(
             "report.json",
             "application/json",
@@ -230,15 +249,18 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "morph.glb",
             _GLB,
-            "The source with the deformation as a morph target and an animation, if `output.morph` is set.",
+            "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
+            afterwards=True,
         ),
         ArtifactKind(
             "result.usdz",
             "model/vnd.usdz+zip",
             "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
+            afterwards=True,
         ),
     ),
     uses=_uses,
     check_files=_check_files,
+    as_branch=_as_branch,
     goal=_goal,
 )

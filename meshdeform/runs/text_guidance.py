@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors.base import Prior
-from meshdeform.requests.document import ResolvedParams
+from meshdeform.rendering.shading import Shading
+from meshdeform.requests.choices import AppearanceMode
+from meshdeform.requests.document import BUILTIN_MODEL, ResolvedParams
 
 __all__ = ["score_distillation"]
+
+_SHADINGS: dict[AppearanceMode, Shading] = {
+    AppearanceMode.NORMALS: "normals",
+    AppearanceMode.CLAY: "lambert",
+    AppearanceMode.TEXTURED: "textured",
+    AppearanceMode.MIXED: "mixed",
+}
 
 
 def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> ScoreDistillation:
@@ -26,4 +35,6 @@ def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> Sco
         timestep_min=params.timestep_min,
         timestep_max=params.timestep_max,
         timestep_max_end=params.timestep_max_end,
+        # Parameters resolved by an earlier edition have no appearance, and this model takes only its own.
+        shading=None if params.model == BUILTIN_MODEL else _SHADINGS[params.appearance],
     )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,9 @@ from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset, load_asset
+from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.subdivide import Subdivision
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.orientation import Orientation
@@ -20,26 +22,17 @@ from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.up_axis import looks_z_up
+from meshdeform.geometry.texture_stretch import measure_texture_stretch, texel_corners
+from meshdeform.geometry.up_axis import up_axis_warnings
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
+from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
 __all__ = ["RunFacts", "build_report", "provenance", "read_result"]
-
-_UNBOUNDED = Limits(
-    max_bytes=2**40,
-    max_json_bytes=2**40,
-    max_accessor_elements=2**40,
-    max_triangles=2**40,
-    max_bare_elements=2**40,
-    max_json_values=2**40,
-    max_primitives=2**40,
-)
-"""Limits for our own output, which may be slightly larger than an input that passed the real limits."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +47,8 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+    shape_id: str = ""
+    subdivision: Subdivision | None = None
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -76,6 +71,7 @@ def build_report(
     welded: WeldedMesh,
     verts: Tensor,
     orientation: Orientation,
+    appearance: dict[str, Any],
     result: bytes,
     written: Asset,
     usdz: Usdz | None = None,
@@ -86,9 +82,11 @@ def build_report(
     cells: int | None,
     first_step: int,
     clock: PhaseClock,
-    not_drawn: dict[str, int],
+    look: Appearance,
     likeness: dict[str, Any] | None = None,
+    fit: dict[str, Any] | None = None,
     bodies: Sequence[Body] = (),
+    control: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return `report.json`.
 
@@ -102,6 +100,8 @@ def build_report(
         Deformed welded world positions.
     orientation : Orientation
         The turn of the cameras.
+    appearance : dict
+        What the model saw of the asset's colours.
     result : bytes
         `result.glb`.
     written : Asset
@@ -120,17 +120,25 @@ def build_report(
     first_step : int
         Number of steps done by earlier attempts.
     clock : PhaseClock
-    not_drawn : dict of str to int
-        Parts of the asset's look that `preview.png` does not show, with counts.
+    look : Appearance
+        Of the asset: what `preview.png` shows.
     likeness : dict, optional
         How much the result looks like its prompt.
+    fit : dict, optional
+        How well the result fits its target.
     bodies : sequence of Body
         What kept its shape.
+    control : mapping, optional
+        Members about regions, handles, symmetry and lengths (`control_report`).
     """
     with clock.phase("measure"):
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
         invariants = _invariants(asset, written)
         movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
+        triangles = asset.surface.triangles
+        corners = (shape.surface.positions[triangles] for shape in (asset, written))
+        stretch = measure_texture_stretch(texel_corners(look), *corners)
+    up_axis = up_axis_warnings(asset.surface.positions, asset.surface.triangles)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
@@ -161,10 +169,12 @@ def build_report(
             **invariants,
         },
         "quality": quality.to_dict(),
+        "texture_stretch": None if stretch is None else stretch.to_dict(),
         "carrier": {"kind": "surface" if cells is None else "lattice", "cells": cells},
         "orientation": orientation.to_dict(),
+        "appearance": appearance,
         "movement": movement.to_dict(),
-        "warnings": [*movement.warnings, *_up_axis_warnings(asset)],
+        "warnings": [*movement.warnings, *up_axis, *subdivision_warnings(facts.subdivision)],
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
         "resumed_from_step": first_step,
@@ -172,10 +182,15 @@ def build_report(
     }
     if bodies:
         report["rigid"] = _kept_shapes(bodies, asset, welded, written)
+    if facts.subdivision is not None:
+        report["subdivision"] = asdict(facts.subdivision)
+    report |= control or {}
     if likeness is not None:
         report["likeness"] = likeness
-    if not_drawn:
-        report["preview"] = {"left_out": not_drawn}
+    if fit is not None:
+        report["fit"] = fit
+    if look.left_out:
+        report["preview"] = {"left_out": look.left_out}
     if usdz is not None:
         report["usd"] = {
             "bytes": len(usdz.data),
@@ -209,14 +224,7 @@ def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, resu
 
 def read_result(result: bytes) -> Asset:
     """Read our own `result.glb` back, without the limits for sources."""
-    return load_asset(result, "result.glb", _UNBOUNDED)
-
-
-def _up_axis_warnings(asset: Asset) -> list[str]:
-    surface = asset.surface
-    if not looks_z_up(surface.positions, surface.triangles):
-        return []
-    return ["The asset seems to have Z up, so the model saw it on its side. Export it with +Y up."]
+    return load_asset(result, "result.glb", Limits.unlimited())
 
 
 def _invariants(source: Asset, result: Asset) -> dict[str, bool]:

@@ -10,15 +10,18 @@ from torch import Tensor
 from meshdeform.deformation.carriers import carry, chosen_carrier
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
+from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import placed
+from meshdeform.geometry.intersections import cutting_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.shapes import icosphere, join, torus
+from meshdeform.geometry.shapes import box, icosphere, join, torus
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier, Rigidity
-from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.document import DeformParams, Safeguard, resolve
 from tests.cases import each_case
 
 F64 = torch.float64
@@ -145,3 +148,17 @@ def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
     assert torch.equal(whole.verts(), resumed.verts())
     assert float((whole.verts() - CART.verts).abs().max()) > 0.05
     torch.testing.assert_close(lengths(whole.verts()[LEFT]), lengths(CART.verts[LEFT]), atol=1e-12, rtol=0)
+
+
+def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
+    """Space is pressed to half its height, and a ball below a box is not: it runs into the box."""
+    for gap, free in ((0.01, True), (0.06, False)):
+        mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0.1, 0, -0.6 - gap, 0)))
+        ball = np.flatnonzero(mesh.components.numpy() == 1)
+        field = LatticeField(mesh, bodies=[Body(ball, RIGID)])
+        guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, field)
+        jacobians = field.tensors["cell_jacobians"]
+        with torch.no_grad():
+            jacobians[:, 1, 1] = 0.5
+        assert len(cutting_pairs(placed(field).detach().numpy(), mesh.faces.numpy())) > 0
+        assert (guard.correct(Adam([{"params": [jacobians], "lr": 1.0}])) == 0) == free

@@ -15,10 +15,12 @@ from meshdeform.geometry.shapes import box, icosphere, join, torus
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.rigid import RigidSelector, check_selectors
+from meshdeform.requests.rigid import RigidSelector
+from meshdeform.requests.selection import check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.inspection import inspect_parts
 from meshdeform.runs.rigid_selection import select_bodies
+from meshdeform.runs.selection import SelectableSurface
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
@@ -53,11 +55,12 @@ def cart() -> bytes:
 
 ASSET = load_asset(cart())
 WELDED = weld(ASSET.surface.positions, ASSET.surface.triangles)
+SURFACE = SelectableSurface(ASSET, WELDED)
 
 
 def select(*selectors: dict[str, object]) -> list[tuple[int, Rigidity]]:
     """Return the size and the mode of each body that the selectors give."""
-    found = select_bodies([RigidSelector.model_validate(item) for item in selectors], ASSET, WELDED)
+    found = select_bodies([RigidSelector.model_validate(item) for item in selectors], SURFACE)
     return sorted((len(body.verts), body.mode) for body in found)
 
 
@@ -105,9 +108,10 @@ def test_what_the_json_shows_is_checked_without_the_geometry() -> None:
     nodes, materials = ASSET.summary.nodes, ASSET.summary.materials
     assert [*nodes] == ASSET.parts().nodes
     assert [*materials] == ASSET.parts().materials
-    check_selectors([RigidSelector(node="axle"), RigidSelector(component=99)], nodes, materials)
+    named = {"nodes": nodes, "materials": materials}
+    check_selections("rigid", [RigidSelector(node="axle"), RigidSelector(component=99)], named)
     with pytest.raises(ParameterError, match="no material"):
-        check_selectors([RigidSelector(material="wood")], nodes, materials)
+        check_selections("rigid", [RigidSelector(material="wood")], named)
 
 
 def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
@@ -116,7 +120,7 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
     asset = load_asset(alone.glb())
     welded = weld(asset.surface.positions, asset.surface.triangles)
     with pytest.raises(ParameterError, match="nothing is left"):
-        select_bodies([RigidSelector(node="all")], asset, welded)
+        select_bodies([RigidSelector(node="all")], SelectableSurface(asset, welded))
     for params in ({"preset": "paper"}, {"carrier": "surface"}):
         with pytest.raises(ParameterError, match="need the lattice"):
             resolve(DeformParams.model_validate({**params, "rigid": [{"component": 0}]}))

@@ -15,7 +15,7 @@ import meshdeform
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.deformation import stand_in
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.runs import text_deform
@@ -121,6 +121,39 @@ def test_results_are_compact_and_have_their_provenance_if_requested() -> None:
         origin = {"prompt": "an egg", "seed": 5, "preset": "preview", "step": 1}
         source = {"source_sha256": hashlib.sha256(asset).hexdigest()}
         assert found == {"version": meshdeform.__version__, **origin, **source}
+
+
+def test_a_box_of_twelve_triangles_bends_if_it_is_subdivided() -> None:
+    cube = box()
+    asset = glb(cube)
+    assert len(cube.faces) == 12
+    job = request(steps=40).model_copy(update={"output": OutputOptions(subdivide=True)})
+    run = start(asset, job)
+    steps = iter(run)
+    for _ in range(20):
+        next(steps)
+    saved = run.checkpoint()
+    list(steps)
+    files = run.finish()
+    report = json.loads(files["report.json"].data)
+    grown = report["subdivision"]
+    assert (grown["triangles_before"], grown["triangles_after"]) == (12, 3072)
+    assert any("12 triangles became 3,072" in text for text in report["warnings"])
+    result = load_asset(files["result.glb"].data).surface
+    assert len(result.triangles) == 3072
+    normals = face_normals(torch.from_numpy(result.positions), torch.from_numpy(result.triangles))
+    # Faces of one side of the box no longer lie in one plane.
+    source = load_asset(asset).subdivided(100_000)[0].surface
+    flat = face_normals(torch.from_numpy(source.positions), torch.from_numpy(source.triangles))
+    side = flat[:, 0] > 0.9
+    mean = normals[side].mean(0)
+    assert float(torch.rad2deg(torch.acos((normals[side] @ (mean / mean.norm())).clamp(-1, 1))).max()) > 10
+    resumed = start(asset, job, checkpoint=saved)
+    list(resumed)
+    assert resumed.finish()["result.glb"].data == files["result.glb"].data
+    for wrong in ({"checkpoint": saved}, {"initial": saved}):
+        with pytest.raises(CheckpointError):
+            start(asset, request(steps=40), **wrong)
 
 
 def test_the_report_says_which_normals_were_rebuilt() -> None:

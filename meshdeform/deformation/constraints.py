@@ -1,0 +1,196 @@
+"""Constrain where vertices may go: what is kept, what is mirrored, how long the bounding box may be.
+
+The vertices p that the variables give are placed in this order, with d = p - rest::
+
+    d <- s d                  s = 0 where the surface is kept, rising with f = (distance from there) / fall-off as
+                              f^2 (3 - 2 f) to 1: displacement and its derivative are continuous
+    d <- (d + R P d) / 2      with a mirror (`mirror.py`)
+    v  = rest + d
+    v  <- extents(v)          along each axis with a limit, a piecewise linear, monotone map
+
+All of it is differentiable, and exact: a kept vertex has the bits of the rest shape. The map of the extents moves
+nothing between the outermost kept coordinates and stretches or compresses what is beyond; as a map of space it is
+injective, so it neither folds nor cuts anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from torch import Tensor
+
+from meshdeform.deformation.binding import corner_normals
+from meshdeform.deformation.mirror import Mirror
+from meshdeform.geometry.geodesic import surface_distances
+from meshdeform.geometry.nearest_places import NearestPlaces
+from meshdeform.geometry.rest_mesh import RestMesh
+
+__all__ = ["UNCONSTRAINED", "Constraints", "Extents", "Handle", "Placement", "freedom_around"]
+
+_LARGEST_FACTOR = 100.0
+_JOIN_EDGES = 2.0
+"""Edges of a stand-in over which the whole mesh joins what is kept exactly: the stand-in has joined it already."""
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A point of the surface that goes to a place.
+
+    Attributes
+    ----------
+    corners : tuple of int
+        Vertices around the point.
+    shares : tuple of float
+        Their barycentric coordinates.
+    goal : (3,) float64
+    weight : float
+        1: it is exactly there; less: it goes this share of the way from where it would be otherwise.
+    """
+
+    corners: tuple[int, ...]
+    shares: tuple[float, ...]
+    goal: _Floats
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Extents:
+    """Bounds on the lengths of the bounding box.
+
+    Attributes
+    ----------
+    least, most : (3,) float64
+        Bounds along each axis, in object units; 0 and infinity where there is none.
+    low, high : (3,) float64
+        Range along each axis in which nothing moves; NaN if all may move, about the middle of the box.
+    """
+
+    least: _Floats
+    most: _Floats
+    low: _Floats
+    high: _Floats
+
+    def fit(self, verts: Tensor) -> Tensor:
+        """Return vertices (V, 3) float64 within the bounds; those of axes whose length is within them are the same."""
+        lowest, highest = verts.amin(0), verts.amax(0)
+        size = highest - lowest
+        wanted = torch.minimum(torch.maximum(size, torch.from_numpy(self.least)), torch.from_numpy(self.most))
+        middle = (lowest + highest) / 2
+        low, high = (torch.where(torch.isnan(t), middle, t) for t in map(torch.from_numpy, (self.low, self.high)))
+        beyond = (low - lowest).clamp_min(0) + (highest - high).clamp_min(0)
+        factor = ((wanted - (high - low)) / beyond.clamp_min(1e-12)).clamp(0.0, _LARGEST_FACTOR)
+        fitted = torch.where(verts < low, low + factor * (verts - low), verts)
+        fitted = torch.where(verts > high, high + factor * (verts - high), fitted)
+        return torch.where(wanted == size, verts, fitted)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Constraints on the vertices of one mesh.
+
+    Attributes
+    ----------
+    freedom : (V,) float64, optional
+        Distance along the surface from what is kept, in fall-offs: 0 on kept vertices, 1 at the end of the fall-off and
+        beyond. None if nothing is kept.
+    falloff : float
+        Length of the fall-off in object units.
+    mirror : Mirror, optional
+    handles : sequence of Handle
+    extents : Extents, optional
+    """
+
+    freedom: _Floats | None = None
+    falloff: float = 0.0
+    mirror: Mirror | None = None
+    handles: Sequence[Handle] = ()
+    extents: Extents | None = None
+
+    @property
+    def kept(self) -> _Flags | None:
+        """Flags (V,) of the vertices that do not move; None if all may."""
+        return None if self.freedom is None else self.freedom == 0
+
+    @property
+    def changes_start(self) -> bool:
+        """Whether the shape at the start may differ from the rest shape."""
+        return bool(self.handles) or self.extents is not None
+
+    def placement(self, mesh: RestMesh) -> Placement | None:
+        """Return what places the vertices of the mesh; None if nothing is constrained but by handles."""
+        if self.freedom is None and self.mirror is None and self.extents is None:
+            return None
+        return Placement(mesh, self)
+
+    def of_stand_in(self, simple: RestMesh, whole: RestMesh) -> Self:
+        """Return the constraints of a simplified mesh; handles need the whole mesh."""
+        freedom, mirror = self.freedom, self.mirror
+        if freedom is not None:
+            places = NearestPlaces(whole, simple.verts.numpy(), corner_normals(simple))
+            freedom = places.blend(freedom[:, None])[:, 0]
+        if mirror is not None:
+            along = whole.verts[:, mirror.axis]
+            mirror = Mirror.of_surface(simple, mirror.axis, float(along.min() + along.max()) / 2)
+        return replace(self, freedom=freedom, mirror=mirror)
+
+    def of_followers(self, edge: float) -> Self:
+        """Return the constraints of a mesh that follows a stand-in with edges of this length, which has joined it."""
+        if self.freedom is None:
+            return self
+        join = min(self.falloff, _JOIN_EDGES * edge)
+        freedom = np.minimum(self.freedom * (self.falloff / join), 1.0) if join > 0 else self.freedom
+        return replace(self, freedom=freedom, falloff=join)
+
+
+UNCONSTRAINED = Constraints()
+
+
+def freedom_around(mesh: RestMesh, kept: _Flags, falloff: float) -> _Floats:
+    """Return the freedom (V,) of the vertices around kept ones, as `Constraints` has it."""
+    if falloff <= 0:
+        return np.where(kept, 0.0, 1.0)
+    distances = surface_distances(mesh, kept, limit=falloff)
+    # A vertex that coincides with a kept one is as free as its distance says, but not kept.
+    return np.where(kept, 0.0, np.clip(distances / falloff, 1e-12, 1.0))
+
+
+class Placement:
+    """Places the vertices of one mesh.
+
+    Parameters
+    ----------
+    mesh : RestMesh
+    constraints : Constraints
+        Of this mesh; handles are not applied here, because they belong to the solve.
+    """
+
+    def __init__(self, mesh: RestMesh, constraints: Constraints) -> None:
+        self._rest, self._mirror, self._extents = mesh.verts, constraints.mirror, constraints.extents
+        free = constraints.freedom
+        self._share = None if free is None else torch.from_numpy(free**2 * (3 - 2 * free))[:, None]
+
+    def place(self, points: Tensor) -> Tensor:
+        """Return where vertices (V, 3) float64 may be that the variables would move to `points`; differentiable."""
+        moved = points - self._rest
+        if self._share is not None:
+            moved = self._share * moved
+        if self._mirror is not None:
+            moved = self._mirror.average(moved)
+        placed = self._rest + moved
+        return placed if self._extents is None else self._extents.fit(placed)
+
+    def matrix(self, axis: int) -> sparse.csr_matrix:
+        """Return the matrix (V, V) that acts on one coordinate of the displacements, without the extents."""
+        count = len(self._rest)
+        share = np.ones(count) if self._share is None else self._share.numpy()[:, 0]
+        scaled = sparse.diags(share).tocsr()
+        return scaled if self._mirror is None else (self._mirror.matrix(axis) @ scaled).tocsr()

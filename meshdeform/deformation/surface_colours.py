@@ -1,0 +1,134 @@
+"""Give the mesh that a run draws the base colours of its asset.
+
+Welding keeps every triangle, so a welded mesh has the asset's own texture coordinates, seams included. A stand-in has
+other triangles, which cross seams and may be large where the asset is flat. Its colours are therefore baked: every face
+gets a square tile of a texture of its own, with about as many texels as the face has pixels, and every texel the colour
+of the nearest place on the whole mesh.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.geometry.nearest_places import NearestPlaces
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.rendering.base_colours import BaseColours
+from meshdeform.rendering.textures import srgb_from_linear
+
+__all__ = ["baked_appearance", "welded_appearance"]
+
+_DETAIL = 1 / 200
+"""Length of a texel as a share of the diagonal: about a pixel of a view."""
+_SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+"""Sides of tiles, in texels."""
+_MOST_TEXELS = 300_000
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+def welded_appearance(appearance: Appearance, welded: WeldedMesh) -> Appearance | None:
+    """Return the look of the welded mesh's faces, of which `rows` are welded vertices; None if it has no colour."""
+    if not appearance.coloured:
+        return None
+    chosen = welded.face_source
+    return Appearance(
+        np.maximum(welded.vertex_map[appearance.rows], 0),  # those of degenerate faces only are not used
+        appearance.triangles[chosen],
+        appearance.texcoords,
+        appearance.colors,
+        appearance.paint_of_triangle[chosen],
+        appearance.paints,
+        appearance.left_out,
+    )
+
+
+def baked_appearance(appearance: Appearance, whole: RestMesh, simple: RestMesh) -> Appearance:
+    """Return the look of a stand-in, baked from that of the whole mesh.
+
+    Parameters
+    ----------
+    appearance : Appearance
+        Of the whole mesh: `rows` are its vertices.
+    whole, simple : RestMesh
+        The whole mesh and its stand-in, at rest.
+    """
+    corners = simple.verts.numpy()[simple.faces.numpy()]
+    sides = _tile_sides(corners)
+    face, column, row = _texels(sides)
+    along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
+    a, b, c = corners[face].transpose(1, 0, 2)
+    points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a)
+    colours = _looked_up(appearance, whole, points, simple.normals.numpy()[face], simple.areas[face], sides[face])
+    starts, width, height = _packed(sides)
+    pixels = np.zeros((height, width, 4), np.uint8)
+    pixels[starts[face, 1] + row, starts[face, 0] + column] = colours
+    last = sides - 1
+    places = np.stack([starts, starts + np.stack([last, 0 * last], 1), starts + np.stack([0 * last, last], 1)], 1)
+    count = 3 * len(corners)
+    modes = {appearance.paints[at].alpha_mode for at in np.unique(appearance.paint_of_triangle)}
+    mode = "BLEND" if "BLEND" in modes else "MASK" if "MASK" in modes else "OPAQUE"
+    texture = Texture(pixels, ("clamp", "clamp"), reduced=False)
+    return Appearance(
+        simple.faces.numpy().reshape(-1),
+        np.arange(count).reshape(-1, 3),
+        ((places.reshape(-1, 2) + 0.5) / [width, height]).astype(np.float32),
+        np.ones((count, 4), np.float32),
+        np.zeros(len(corners), np.int64),
+        (Paint((1.0, 1.0, 1.0, 1.0), texture, mode),),
+        appearance.left_out,
+    )
+
+
+def _tile_sides(corners: _Floats) -> _Index:
+    """Return the side (F,) of the tile of each face, in texels."""
+    longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(1)
+    texel = _DETAIL * float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    while True:
+        index = np.searchsorted(_SIDES, longest / texel + 1).clip(max=len(_SIDES) - 1)
+        sides: _Index = np.asarray(_SIDES)[index]
+        if int((sides**2).sum()) <= max(_MOST_TEXELS, _SIDES[0] ** 2 * len(sides)):
+            return sides
+        texel *= math.sqrt(2)
+
+
+def _texels(sides: _Index) -> tuple[_Index, _Index, _Index]:
+    """Return face, column and row of every texel of all tiles."""
+    counts = sides**2
+    face = np.repeat(np.arange(len(sides)), counts)
+    within = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return face, within % sides[face], within // sides[face]
+
+
+def _packed(sides: _Index) -> tuple[_Index, int, int]:
+    """Return column and row (F, 2) of the tiles' first texels in one picture, and its width and height."""
+    width = max(int(math.sqrt(int((sides**2).sum()))), _SIDES[-1])
+    starts, top = np.zeros((len(sides), 2), np.int64), 0
+    for side in _SIDES:
+        chosen = np.flatnonzero(sides == side)
+        number, in_row = np.arange(len(chosen)), width // side
+        starts[chosen, 0], starts[chosen, 1] = number % in_row * side, top + number // in_row * side
+        top += -(-len(chosen) // in_row) * side
+    return starts, width, top
+
+
+def _looked_up(
+    appearance: Appearance, whole: RestMesh, points: _Floats, normals: _Floats, areas: _Floats, sides: _Index
+) -> NDArray[np.uint8]:
+    """Return sRGB and opacity (P, 4) of the places on the whole mesh that are nearest to points."""
+    places, colours = NearestPlaces(whole, points, normals), BaseColours(appearance)
+    face, weights = torch.from_numpy(places.faces), torch.from_numpy(places.weights).float()
+    values = (colours.values[colours.faces[face]] * weights[:, :, None]).sum(1)
+    density = colours.texel_areas().numpy()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
+    level = 0.5 * np.log2(np.maximum(density * 2 * areas / (sides - 1) ** 2, 1e-12))
+    paint = colours.paint[face]
+    found = colours.colours(paint, values, torch.from_numpy(level).float())
+    rgba = torch.cat([srgb_from_linear(found[:, :3].clamp(0, 1)), colours.opacity(paint, found)[:, None]], 1)
+    pixels: NDArray[np.uint8] = (rgba * 255).round().to(torch.uint8).numpy()
+    return pixels

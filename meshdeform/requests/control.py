@@ -1,0 +1,99 @@
+"""Declare what controls where an asset may deform: regions, handles and limits on its size. Torch-free."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from meshdeform.requests.choices import RegionAction
+from meshdeform.requests.selection import Number, Point, Selection
+from meshdeform.requests.strict import StrictModel
+
+__all__ = ["MAX_HANDLES", "Handle", "LengthLimits", "LengthRange", "Region"]
+
+MAX_HANDLES = 64
+_Factor = Annotated[float, Field(gt=0.0, le=1_000.0)]
+
+
+class Region(Selection):
+    """A part of the surface and what happens to it; exactly one of the members that say where is set."""
+
+    action: RegionAction = Field(
+        RegionAction.KEEP,
+        description="`keep`: its vertices do not move at all; `only`: nothing else moves. With several regions, what "
+        "moves is in one with `only`, if there are any, and in none with `keep`.",
+        examples=["keep"],
+    )
+
+
+class Handle(StrictModel):
+    """A point of the surface that goes to a place; exactly one of `vertex` and `position` is set."""
+
+    vertex: Number | None = Field(
+        None,
+        description="A vertex by its number: that in the file if it has one mesh, otherwise counted through all mesh "
+        "instances.",
+        examples=[12],
+    )
+    position: Point | None = Field(
+        None, description="The point of the surface that is nearest to this place.", examples=[[0.0, 1.0, 0.0]]
+    )
+    to: Point = Field(description="Where the point goes.", examples=[[0.0, 1.5, 0.0]])
+    weight: float = Field(
+        1.0,
+        gt=0.0,
+        le=1.0,
+        description="1: the point is exactly there. Less: a soft handle, which goes this share of the way from where "
+        "the surface would be without it.",
+        examples=[1.0],
+    )
+
+    @model_validator(mode="after")
+    def _one_point(self) -> Self:
+        if (self.vertex is None) == (self.position is None):
+            raise ValueError("exactly one of vertex and position is required")
+        return self
+
+
+class LengthRange(StrictModel):
+    """Bounds on one length of the bounding box, as factors of the source's."""
+
+    min: _Factor | None = Field(None, description="Least length, as a factor of the source's.", examples=[0.9])
+    max: _Factor | None = Field(None, description="Greatest length, as a factor of the source's.", examples=[1.1])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.min is None and self.max is None:
+            raise ValueError("at least one of min and max is required")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError(f"min ({self.min}) must not be greater than max ({self.max})")
+        return self
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and greatest factor; 0 and infinity where there is no bound."""
+        return self.min or 0.0, self.max or math.inf
+
+
+_Limit = Literal["keep"] | LengthRange | None
+
+
+class LengthLimits(StrictModel):
+    """Limits on the lengths of the bounding box: `keep`, or bounds; no limit on an axis that is left out."""
+
+    x: _Limit = Field(None, description="Along +X.", examples=["keep"])
+    y: _Limit = Field(None, description="Along +Y, the height.", examples=[{"max": 1.2}])
+    z: _Limit = Field(None, description="Along +Z.", examples=[{"min": 0.9, "max": 1.1}])
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """Least and greatest factor of each axis; 0 and infinity where there is no bound."""
+        return tuple(_bounds(limit) for limit in (self.x, self.y, self.z))
+
+
+def _bounds(limit: _Limit) -> tuple[float, float]:
+    if limit is None:
+        return 0.0, math.inf
+    return (1.0, 1.0) if limit == "keep" else limit.bounds

@@ -1,0 +1,283 @@
+"""Select a part of an asset's surface: the one type that all selections of a request share. Torch-free."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, StrictInt, StringConstraints, WithJsonSchema, model_validator
+
+from meshdeform.errors import ParameterError
+from meshdeform.requests.strict import StrictModel
+
+__all__ = [
+    "MAX_SELECTORS",
+    "Box",
+    "Capsule",
+    "ColorRange",
+    "JointWeight",
+    "Name",
+    "Number",
+    "Part",
+    "Point",
+    "Selection",
+    "Sphere",
+    "check_selections",
+    "find_excluded",
+    "find_parts",
+    "refuse_selection",
+]
+
+MAX_SELECTORS = 64
+_MAX_NAME = 200
+_MAX_FACE_RANGES = 20_000
+_LISTED = 12
+
+Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=_MAX_NAME)]
+Number = Annotated[StrictInt, Field(ge=0)]
+Part = Name | Number
+"""A name, or an index in the file."""
+
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def _row(count: int, kind: str = "number", **bounds: float) -> WithJsonSchema:
+    """Describe equal numbers as an array of items, since many generators of clients cannot read tuples."""
+    return WithJsonSchema({"type": "array", "items": {"type": kind, **bounds}, "minItems": count, "maxItems": count})
+
+
+Point = Annotated[tuple[float, float, float], _row(3)]
+"""Coordinates in the file's world."""
+
+_Range = Annotated[tuple[Number, Number], _row(2, "integer", minimum=0)]
+_Color = Annotated[tuple[_Share, _Share, _Share], _row(3, minimum=0.0, maximum=1.0)]
+_Length = Annotated[float, Field(gt=0.0)]
+_PLACES = ("node", "mesh", "material", "component", "joint", "color", "box", "sphere", "capsule", "faces")
+_NAMED = {"node": "nodes", "mesh": "mesh_names", "material": "materials", "joint": "joints"}
+"""The members that name something, and where an asset's summary lists it."""
+
+
+class JointWeight(StrictModel):
+    """The faces that follow joints of a skin; several joints of one name count together."""
+
+    name: Name | Number = Field(description="The joint's name, or its index among the nodes.", examples=["Head"])
+    above: float = Field(
+        0.5, ge=0.0, lt=1.0, description="A face is selected if all its corners have more weight.", examples=[0.5]
+    )
+
+
+class ColorRange(StrictModel):
+    """The faces of a vertex colour."""
+
+    rgb: _Color = Field(description="Linear red, green and blue, 0 to 1, as in the file.", examples=[[1.0, 0.0, 0.0]])
+    within: float = Field(
+        0.1, ge=0.0, le=2.0, description="Greatest distance from it, at all corners of a face.", examples=[0.1]
+    )
+
+
+class Box(StrictModel):
+    """The faces within a box."""
+
+    min: Point = Field(description="Its least coordinates.", examples=[[-1.0, 0.0, -1.0]])
+    max: Point = Field(description="Its greatest coordinates.", examples=[[1.0, 2.0, 1.0]])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if any(low > high for low, high in zip(self.min, self.max, strict=True)):
+            raise ValueError("min must not be greater than max along any axis")
+        return self
+
+
+class Sphere(StrictModel):
+    """The faces within a sphere."""
+
+    center: Point = Field(description="Its centre.", examples=[[0.0, 1.5, 0.0]])
+    radius: _Length = Field(description="Its radius.", examples=[0.4])
+
+
+class Capsule(StrictModel):
+    """The faces within a distance of a line."""
+
+    start: Point = Field(description="One end of the line.", examples=[[0.0, 0.0, 0.0]])
+    end: Point = Field(description="The other end.", examples=[[0.0, 1.0, 0.0]])
+    radius: _Length = Field(description="The distance.", examples=[0.2])
+
+
+class Selection(StrictModel):
+    """A part of the surface; exactly one of the members that say where is set.
+
+    Coordinates are those of the file in world space, with +Y up, as `meshdeform inspect` lists them.
+    """
+
+    node: Name | Number | None = Field(
+        None,
+        description="The node with all nodes below it: its name (a node without a name has that of its mesh), or its "
+        "index in the file.",
+        examples=["wheel-front-left"],
+    )
+    mesh: Name | Number | None = Field(
+        None, description="Every instance of this mesh: its name, or its index in the file.", examples=["Door"]
+    )
+    material: Name | Number | None = Field(
+        None, description="Everything with this material: its name, or its index in the file.", examples=["wheels"]
+    )
+    component: Number | None = Field(
+        None, description="The connected component with this number, as `meshdeform inspect` lists it.", examples=[3]
+    )
+    joint: JointWeight | None = Field(
+        None, description="What follows a joint, such as a vertex group.", examples=[{"name": "Head", "above": 0.5}]
+    )
+    color: ColorRange | None = Field(
+        None, description="What has a vertex colour.", examples=[{"rgb": [1.0, 0.0, 0.0], "within": 0.1}]
+    )
+    box: Box | None = Field(
+        None,
+        description="What is within a box.",
+        examples=[{"min": [-1.0, 0.0, -1.0], "max": [1.0, 2.0, 1.0]}],
+    )
+    sphere: Sphere | None = Field(
+        None, description="What is within a sphere.", examples=[{"center": [0.0, 1.5, 0.0], "radius": 0.4}]
+    )
+    capsule: Capsule | None = Field(
+        None,
+        description="What is near a line.",
+        examples=[{"start": [0.0, 0.0, 0.0], "end": [0.0, 1.0, 0.0], "radius": 0.2}],
+    )
+    faces: tuple[Number | _Range, ...] | None = Field(
+        None,
+        min_length=1,
+        max_length=_MAX_FACE_RANGES,
+        description="Triangles by their number: that in the file if it has one mesh, otherwise counted through all "
+        "mesh instances in the order of the scene. A pair is a range with both ends.",
+        examples=[[0, 7, [100, 199]]],
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if sum(getattr(self, name) is not None for name in _PLACES) != 1:
+            raise ValueError(f"exactly one of {', '.join(_PLACES)} is required")
+        return self
+
+    @property
+    def where(self) -> tuple[str, Any]:
+        """The member that says where, and its value."""
+        return next((name, value) for name in _PLACES if (value := getattr(self, name)) is not None)
+
+    @property
+    def named(self) -> tuple[str, str | int] | None:
+        """The kind of what the selection names, and the name or index; None if it names nothing."""
+        what, value = self.where
+        if what not in _NAMED:
+            return None
+        return what, value.name if isinstance(value, JointWeight) else value
+
+
+List = Literal["rigid", "regions"]
+"""The parameters that are lists of selections."""
+
+
+def find_parts(place: List, number: int, selection: Selection, parts: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Return the indices of what a selection names.
+
+    Parameters
+    ----------
+    place : str
+        Name of the list in `params`.
+    number : int
+        Place of the selection in the list.
+    selection : Selection
+        One that names something.
+    parts : sequence of mappings
+        Everything of that kind in the asset, each with `index` and `name`.
+
+    Raises
+    ------
+    ParameterError
+        There is none; the advice has the nearest name.
+    """
+    what, wanted = selection.named or selection.where
+    found = _matching(wanted, parts)
+    if found:
+        return found
+    raise refuse_selection(place, number, what, _missing(what, wanted), _nearest(what, wanted, parts))
+
+
+def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Return the indices of the nodes that `params.exclude` names.
+
+    Parameters
+    ----------
+    exclude : sequence of names and indices
+    nodes : sequence of mappings
+        All nodes, each with `index` and `name`.
+
+    Raises
+    ------
+    ParameterError
+        One names no node; the advice has the nearest name.
+    """
+    found: list[int] = []
+    for number, wanted in enumerate(exclude):
+        matching = _matching(wanted, nodes)
+        if not matching:
+            detail = f"params.exclude: {_missing('node', wanted)}"
+            place = {"loc": ["params", "exclude", number], "msg": detail, "type": "value_error"}
+            raise ParameterError(detail, advice=_nearest("node", wanted, nodes), errors=[place])
+        found += matching
+    return found
+
+
+def _matching(wanted: str | int, parts: Sequence[Mapping[str, Any]]) -> list[int]:
+    member = "index" if isinstance(wanted, int) else "name"
+    return [part["index"] for part in parts if part[member] == wanted]
+
+
+def check_selections(
+    place: List, selections: Sequence[Selection], named: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> None:
+    """Refuse selections of names that the asset does not have; the geometry is looked at when the run starts.
+
+    Parameters
+    ----------
+    place : str
+        Name of the list in `params`.
+    selections : sequence of Selection
+    named : mapping
+        Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
+
+    Raises
+    ------
+    ParameterError
+        The error names the selection and the nearest name.
+    """
+    for number, selection in enumerate(selections):
+        if selection.named is not None and (parts := named.get(_NAMED[selection.named[0]])) is not None:
+            find_parts(place, number, selection, parts)
+
+
+def refuse_selection(place: List, number: int, what: str, detail: str, advice: str) -> ParameterError:
+    """Return the error about one member of one selection."""
+    message = f"params.{place}: {detail}"
+    location = {"loc": ["params", place, number, what], "msg": message, "type": "value_error"}
+    return ParameterError(message, advice=advice, errors=[location])
+
+
+def _missing(what: str, wanted: str | int) -> str:
+    if isinstance(wanted, int):
+        return f"the asset deforms no {what} with the index {wanted}."
+    return f"the asset deforms no {what} named {wanted!r}."
+
+
+def _nearest(what: str, wanted: str | int, parts: Sequence[Mapping[str, Any]]) -> str:
+    names = list(dict.fromkeys(part["name"] for part in parts if part["name"]))
+    close = difflib.get_close_matches(str(wanted), names, n=1, cutoff=0.5)
+    folded = [name for name in names if name.casefold() == str(wanted).casefold()]
+    if folded or close:
+        return f"Did you mean {(folded or close)[0]!r}?"
+    if not parts:
+        return f"It has no {what} with triangles; select by another property, such as component or box."
+    shown = ", ".join(f"{part['index']} {part['name']!r}" if part["name"] else f"{part['index']}" for part in parts)
+    if len(parts) > _LISTED:
+        shown = ", ".join(shown.split(", ")[:_LISTED]) + f" and {len(parts) - _LISTED} more"
+    return f"It has these, by index and name: {shown}."

@@ -1,0 +1,208 @@
+"""Turn the parameters that control where an asset may deform into constraints on its mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from meshdeform.deformation.constraints import Constraints, Extents, Handle, freedom_around
+from meshdeform.deformation.mirror import TOLERANCE, Mirror, Partners, find_partners
+from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.errors import ParameterError
+from meshdeform.geometry.nearest_places import NearestPlaces
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.rendering.normalization import Frame
+from meshdeform.requests import control
+from meshdeform.requests.choices import RegionAction, Symmetry
+from meshdeform.requests.document import ResolvedParams
+from meshdeform.runs.rigid_selection import select_bodies
+from meshdeform.runs.selection import SelectableSurface
+
+__all__ = ["Control", "read_control"]
+
+_AUTO_ORDER = (0, 2, 1)
+_SLACK = 1e-9
+
+_Flags = NDArray[np.bool_]
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Control:
+    """What a request says about where its asset may deform.
+
+    Attributes
+    ----------
+    constraints : Constraints
+        On the welded mesh in the cameras' frame.
+    bodies : list of Body
+        What keeps its shape; a body that touches what is kept is kept as a whole, and not listed.
+    regions : list of dict
+        For each region: its `action`, and the `faces` that it selects.
+    partners : Partners, optional
+        The mirrored partners of the vertices, if a symmetry is kept.
+    """
+
+    constraints: Constraints = field(default_factory=Constraints)
+    bodies: list[Body] = field(default_factory=list)
+    regions: list[dict[str, Any]] = field(default_factory=list)
+    partners: Partners | None = None
+
+
+def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Frame, mesh: RestMesh) -> Control:
+    """Return the constraints of a request.
+
+    Parameters
+    ----------
+    params : ResolvedParams
+    surface : SelectableSurface
+        In the file's units.
+    frame : Frame
+    mesh : RestMesh
+        The welded mesh in the cameras' frame.
+
+    Raises
+    ------
+    ParameterError
+        A selection selects nothing, everything is kept, a handle has no free point, or the asset lacks the symmetry.
+    """
+    kept, regions = _kept(params.regions, surface)
+    bodies = select_bodies(params.rigid, surface)
+    partners = _partners(params.symmetry, surface.mesh)
+    kept = _completed(kept, bodies, partners)
+    bodies = [body for body in bodies if not kept[body.verts].any()]
+    if kept.all():
+        raise _refusal("regions", "they keep the whole asset, so nothing is left to deform.", "Keep less.")
+    diagonal = float(np.linalg.norm(np.ptp(mesh.verts.numpy(), axis=0)))
+    falloff = params.falloff * diagonal
+    handles = [_handle(number, item, surface, frame, kept, bodies) for number, item in enumerate(params.handles)]
+    constraints = Constraints(
+        _freedom(mesh, kept, falloff, partners),
+        falloff,
+        Mirror.of_partners(partners) if partners is not None else None,
+        handles,
+        _extents(params.length, mesh, kept, handles),
+    )
+    return Control(constraints, bodies, regions, partners)
+
+
+def _kept(regions: Sequence[control.Region], surface: SelectableSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+    """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
+    faces = surface.mesh.faces.numpy()
+    kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
+    found = []
+    for number, region in enumerate(regions):
+        flags = surface.faces("regions", number, region)
+        found.append({"action": region.action.value, "faces": int(flags.sum())})
+        if region.action is RegionAction.KEEP:
+            kept |= flags
+        else:
+            allowed |= flags
+    if allowed.any():
+        kept |= ~allowed
+    verts = np.zeros(len(surface.mesh.verts), bool)
+    verts[faces[kept].ravel()] = True
+    return verts, found
+
+
+def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None) -> _Flags:
+    """Return the kept vertices (V,) with the mirror images of all, and with the whole of bodies that they touch."""
+    kept = kept.copy()
+    while True:
+        before = int(kept.sum())
+        for body in bodies:
+            kept[body.verts] |= kept[body.verts].any()
+        if partners is not None:
+            kept |= kept[partners.partner]
+        if int(kept.sum()) == before:
+            return kept
+
+
+def _freedom(mesh: RestMesh, kept: _Flags, falloff: float, partners: Partners | None) -> _Floats | None:
+    if not kept.any():
+        return None
+    freedom = freedom_around(mesh, kept, falloff)
+    return freedom if partners is None else np.minimum(freedom, freedom[partners.partner])
+
+
+def _partners(symmetry: Symmetry, mesh: RestMesh) -> Partners | None:
+    if symmetry is Symmetry.NONE:
+        return None
+    if symmetry is Symmetry.AUTO:
+        found = (find_partners(mesh, axis) for axis in _AUTO_ORDER)
+        return next((partners for partners in found if not partners.unmatched), None)
+    partners = find_partners(mesh, "xyz".index(symmetry.value))
+    if partners.unmatched:
+        raise _refusal(
+            "symmetry",
+            f"the asset is not symmetric along {symmetry.value}: {partners.unmatched:,} of its {len(mesh.verts):,} "
+            f"vertices have no mirrored partner within {TOLERANCE:g} of its diagonal.",
+            "Set it to none, or to auto, which keeps a symmetry only where there is one.",
+        )
+    return partners
+
+
+def _handle(
+    number: int,
+    item: control.Handle,
+    surface: SelectableSurface,
+    frame: Frame,
+    kept: _Flags,
+    bodies: Sequence[Body],
+) -> Handle:
+    corners, shares = _held_point(number, item, surface)
+    where = f"handle {number}"
+    if kept[list(corners)].all():
+        raise _refusal("handles", f"{where} holds a point that is kept.", "Move it, or keep less.", number)
+    if any(np.isin(corners, body.verts).any() for body in bodies):
+        raise _refusal("handles", f"{where} holds a point of a rigid part.", "Leave out one of the two.", number)
+    goal = frame.enter(torch.tensor(item.to, dtype=torch.float64)).numpy()
+    return Handle(corners, shares, goal, item.weight)
+
+
+def _held_point(
+    number: int, item: control.Handle, surface: SelectableSurface
+) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """Return the welded vertices around the point that a handle holds, and its barycentric coordinates."""
+    if item.vertex is not None:
+        sources = surface.welded.vertex_map
+        if item.vertex >= len(sources) or sources[item.vertex] < 0:
+            detail = f"handle {number}: no triangle has the vertex {item.vertex}."
+            raise _refusal("handles", detail, f"The asset's vertices are 0 to {len(sources) - 1}.", number)
+        return (int(sources[item.vertex]),), (1.0,)
+    places = NearestPlaces(surface.mesh, np.array([item.position], np.float64), np.zeros((1, 3)))
+    return tuple(int(corner) for corner in places.corners[0]), tuple(float(share) for share in places.weights[0])
+
+
+def _extents(length: control.LengthLimits, mesh: RestMesh, kept: _Flags, handles: Sequence[Handle]) -> Extents | None:
+    if length == control.LengthLimits():
+        return None
+    verts = mesh.verts.numpy()
+    size = np.ptp(verts, axis=0)
+    least, most = (np.array(factors) * size for factors in zip(*length.bounds, strict=True))
+    most = np.where(np.isnan(most), np.inf, most)
+    fixed = [verts[kept], *(handle.goal[None] for handle in handles if handle.weight == 1)]
+    points = np.concatenate(fixed)
+    nothing = np.full(3, np.nan)
+    low, high = (points.min(0), points.max(0)) if len(points) else (nothing, nothing)
+    for axis in np.flatnonzero(high - low > most * (1 + _SLACK)):
+        name = "xyz"[axis]
+        raise _refusal(
+            "length",
+            f"along {name}, what is kept and the handles alone reach {(high - low)[axis] / size[axis]:.3g} times the "
+            f"asset's length, and the limit is {most[axis] / size[axis]:.3g}.",
+            "Raise the limit, or keep less.",
+        )
+    return Extents(least, most, low, high)
+
+
+def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError:
+    message = f"params.{name}: {detail}"
+    return ParameterError(
+        message, advice=advice, errors=[{"loc": ["params", name, *place], "msg": message, "type": "value_error"}]
+    )

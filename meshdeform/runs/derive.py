@@ -1,0 +1,198 @@
+"""Make `morph.glb` and `result.usdz` from an asset and its `result.glb`, in a child process with bounded resources."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import AssetError, AssetTooLargeError, AssetUnsupportedError, DependencyError, ParameterError
+from meshdeform.requests.document import OutputOptions
+from meshdeform.requests.morph import MorphPath
+
+if TYPE_CHECKING:
+    from meshdeform.assets.asset import Asset
+    from meshdeform.assets.surface import Surface
+
+__all__ = ["DERIVED", "DerivedInput", "derive", "main", "require_package"]
+
+_WIDER = 16
+"""How much larger an artifact may be than the largest asset."""
+
+_BASE_BYTES = {"morph.glb": 16 * 2**30, "result.usdz": 2 * 2**30}
+"""Address space beyond that of two checks: torch maps several gigabytes, usd-core more than one, whatever they do."""
+
+_SECONDS = 2.0
+"""The time limit, relative to that of a check."""
+
+
+class DerivedInput:
+    """The files from which an artifact is made.
+
+    Parameters
+    ----------
+    source, result : Path
+        The asset and the `result.glb` of the same job.
+    filename : str
+        The name that the user gave the asset.
+    output : OutputOptions
+        Those of the job's request.
+    exclude : sequence of str or int
+        `params.exclude` of the run.
+    """
+
+    def __init__(
+        self, source: Path, result: Path, filename: str, output: OutputOptions, exclude: Sequence[str | int] = ()
+    ) -> None:
+        self.source, self.result, self.filename = source.absolute(), result.absolute(), filename
+        self.output, self.exclude = output, list(exclude)
+
+    @property
+    def size(self) -> int:
+        """The bytes of both files."""
+        return self.source.stat().st_size + self.result.stat().st_size
+
+
+def require_package(name: str) -> None:
+    """Check that what an artifact needs is installed in this environment.
+
+    Raises
+    ------
+    DependencyError
+    """
+    if name == "result.usdz" and find_spec("pxr") is None:
+        raise DependencyError(
+            "result.usdz cannot be made: usd-core is not installed where the API runs.",
+            advice='The service\'s operator can install it there: pip install "meshdeform[usd]".',
+        )
+
+
+def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None = None) -> None:
+    """Make an artifact in a child process.
+
+    Parameters
+    ----------
+    name : str
+        A key of `DERIVED`.
+    given : DerivedInput
+    target : Path
+        The file to write; its folder also takes the child's temporary files.
+    limits : Limits, optional
+
+    Raises
+    ------
+    AssetError
+        The files cannot be read, do not belong together, or need too much memory or time.
+    DependencyError
+        A package is not installed.
+    UnavailableError
+        The machine cannot start a process at the moment.
+    """
+    limits = limits or Limits()
+    seconds = _SECONDS * limits.max_check_s
+    options = {
+        "filename": _plain(given.filename),
+        "compact": given.output.compact,
+        "provenance": given.output.provenance,
+        "morph_path": given.output.morph_path.model_dump(mode="json"),
+        "exclude": given.exclude,
+        "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(given.size),
+        "seconds": seconds,
+        "limits": asdict(limits),
+    }
+    arguments = [name, str(given.source), str(given.result), str(target.absolute()), json.dumps(options)]
+    try:
+        outcome = run_child(__name__, arguments, timeout_s=seconds, temporary=target.absolute().parent)
+    except TimeoutError as error:
+        raise _too_large(name, f"within {seconds:g} s") from error
+    if outcome.verdict is None:
+        raise _too_large(name, "with the memory and time that it may use")
+    if not outcome.verdict["ok"]:
+        raise error_from(outcome.verdict["error"])
+
+
+def _plain(filename: str) -> str:
+    """Return a name with the same extension that fits on a command line."""
+    extension = filename.lower().rpartition(".")[2]
+    return f"asset.{extension}" if extension.isascii() and extension.isalnum() and len(extension) < 10 else "asset"
+
+
+def _too_large(name: str, how: str) -> AssetTooLargeError:
+    return AssetTooLargeError(
+        f"{name} could not be made {how}.", advice="Request it with the job, or make it from the downloaded files."
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make one artifact and print a JSON verdict: `{"ok": true}` or `{"ok": false, "error": ...}`."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("name", choices=sorted(DERIVED))
+    for path in ("source", "result", "target"):
+        parser.add_argument(path, type=Path)
+    parser.add_argument("options", type=json.loads)
+    given = parser.parse_args(arguments)
+    limits = Limits(**given.options["limits"])
+    bound_resources(given.options["memory"], given.options["seconds"], _WIDER * limits.max_bytes)
+    verdict: dict[str, Any] = {"ok": True}
+    try:
+        require_package(given.name)
+        given.target.write_bytes(DERIVED[given.name](given.source, given.result, given.options, limits))
+    except (AssetError, DependencyError) as error:
+        verdict = {"ok": False, "error": error_to_json(error)}
+    except MemoryError:
+        verdict = {"ok": False, "error": error_to_json(_too_large(given.name, "with the memory that it may use"))}
+    print(json.dumps(verdict))
+    return 0 if verdict["ok"] else 1
+
+
+def _morph(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+
+    asset = load_asset(source.read_bytes(), options["filename"], limits)
+    end = load_asset(result.read_bytes(), limits=Limits.unlimited())
+    written = {"compact": options["compact"], "provenance": end.provenance if options["provenance"] else None}
+    if find_spec("torch") is None:
+        # The shapes between need the solve, and the service's image has no torch.
+        return _straight(asset, end.surface, written)
+    from meshdeform.runs.strength import AssetPath, matched, write_morph
+
+    try:
+        asset, end = matched(asset, end, options["exclude"], limits)
+    except ParameterError as error:
+        raise _other_triangles() from error
+    path = AssetPath(asset, end.surface.positions)
+    return write_morph(asset, path, path.at(1), MorphPath.model_validate(options["morph_path"]), **written)
+
+
+def _straight(asset: Asset, end: Surface, written: dict[str, Any]) -> bytes:
+    """Return a morph with the result as its only target."""
+    if asset.surface.triangles.tobytes() != end.triangles.tobytes():
+        raise _other_triangles()
+    return asset.replace(end.positions, end.normals, end.tangents, morph=True, **written)
+
+
+def _other_triangles() -> AssetUnsupportedError:
+    return AssetUnsupportedError(
+        "morph.glb cannot be made afterwards: result.glb has other triangles than the asset.",
+        advice="Post a new job with output.morph.",
+    )
+
+
+def _usdz(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+    from meshdeform.assets.usd import write_usdz
+
+    return write_usdz(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
+
+
+DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
+    "morph.glb": _morph,
+    "result.usdz": _usdz,
+}
+"""What can be made afterwards, by the artifact's name."""

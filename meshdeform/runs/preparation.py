@@ -1,0 +1,71 @@
+"""Prepare the asset of a run: leave out the nodes in `params.exclude`, and subdivide it for `output.subdivide`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from meshdeform.assets import Asset, Limits
+from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
+from meshdeform.errors import AssetEmptyError, ParameterError
+from meshdeform.requests.document import OutputOptions, ResolvedParams
+from meshdeform.requests.selection import find_excluded
+
+__all__ = ["prepared", "shape_id", "subdivided", "subdivision_warnings"]
+
+
+def prepared(
+    asset: Asset, params: ResolvedParams, output: OutputOptions, limits: Limits | None
+) -> tuple[Asset, Subdivision | None]:
+    """Return the asset that a run deforms, and what was split if it is subdivided.
+
+    Raises
+    ------
+    ParameterError
+        An excluded node does not exist, or nothing else is left.
+    """
+    if params.exclude:
+        asset = _without(asset, params.exclude)
+    return subdivided(asset, limits) if output.subdivide else (asset, None)
+
+
+def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
+    try:
+        return asset.without(find_excluded(exclude, asset.parts().nodes))
+    except AssetEmptyError as error:
+        detail = "params.exclude: nothing is left to deform."
+        place = {"loc": ["params", "exclude"], "msg": detail, "type": "value_error"}
+        raise ParameterError(detail, advice="Exclude fewer nodes.", errors=[place]) from error
+
+
+def subdivided(asset: Asset, limits: Limits | None) -> tuple[Asset, Subdivision]:
+    """Return the asset with its long edges split, within the limits of the deployment, and what was split."""
+    return asset.subdivided(min(MAX_TRIANGLES, (limits or Limits()).max_triangles))
+
+
+def shape_id(asset_sha256: str, params: ResolvedParams, output: OutputOptions) -> str:
+    """Return the id of the mesh that a run deforms; a checkpoint fits only its own."""
+    without = [json.dumps(name) for name in params.exclude]
+    return "+".join([asset_sha256, *(["subdivided"] if output.subdivide else []), *without])
+
+
+def subdivision_warnings(done: Subdivision | None) -> list[str]:
+    """Return sentences about what subdivision changed, or could not."""
+    if done is None:
+        return []
+    if not done.split and not done.limited:
+        return ["output.subdivide changed nothing: no edge is longer than a tenth of the asset."]
+    found = []
+    if done.split:
+        found.append(
+            f"output.subdivide split long edges: {done.triangles_before:,} triangles became "
+            f"{done.triangles_after:,}. Vertices and faces of the result are not those of the source file."
+        )
+    if done.limited:
+        found.append(
+            f"output.subdivide stopped before it would exceed {MAX_TRIANGLES:,} triangles or the limit of this "
+            f"deployment. The longest edge has {done.longest_edge:.0%} of the asset's length."
+        )
+    if done.dropped:
+        found.append(f"output.subdivide removed {', '.join(done.dropped)}, which lists edges of the source.")
+    return found

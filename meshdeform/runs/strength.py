@@ -1,0 +1,175 @@
+"""Show the asset at any share of the way to its result, and write the way as a morph."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import Asset, Limits
+from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
+from meshdeform.deformation.path import ShapePath
+from meshdeform.errors import ParameterError
+from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.selection import find_excluded
+from meshdeform.runs.preparation import subdivided
+from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
+from meshdeform.runs.text_report import read_result
+
+__all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
+
+MAX_STRENGTH = 1.5
+
+_Floats = NDArray[np.float64]
+
+
+class AssetPath:
+    """The way of an asset's own vertices from the source to a result, in world space.
+
+    Parameters
+    ----------
+    source : Asset
+    positions : (N, 3) float64
+        Positions of the result; rows as in `source.surface`.
+    welded : WeldedMesh, optional
+        The welded source, if known.
+    """
+
+    def __init__(self, source: Asset, positions: _Floats, welded: WeldedMesh | None = None) -> None:
+        surface = source.surface
+        self._source = source
+        self._welded = welded or weld(surface.positions, surface.triangles)
+        self._result = positions
+        used = self._welded.vertex_map >= 0
+        _, first = np.unique(self._welded.vertex_map[used], return_index=True)
+        self._moved = (positions - surface.positions)[np.flatnonzero(used)[first]]
+
+    def at(self, share: float) -> DeformedSurface:
+        """Return the surface at a share of the way: 0 is the source, 1 the result, more exaggerates.
+
+        The positions at the ends are exact.
+        """
+        surface, verts = self._source.surface, self._path.at(share)
+        found = deformed_surface(surface, self._welded, verts)
+        # What welding merges may differ in the last bits, and no face uses some vertices.
+        ends = self._welded.scatter(self._ends, surface.positions)
+        positions = found.positions + share * (self._result - ends)
+        if share in (0, 1):
+            positions = self._result if share else surface.positions
+        return dataclasses.replace(found, positions=positions)
+
+    @property
+    def _ends(self) -> Tensor:
+        return self._welded.mesh.verts + torch.from_numpy(self._moved)
+
+    @cached_property
+    def _path(self) -> ShapePath:
+        return ShapePath(self._welded.mesh, self._ends)
+
+
+def check_same_asset(source: Asset, result: Asset, names: tuple[str, str] = ("The source", "the result")) -> None:
+    """Refuse a result that was not made from the source.
+
+    Raises
+    ------
+    ParameterError
+    """
+    before, after = source.surface, result.surface
+    if before.positions.shape != after.positions.shape or not np.array_equal(before.triangles, after.triangles):
+        raise ParameterError(
+            f"{names[1]} was not made from {names[0]}: their triangles differ.",
+            advice="Name the asset that was deformed, then its result.",
+        )
+
+
+def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: Limits | None) -> tuple[Asset, Asset]:
+    """Return the source as its run deformed it, subdivided if the result is, and the same nodes of the result.
+
+    Parameters
+    ----------
+    source, result : Asset
+    exclude : sequence of str or int
+        `params.exclude` of the run.
+    limits : Limits, optional
+        Those of the deployment that ran it.
+
+    Raises
+    ------
+    ParameterError
+        The result was not made from the source, or has no such node.
+    """
+    source, result = (asset.without(find_excluded(exclude, asset.parts().nodes)) for asset in (source, result))
+    if len(source.surface.triangles) < len(result.surface.triangles):
+        source, _ = subdivided(source, limits)
+    check_same_asset(source, result)
+    return source, result
+
+
+def with_strength(
+    source: Asset,
+    result: bytes,
+    strength: float,
+    *,
+    exclude: Sequence[str | int] = (),
+    limits: Limits | None = None,
+    compact: bool = False,
+) -> bytes:
+    """Return the asset as a GLB with its shape at a share of the way to its result.
+
+    Parameters
+    ----------
+    source : Asset
+    result : bytes
+        The GLB that was made from it, returned itself for a strength of 1.
+    strength : float
+        From 0, the source, to `MAX_STRENGTH`.
+    exclude, limits
+        As for `matched`.
+    compact : bool
+        Drop the data that the new shape made unused.
+
+    Raises
+    ------
+    ParameterError
+        The strength is out of range, or the result was not made from the source.
+    """
+    if not 0 <= strength <= MAX_STRENGTH:
+        raise ParameterError(f"The strength {strength:g} is not between 0 and {MAX_STRENGTH:g}.")
+    source, end = matched(source, read_result(result), exclude, limits)
+    if strength == 1:
+        return result
+    origin = None if end.provenance is None else {**end.provenance, "strength": strength}
+    if strength == 0:
+        surface = source.surface
+        return source.replace(surface.positions, compact=compact, provenance=origin)
+    found = AssetPath(source, end.surface.positions).at(strength)
+    return source.replace(found.positions, found.normals, found.tangents, compact=compact, provenance=origin)
+
+
+def write_morph(
+    source: Asset,
+    path: AssetPath,
+    result: DeformedSurface,
+    morph: MorphPath,
+    *,
+    compact: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+) -> bytes:
+    """Return the source as a GLB with the frames of the way to the result as morph targets, and their animation.
+
+    The last target, `deform`, is the result; the others are named `deform 1/8` and so on.
+    """
+    targets = []
+    for number, share in enumerate(morph.shares(), 1):
+        found = result if share == 1 else path.at(share)
+        name = ANIMATION_NAME if share == 1 else f"{ANIMATION_NAME} {number}/{morph.frames}"
+        targets.append(MorphTarget(name, found.positions, found.normals, found.tangents))
+    track = Track(morph.times(), morph.weights())
+    return source.morph(targets, track=track, compact=compact, provenance=provenance)

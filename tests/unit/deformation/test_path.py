@@ -1,0 +1,150 @@
+"""Shapes between rest and result: exact at both ends, and what bends keeps its length and volume on the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.path import ShapePath
+from meshdeform.errors import ShapeError
+from meshdeform.geometry.mesh import TriangleMesh, edges_of
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.shapes import box, cylinder, icosphere, join
+from tests.cases import each_case
+
+LENGTH = 4.0
+BAR = cylinder(0.25, LENGTH, 16, 32)
+SHARES = [0.25, 0.5, 0.75]
+
+
+def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
+    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
+
+
+def train() -> TriangleMesh:
+    """Ten separate boxes in a row, with gaps between them."""
+    return join(*[moved(box(2, (0.4, 0.28, 0.4)), 0.0, 0.4 * k - 1.8, 0.0) for k in range(10)])
+
+
+def bend(verts: Tensor, degrees: float) -> Tensor:
+    """Bend along Y about an axis parallel to Z; the lower end stays in place."""
+    radius = LENGTH / math.radians(degrees)
+    angle, arm = (verts[:, 1] + LENGTH / 2) / radius, radius - verts[:, 0]
+    return torch.stack([radius - arm * angle.cos(), arm * angle.sin() - LENGTH / 2, verts[:, 2]], 1)
+
+
+def turned(verts: Tensor, degrees: float) -> Tensor:
+    """Turn about Y."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return verts @ torch.tensor([[c, 0, -s], [0, 1, 0], [s, 0, c]], dtype=torch.float64)
+
+
+def twist(verts: Tensor, degrees: float) -> Tensor:
+    angle = math.radians(degrees) * (verts[:, 1] / LENGTH + 0.5)
+    x, y, z = verts.unbind(1)
+    return torch.stack([x * angle.cos() + z * angle.sin(), y, z * angle.cos() - x * angle.sin()], 1)
+
+
+def volume(mesh: TriangleMesh, verts: Tensor) -> float:
+    a, b, c = verts[mesh.faces].unbind(1)
+    return float((a * torch.linalg.cross(b, c)).sum() / 6)
+
+
+def length_along(verts: Tensor) -> float:
+    """Return the mean length of the bar's edges that are along Y at rest."""
+    a, b = edges_of(BAR.faces).edges.T
+    along = (BAR.verts[a] - BAR.verts[b])[:, [0, 2]].abs().sum(1) < 1e-9
+    return float((verts[a] - verts[b]).norm(dim=1)[along].mean())
+
+
+def flips(mesh: TriangleMesh, verts: Tensor) -> int:
+    return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy()).flipped_faces
+
+
+@each_case("mesh", [BAR, train()])
+def test_the_ends_are_exact(mesh: TriangleMesh) -> None:
+    result = bend(mesh.verts, 120) + 0.01 * mesh.verts.sin()
+    path = ShapePath(mesh, result)
+    assert torch.equal(path.at(0), mesh.verts)
+    assert torch.equal(path.at(1), result)
+    # Nothing jumps just before an end.
+    torch.testing.assert_close(path.at(1e-9), mesh.verts, atol=1e-7, rtol=0)
+    torch.testing.assert_close(path.at(1 - 1e-9), result, atol=1e-7, rtol=0)
+
+
+@each_case("share", SHARES)
+def test_a_bend_of_120_degrees_keeps_lengths_and_volume_where_straight_lines_do_not(share: float) -> None:
+    result = bend(BAR.verts, 120)
+    shape = ShapePath(BAR, result).at(share)
+    # A bend by that share of the angle, up to 0.3 % of the length.
+    torch.testing.assert_close(shape, bend(BAR.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+    straight = (1 - share) * BAR.verts + share * result
+    whole = volume(BAR, BAR.verts)
+    assert abs(volume(BAR, shape) / whole - 1) < 0.002
+    assert volume(BAR, straight) / whole < 0.8
+    assert abs(length_along(shape) / length_along(BAR.verts) - 1) < 0.002
+    assert length_along(straight) / length_along(BAR.verts) < 0.9
+    assert flips(BAR, shape) == 0
+
+
+@each_case("share", SHARES)
+def test_components_stay_together(share: float) -> None:
+    mesh = train()
+    shape = ShapePath(mesh, bend(mesh.verts, 120)).at(share)
+    torch.testing.assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+
+
+@each_case("degrees", [179.9, 180.0, 180.1])
+def test_a_half_turn_is_a_turn_of_all_faces_in_one_direction(degrees: float) -> None:
+    # Jittered, so that some faces turn by slightly less than pi and others by slightly more.
+    mesh = join(icosphere(2), moved(icosphere(2), 3.0, 0.0, 0.0))
+    noise = 0.01 * torch.randn(mesh.verts.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    half = ShapePath(mesh, turned(mesh.verts, degrees) + noise).at(0.5)
+    assert abs(volume(mesh, half) / volume(mesh, mesh.verts) - 1) < 0.02
+    centres = half[: len(half) // 2].mean(0), half[len(half) // 2 :].mean(0)
+    assert float((centres[1] - centres[0]).norm()) == pytest.approx(3.0, abs=0.02)
+
+
+@each_case("share", SHARES)
+def test_a_twist_by_more_than_a_half_turn(share: float) -> None:
+    shape = ShapePath(BAR, twist(BAR.verts, 300)).at(share)
+    assert abs(volume(BAR, shape) / volume(BAR, twist(BAR.verts, 300 * share)) - 1) < 0.02
+    assert flips(BAR, shape) == 0
+
+
+def test_beyond_the_result_it_goes_on() -> None:
+    shape = ShapePath(BAR, bend(BAR.verts, 80)).at(1.5)
+    torch.testing.assert_close(shape, bend(BAR.verts, 120), atol=0.005 * LENGTH, rtol=0)
+
+
+def test_what_shrinks_never_collapses_beyond_the_result() -> None:
+    scale = torch.tensor([0.2, 2.0, 0.2], dtype=torch.float64)
+    shape = ShapePath(BAR, BAR.verts * scale).at(1.5)
+    width = shape[:, 0].max() / BAR.verts[:, 0].max()
+    assert float(width) == pytest.approx(0.2**1.5, rel=0.01)
+    assert float(np.ptp(shape[:, 1].numpy())) == pytest.approx(2.5 * LENGTH, rel=1e-6)
+
+
+def test_what_both_ends_have_in_the_same_place_stays() -> None:
+    still = BAR.verts[:, 1] < -1.0
+    result = torch.where(still[:, None], BAR.verts, BAR.verts + (BAR.verts[:, 1:2] + 1.0) ** 2)
+    half = ShapePath(BAR, result).at(0.5)
+    assert float((half - BAR.verts)[BAR.verts[:, 1] < -1.5].abs().max()) < 0.005 * LENGTH
+
+
+def test_collapsed_faces_and_flat_results() -> None:
+    # A box with a face without area, flattened to a sheet: its faces have no rotation of their own.
+    verts = torch.cat([box(2).verts, box(2).verts[:2].mean(0, keepdim=True)])
+    mesh = TriangleMesh(verts, torch.cat([box(2).faces, torch.tensor([[0, 1, len(verts) - 1]])]))
+    flat = verts * torch.tensor([1.0, 0.0, 1.0])
+    half = ShapePath(mesh, flat.double()).at(0.5)
+    torch.testing.assert_close(half, (verts + flat) / 2, atol=1e-6, rtol=0)
+
+
+def test_another_number_of_vertices_is_refused() -> None:
+    with pytest.raises(ShapeError, match="expected verts"):
+        ShapePath(BAR, BAR.verts[1:])

@@ -1,0 +1,141 @@
+"""Runs whose model sees the asset's colours: what is drawn, what the report says, and that they resume exactly."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import safetensors.torch
+import torch
+
+from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.deformation import stand_in
+from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.weld import weld
+from meshdeform.rendering.base_colours import BaseColours
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+from meshdeform.runs.text_deform import TextDeformRun
+from meshdeform.testing import FakePrior
+from tests.unit.assets.builders import Builder
+
+BALL = icosphere(3, 0.5)
+CORNERS = BALL.faces.numpy().reshape(-1)
+POINTS = BALL.verts.numpy()[CORNERS].astype(np.float32)
+"""Every face has vertices of its own: all edges are seams."""
+
+
+def asset(*, coloured: bool = True) -> bytes:
+    builder = Builder()
+    colors = {"COLOR_0": (POINTS + 0.5).astype(np.float32)} if coloured else {}
+    builder.node(
+        builder.mesh(builder.primitive(POINTS, np.arange(len(POINTS), dtype=np.uint32).reshape(-1, 3), **colors))
+    )
+    return builder.glb()
+
+
+def started(checkpoint: bytes | None = None, *, coloured: bool = True, **params: object) -> TextDeformRun:
+    target = torch.tensor([1.2, 0.8, 1.0], dtype=torch.float64) * BALL.verts
+    request = {"prompt": "a stone", "params": {"model": "some/model", "steps": 4, "preset": "preview", **params}}
+    return text_deform.start(
+        asset=asset(coloured=coloured),
+        filename="ball.glb",
+        request=JobRequest.model_validate(request),
+        prior=FakePrior(type(BALL)(target, BALL.faces), view_size=24),
+        checkpoint=checkpoint,
+    )
+
+
+def finished(run: TextDeformRun) -> dict[str, object]:
+    for _ in run:
+        pass
+    report: dict[str, object] = json.loads(run.finish()["report.json"].data)
+    return report
+
+
+@pytest.mark.parametrize("case", ["surface", "lattice", "stand_in"])
+def test_a_resumed_run_draws_what_the_whole_one_did(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if case == "stand_in":
+        monkeypatch.setattr(stand_in, "MAX_FACES", 600)
+        monkeypatch.setattr(stand_in, "FACES", 500)
+    params = {"carrier": "auto" if case == "stand_in" else case}
+    whole = started(**params)
+    report = finished(whole)
+    first = started(**params)
+    for step, _ in zip(range(2), first, strict=False):
+        assert step < 2
+    resumed = started(first.checkpoint(), **params)
+    finished(resumed)
+    states = [safetensors.torch.load(run.checkpoint()) for run in (whole, resumed)]
+    assert states[0].keys() == states[1].keys()
+    assert all(torch.equal(states[0][name], states[1][name]) for name in states[0])
+    source = "stand_in" if case == "stand_in" else "asset"
+    assert report["texture_stretch"] is None
+    assert report["appearance"] == {"drawn": "mixed", "colours": source, "notice": ""}
+    clay = started(**params, appearance="clay")
+    assert finished(clay)["appearance"] == {"drawn": "clay", "colours": None, "notice": ""}
+    assert not np.array_equal(clay.positions(), whole.positions()), "the colours change what the model sees"
+
+
+def test_an_asset_without_colours_is_clay_and_the_report_says_so() -> None:
+    plain, clay = started(coloured=False), started(coloured=False, appearance="clay")
+    found = finished(plain)["appearance"]
+    finished(clay)
+    assert found == {
+        "drawn": "clay", "colours": None, "notice": "The asset has no colours, so the model saw it as clay."
+    }  # fmt: skip
+    assert np.array_equal(plain.positions(), clay.positions())
+
+
+def test_a_stand_in_takes_the_colours_of_the_nearest_places() -> None:
+    """A picture laid on a ball from the front: red to the right, green upwards, and holes at the top."""
+    whole = RestMesh.of(icosphere(5, 0.5))
+    ramp = np.linspace(0, 255, 64).astype(np.uint8)
+    pixels = np.full((64, 64, 4), 255, np.uint8)
+    pixels[..., 0], pixels[..., 1], pixels[..., 2] = ramp[None, :], ramp[::-1, None], 0
+    pixels[:8, :, 3] = 0
+    points = whole.verts.numpy().astype(np.float32)
+    look = Appearance(
+        np.arange(len(points)),
+        whole.faces.numpy(),
+        np.stack([points[:, 0] + 0.5, 0.5 - points[:, 1]], 1),
+        np.ones((len(points), 4), np.float32),
+        np.zeros(len(whole.faces), np.int64),
+        (Paint((1.0, 1.0, 1.0, 1.0), Texture(pixels, ("clamp", "clamp")), "MASK"),),
+    )
+    simple = RestMesh.of(simplified(whole, 1000))
+    found = baked_appearance(look, whole, simple)
+    assert np.array_equal(found.rows[found.triangles], simple.faces.numpy())
+    assert found.paints[0].alpha_mode == "MASK"
+    # At the corners and between them, where no vertex is.
+    colours = BaseColours(found)
+    for weights in ([1.0, 0, 0], [0, 0.5, 0.5], [0.2, 0.5, 0.3]):
+        values = (colours.values[colours.faces] * torch.tensor(weights)[:, None]).sum(1)
+        seen = colours.colours(colours.paint, values, torch.zeros(len(values)))
+        place = np.einsum("fkd,k->fd", simple.verts.numpy()[simple.faces.numpy()], weights)
+        inside = np.abs(place[:, 1]) < 0.33
+        shown = seen[inside, :2].numpy() ** (1 / 2.2)
+        assert np.abs(shown - np.clip(place[inside, :2] + 0.5, 0, 1)).max() < 0.06
+        opacity = colours.opacity(colours.paint, seen).numpy()
+        assert opacity[place[:, 1] > 0.42].max() == 0
+        assert opacity[place[:, 1] < 0.33].min() == 1
+
+
+def test_seams_and_dropped_faces_keep_each_face_its_colours() -> None:
+    positions = np.concatenate([POINTS, POINTS[:1]]).astype(np.float64)
+    triangles = np.concatenate([[[0, 1, len(POINTS)]], np.arange(len(POINTS)).reshape(-1, 3)])
+    welded = weld(positions, triangles)
+    assert welded.skipped["degenerate_faces"] == 1
+    colors = np.concatenate([positions + 0.5, np.ones((len(positions), 1))], 1).astype(np.float32)
+    count = len(positions)
+    paint = np.zeros(len(triangles), np.int64)
+    look = Appearance(np.arange(count), triangles, np.zeros((count, 2), np.float32), colors, paint, (Paint(),))
+    found = welded_appearance(look, welded)
+    assert found is not None
+    assert np.array_equal(found.rows[found.triangles], welded.mesh.faces.numpy())
+    drawn = welded.mesh.verts.numpy()[welded.mesh.faces.numpy()] + 0.5
+    np.testing.assert_allclose(found.colors[found.triangles][..., :3], drawn, atol=1e-5)

@@ -1,0 +1,118 @@
+"""Ground planes: a small object stays on a large ground, and `params.exclude` leaves the ground as it is."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Primitive, build_glb, load_asset
+from meshdeform.assets.accessors import read_accessor
+from meshdeform.assets.document import Document
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import CheckpointError, ParameterError
+from meshdeform.geometry.shapes import grid, icosphere
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+from meshdeform.testing import FakePrior
+from tests.cases import each_case
+from tests.unit.assets.builders import pack, unpack
+
+BALL = icosphere(2)
+
+
+def scene(cells: int, *, half_width: float = 5000.0) -> bytes:
+    """Return a ball of two units that stands on a square ground."""
+    flat = grid(cells)
+    points = (flat.verts.numpy()[:, [0, 2, 1]] - flat.verts.numpy()[:, [0, 2, 1]].mean(0)) * half_width
+    ball = Primitive(BALL.verts.numpy() / np.linalg.norm(BALL.verts[0]) + [0, 1, 0], BALL.faces.numpy(), name="ball")
+    return build_glb([ball, Primitive(points, flat.faces.numpy()[:, ::-1], name="Ground")])
+
+
+def start(asset: bytes, *, output: dict[str, bool] | None = None, steps: int = 20, **params: Any) -> Any:
+    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": steps, **params}, "output": output or {}}
+    request = JobRequest.model_validate(document)
+    return text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior())
+
+
+def finished(run: Any) -> tuple[bytes, dict[str, Any]]:
+    list(run)
+    files = run.finish()
+    return files["result.glb"].data, json.loads(files["report.json"].data)
+
+
+def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
+    """Return how far a point is above the triangle below or above it."""
+    for a, b, c in positions[triangles]:
+        edges = np.stack([b - a, c - a], axis=1)
+        if abs(np.linalg.det(edges[[0, 2]])) > 0:
+            u, v = np.linalg.solve(edges[[0, 2]], (point - a)[[0, 2]])
+            if min(u, v, 1 - u - v) >= -1e-9:
+                return float(point[1] - (a + edges @ [u, v])[1])
+    raise AssertionError("no triangle is there")
+
+
+def test_a_small_ball_stays_on_a_large_ground() -> None:
+    asset = scene(21)
+    result, report = finished(start(asset, steps=40))
+    assert report["carrier"]["kind"] == "lattice"
+    found = load_asset(result).surface
+    is_ball = found.instance_of_vertex == 0
+    ball = found.positions[is_ball]
+    ground = found.triangles[~is_ball[found.triangles[:, 0]]]
+    diagonal = float(np.linalg.norm(np.ptp(load_asset(asset).surface.positions, axis=0)))
+    moved = found.positions - load_asset(asset).surface.positions
+    assert np.linalg.norm(moved, axis=1).max() > 0.1 * diagonal
+    assert abs(height_above(found.positions, ground, ball[ball[:, 1].argmin()])) < 1e-3 * diagonal
+    assert np.ptp(ball, axis=0).max() < 2 * 2
+
+
+def contents(data: bytes, mesh: int) -> list[bytes]:
+    """Return the bytes of every accessor of a mesh."""
+    document = Document.parse(data, Limits(), glb=True)
+    primitives = document.root["meshes"][mesh]["primitives"]
+    slots = [at for p in primitives for at in (*p["attributes"].values(), p["indices"])]
+    return [read_accessor(document, at).tobytes() for at in slots]
+
+
+@each_case("output", [{}, {"compact": True}, {"subdivide": True}])
+def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[str, bool]) -> None:
+    asset = scene(1)
+    assert any("params.exclude" in text for text in load_asset(asset).summary.warnings)
+    run = start(asset, exclude=["Ground"], output=output)
+    result, report = finished(run)
+    assert contents(result, 1) == contents(asset, 1)
+    assert unpack(result)[0]["nodes"] == unpack(asset)[0]["nodes"]
+    before, after = (load_asset(data).without([1]).surface.positions for data in (asset, result))
+    assert len(before) == len(BALL.verts)
+    if "subdivide" not in output:
+        assert np.abs(after - before).max() > 0.1  # of a ball of two units: it fills the pictures now
+    assert report["input"]["warnings"] == []
+    assert report["mesh"]["same_faces"]
+    assert report["mesh"]["welded_vertices"] == len(after)
+    saved = run.checkpoint()
+    request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
+    with pytest.raises(CheckpointError, match=r"params\.exclude"):
+        text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
+
+
+def test_a_mesh_that_an_excluded_node_shows_as_well_stays_there() -> None:
+    root, binary, _ = unpack(scene(1))
+    root["nodes"] += [{"name": "group", "children": [3]}, {"mesh": 0, "translation": [9, 0, 0]}]
+    root["scenes"][0]["nodes"].append(2)
+    asset = pack(root, binary)
+    for output in ({}, {"subdivide": True}):
+        result, _ = finished(start(asset, exclude=["Ground", 2], output=output, steps=2))
+        after = unpack(result)[0]["nodes"]
+        assert contents(result, after[3]["mesh"]) == contents(asset, 0)
+        assert contents(result, after[0]["mesh"])[0] != contents(asset, 0)[0]
+
+
+def test_what_excludes_nothing_or_everything_is_refused() -> None:
+    with pytest.raises(ParameterError, match="no node named 'ground'") as caught:
+        start(scene(1), exclude=["ground"])
+    assert "'Ground'" in caught.value.advice_text
+    with pytest.raises(ParameterError, match="nothing is left"):
+        start(scene(1), exclude=[0, 1])
