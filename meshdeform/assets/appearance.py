@@ -29,6 +29,8 @@ __all__ = ["CLAY", "Appearance", "Paint", "Texture", "plain_appearance", "read_a
 CLAY = (0.46, 0.44, 0.42, 1.0)
 """Linear colour of a surface that the file gives none."""
 
+_SAME = 0.03
+"""Difference between encoded colours that nobody sees; `CLAY` is a grey by this."""
 _MAX_COORDINATE = 1e4
 """Larger texture coordinates are of no use in a picture, and lose their fraction in 32 bits."""
 
@@ -45,11 +47,14 @@ class Texture:
         `repeat`, `clamp` or `mirror`, for u and v.
     nearest : bool
         Whether magnified texels stay squares.
+    reduced : bool
+        Whether distant faces may show reduced copies of the picture.
     """
 
     pixels: NDArray[np.uint8]
     wrap: tuple[str, str] = ("repeat", "repeat")
     nearest: bool = False
+    reduced: bool = True
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,16 @@ class Appearance:
     paint_of_triangle: NDArray[np.int64]
     paints: tuple[Paint, ...]
     left_out: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the surface shows more than one grey."""
+        shown = [_single_colour(self.paints[at]) for at in np.unique(self.paint_of_triangle)]
+        if any(colour is None for colour in shown):
+            return True
+        factors = np.array([_single_colour(paint) or (0.0, 0.0, 0.0) for paint in self.paints])
+        colours = (self.colors[self.triangles][..., :3] * factors[self.paint_of_triangle][:, None]) ** (1 / 2.2)
+        return bool(np.ptp(colours.reshape(-1, 3), axis=0).max() > _SAME or np.ptp(colours, axis=2).max() > _SAME)
 
 
 def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
@@ -236,6 +251,16 @@ class _Part:
     texcoords: NDArray[np.float32]
     colors: NDArray[np.float32]
     paint: int
+
+
+def _single_colour(paint: Paint) -> tuple[float, ...] | None:
+    """Return the colour of a paint, or None if its texture has more than one."""
+    if paint.texture is None:
+        return paint.factor[:3]
+    pixels = paint.texture.pixels
+    if (pixels != pixels[0, 0]).any():
+        return None
+    return tuple(float(f * (v / 255) ** 2.2) for f, v in zip(paint.factor, pixels[0, 0, :3], strict=False))
 
 
 def _material(primitive: Json) -> int | None:

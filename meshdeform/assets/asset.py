@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,23 +15,27 @@ from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.backdrop import backdrop_warnings
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.container import GLB_MAGIC
+from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document
 from meshdeform.assets.draco import decode_draco
 from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.meshopt.views import decode_meshopt
+from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.parts import Parts, read_parts
 from meshdeform.assets.references import Usage
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
-from meshdeform.assets.writer import Deformation, write_shape
+from meshdeform.assets.writer import Deformation, Finish, write_shape, write_targets
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
 from meshdeform.geometry.coarseness import coarseness_warnings
+from meshdeform.geometry.up_axis import up_axis_warnings
 
 if TYPE_CHECKING:
     from meshdeform.assets.appearance import Appearance
+    from meshdeform.assets.subdivide import Subdivision
 
 __all__ = ["Asset", "load_asset"]
 
@@ -47,27 +51,41 @@ class Asset:
         Counts, extensions, warnings and the source format.
     repairs : Repairs
         How many normals and tangents had no direction and were rebuilt.
+    excluded : frozenset of int
+        Nodes whose meshes are no part of the surface.
     """
 
-    def __init__(self, document: Document, summary: AssetSummary, source: bytes, usage: Usage) -> None:
+    def __init__(
+        self,
+        document: Document,
+        summary: AssetSummary,
+        source: bytes,
+        usage: Usage,
+        excluded: frozenset[int] = frozenset(),
+    ) -> None:
         self._document = document
+        self._read_summary = summary
+        self.excluded = excluded
         self.repairs = rebuild_directions(document)
         self._source = source
         self._usage = usage
         self.surface: Surface
         self._blocks: list[Block]
-        self.surface, self._blocks, self._loose = read_surface(document)
+        self.surface, self._blocks, self._loose = read_surface(document, excluded)
         backdrops = backdrop_warnings(document, self.surface, self._blocks)
         parts = self.parts()
-        coarse = coarseness_warnings(self.surface.positions, self.surface.triangles)
+        shape = self.surface.positions, self.surface.triangles
+        notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape))
         self.summary = dataclasses.replace(
             summary,
             nodes=tuple(parts.nodes),
             materials=tuple(parts.materials),
+            mesh_names=tuple(parts.meshes),
+            joints=tuple(parts.joints),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             skipped=tuple(self.surface.skipped),
-            warnings=(*summary.warnings, *self.repairs.warnings, *backdrops, *coarse),
+            warnings=(*summary.warnings, *self.repairs.warnings, *notices),
         )
 
     def to_bytes(self) -> bytes:
@@ -95,8 +113,16 @@ class Asset:
         return read_appearance(self._document, self._blocks)
 
     def parts(self) -> Parts:
-        """List the nodes and materials of the surface, and which triangles belong to each."""
+        """List the nodes, meshes, materials and joints of the surface, and which triangles belong to each."""
         return read_parts(self._document, self._blocks)
+
+    def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
+        """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
+        return corner_weights(self._document, self._blocks, joints)
+
+    def vertex_colors(self) -> NDArray[np.float64]:
+        """Return the linear vertex colour (T, 3, 3) of each corner of the triangles; NaN where there is none."""
+        return corner_colors(self._document, self._blocks)
 
     def texture_coordinates(self) -> dict[str, str]:
         """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""
@@ -108,6 +134,60 @@ class Asset:
                     values = read_floats(self._document, attributes[name])
                     found[f"{number}/{p}/{name}"] = hashlib.sha256(values.tobytes()).hexdigest()
         return found
+
+    def without(self, nodes: Collection[int]) -> Asset:
+        """Return the asset without these nodes and those below them: they stay in the file as they are.
+
+        Raises
+        ------
+        AssetEmptyError
+            Nothing is left.
+        """
+        if not nodes:
+            return self
+        below = list(nodes)
+        for at in below:  # grows while it is read; nodes form a forest
+            below += self._document.root["nodes"][at].get("children", [])
+        excluded = self.excluded | frozenset(below)
+        found = Asset(self._document.fork(), self._read_summary, self._source, self._usage, excluded)
+        return found._as_repaired(self)
+
+    def _as_repaired(self, source: Asset) -> Asset:
+        """Take over what was repaired when the source was read."""
+        self.repairs = source.repairs
+        warnings = (*self.summary.warnings, *source.repairs.warnings)
+        self.summary = dataclasses.replace(self.summary, format=source.summary.format, warnings=warnings)
+        return self
+
+    def subdivided(self, max_triangles: int) -> tuple[Asset, Subdivision]:
+        """Return the asset with its long edges split, and what was split.
+
+        Parameters
+        ----------
+        max_triangles : int
+            Number of triangles, over all instances, that the result does not exceed.
+
+        Returns
+        -------
+        The asset itself if no edge is long. Otherwise one with other vertices and triangles, in which nodes,
+        primitives, materials and everything else keep their places.
+
+        Raises
+        ------
+        AssetError
+            An attribute has another number of elements than its positions.
+        """
+        from meshdeform.assets.compact import compact
+        from meshdeform.assets.subdivide import subdivide
+
+        document = self._document.fork()
+        done = subdivide(document, max_triangles, self.excluded)
+        if not done.split:
+            return self, done
+        embed_data_uris(document)
+        compact(document, self._usage, [])
+        made = load_asset(document.to_bytes(), limits=Limits.unlimited()).without(self.excluded)
+        return made._as_repaired(self), done
 
     def replace(
         self,
@@ -149,12 +229,55 @@ class Asset:
         ShapeError
             An array does not have as many rows as the surface.
         """
+        if morph:
+            target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
+            return self.morph([target], track=straight(), compact=compact, provenance=provenance)
         shape = Deformation.checked(self.surface, positions, normals, tangents)
-        document = self._document.fork()
-        source = self._usage if compact else None
-        return write_shape(
-            document, self._blocks, self._loose, shape, morph=morph, source=source, provenance=provenance
-        )
+        finish = Finish(self._usage if compact else None, provenance)
+        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
+
+    def morph(
+        self,
+        targets: Sequence[MorphTarget],
+        *,
+        weights: Sequence[float] | None = None,
+        track: Track | None = None,
+        compact: bool = False,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> bytes:
+        """Write the asset with shapes as morph targets after those that it has.
+
+        Parameters
+        ----------
+        targets : sequence of MorphTarget
+        weights : sequence of float, optional
+            What the file shows at rest. Default: the last target.
+        track : Track, optional
+            An animation of the targets.
+        compact, provenance
+            As for `replace`.
+
+        Returns
+        -------
+        A GLB. The asset itself is not changed.
+
+        Raises
+        ------
+        NumericalError, ShapeError
+            As for `replace`.
+        """
+        shapes = [Deformation.checked(self.surface, t.positions, t.normals, t.tangents) for t in targets]
+        rest = [*[0.0] * (len(targets) - 1), 1.0] if weights is None else list(weights)
+        new = NewTargets([target.name for target in targets], rest, track)
+        finish = Finish(self._usage if compact else None, provenance)
+        return write_targets(self._document.fork(), self._blocks, self._loose, shapes, new, finish)
+
+    @property
+    def provenance(self) -> dict[str, Any] | None:
+        """What `output.provenance` stored in the file; None if nothing."""
+        extras = self._document.root["asset"].get("extras")
+        found = extras.get("meshdeform") if isinstance(extras, dict) else None
+        return found if isinstance(found, dict) else None
 
 
 def _unpack(archive: Archive, limits: Limits) -> bytes:

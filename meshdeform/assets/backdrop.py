@@ -38,8 +38,8 @@ def backdrop_warnings(document: Document, surface: Surface, blocks: list[Block])
     names = ", ".join(_name(document, node) for node in list(nodes)[:3])
     return (
         f"{names} looks like a ground plane or backdrop: it spans the scene, and the rest is only "
-        f"{rest / diagonal:.0%} as large, so the guidance sees the object small. Remove it before deforming, and "
-        "put it back afterwards.",
+        f"{rest / diagonal:.0%} as large, so the guidance sees the object small. Name it in "
+        "params.exclude to leave it as it is.",
     )
 
 

@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import mmap
 import os
 import signal
-import subprocess
-import sys
 import threading
 from collections import OrderedDict
 from dataclasses import asdict, replace
@@ -23,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
+from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetEmptyError,
@@ -30,8 +28,6 @@ from meshdeform.errors import (
     AssetTooLargeError,
     AssetTruncatedError,
     DependencyError,
-    MeshdeformError,
-    UnavailableError,
 )
 from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 
@@ -42,8 +38,6 @@ __all__ = [
     "MAX_PARTS",
     "MAX_SKIPPED",
     "CheckedAssets",
-    "bound_memory",
-    "bound_resources",
     "check_asset_subprocess",
     "has_area",
     "main",
@@ -56,19 +50,6 @@ MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
 _REMEMBERED = 512
-# Our package's folder comes last, so that a file beside it cannot replace an installed module.
-_CHILD = """
-import sys
-sys.path.append(sys.argv.pop(1))
-from meshdeform.assets.check import main
-sys.exit(main())
-"""
-# fmt: off
-_PASSED_ON = frozenset({
-    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT", "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH", "PYTHONHOME",
-})
-# fmt: on
 
 
 def check_asset_subprocess(
@@ -104,46 +85,27 @@ def check_asset_subprocess(
     limits = limits or Limits()
     timeout_s = limits.max_check_s if timeout_s is None else timeout_s
     try:
-        child = subprocess.run(
-            _command(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s)),
-            env=_environment(),
-            cwd=path.absolute().anchor,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=timeout_s,
-            check=False,
+        outcome = run_child(
+            "meshdeform.assets.check",
+            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s)),
+            timeout_s=timeout_s,
         )
-    except subprocess.TimeoutExpired as error:
+    except TimeoutError as error:
         raise AssetTooLargeError(
             f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
         ) from error
-    except OSError as error:
-        raise UnavailableError(f"The file cannot be checked now: {error.strerror}.") from error
-    verdict = _verdict(child.stdout)
-    if verdict is None:
-        raise _crash(child.returncode, path)
-    if not verdict["ok"]:
-        raise _error(verdict["error"])
-    return _summary(verdict["summary"])
+    if outcome.verdict is None:
+        raise _crash(outcome.returncode, path)
+    if not outcome.verdict["ok"]:
+        raise error_from(outcome.verdict["error"])
+    return _summary(outcome.verdict["summary"])
 
 
-def _command(path: Path, filename: str, limits: Limits) -> list[str]:
-    """Return the child's command. -P leaves the current folder out of its module path."""
-    root = Path(__file__).resolve().parents[2]
+def _arguments(path: Path, filename: str, limits: Limits) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
     name = "asset" if ending is None else f"asset.{ending if ending in FORMATS else 'other'}"
-    arguments = [str(path), "--filename", name, "--limits", json.dumps(asdict(limits))]
-    return [sys.executable, "-P", "-c", _CHILD, str(root), *arguments]
-
-
-def _environment() -> dict[str, str]:
-    """Return the child's environment: what an interpreter needs, and no secrets."""
-    found = {name: value for name, value in os.environ.items() if name in _PASSED_ON}
-    folders = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if Path(folder).is_absolute()]
-    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    return {**found, **one_thread, "PYTHONPATH": os.pathsep.join(folders)}
+    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits))]
 
 
 class CheckedAssets:
@@ -155,10 +117,14 @@ class CheckedAssets:
     Parameters
     ----------
     limits : Limits
+
+    Attributes
+    ----------
+    limits : Limits
     """
 
     def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+        self.limits = limits
         self._passed: OrderedDict[tuple[str, str, str], AssetSummary] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -176,21 +142,12 @@ class CheckedAssets:
             if known in self._passed:
                 self._passed.move_to_end(known)
                 return self._passed[known]
-        summary = check_asset_subprocess(path, filename, self._limits)
+        summary = check_asset_subprocess(path, filename, self.limits)
         with self._lock:
             self._passed[known] = summary
             if len(self._passed) > _REMEMBERED:
                 self._passed.popitem(last=False)
         return summary
-
-
-def _verdict(stdout: bytes) -> dict[str, Any] | None:
-    """Return the child's verdict from its last line; a decoder may have printed something before it."""
-    try:
-        verdict = json.loads((stdout.splitlines() or [b""])[-1])
-    except ValueError:
-        return None
-    return verdict if isinstance(verdict, dict) and "ok" in verdict else None
 
 
 def _inspect_file(path: Path, filename: str, limits: Limits) -> None:
@@ -211,14 +168,8 @@ def _crash(returncode: int, path: Path) -> AssetError:
     return AssetError(f"The decoder crashed on this file of {path.stat().st_size} bytes ({name}).")
 
 
-def _error(verdict: dict[str, Any]) -> MeshdeformError:
-    kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), DependencyError]
-    kind = next((kind for kind in kinds if kind.code == verdict["code"]), AssetError)
-    return kind(verdict["detail"], advice=verdict["advice"], **verdict["extra"])
-
-
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
-    lists = ("extensions", "skipped", "nodes", "materials", "warnings")
+    lists = ("extensions", "skipped", "nodes", "materials", "mesh_names", "joints", "warnings")
     return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}})
 
 
@@ -232,9 +183,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         verdict = {"ok": True, "summary": _decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
-        verdict = {"ok": False, "error": _as_json(error)}
+        verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
-        verdict = {"ok": False, "error": _as_json(AssetTooLargeError("Decoding the file takes too much memory."))}
+        verdict = {"ok": False, "error": error_to_json(AssetTooLargeError("Decoding the file takes too much memory."))}
     print(json.dumps(verdict))
     return 0 if verdict["ok"] else 1
 
@@ -252,7 +203,7 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     summary, skipped = asdict(asset.summary), asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
         summary["skipped"] = [*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"}]
-    for name in ("nodes", "materials"):
+    for name in ("nodes", "materials", "mesh_names", "joints"):
         summary[name] = summary[name][:MAX_PARTS]
     return summary
 
@@ -265,31 +216,3 @@ def has_area(surface: Surface) -> bool:
     edges = np.roll(corners, -1, axis=1) - corners
     areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     return bool((areas > COLLAPSED_SHAPE * (edges**2).sum(2).max(1)).any())
-
-
-def bound_resources(memory_bytes: int, seconds: float) -> None:
-    """Limit this process's address space and CPU time; forbid it to write files and core dumps."""
-    try:
-        import resource
-    except ImportError:  # Windows has no rlimits; the limits on counts still apply there
-        return
-    bound_memory(memory_bytes)
-    # The parent limits the wall-clock time; this ends a child whose parent has died.
-    for bound, wanted in ((resource.RLIMIT_CPU, math.ceil(seconds) + 1), (resource.RLIMIT_FSIZE, 0)):
-        resource.setrlimit(bound, (wanted, wanted))
-
-
-def bound_memory(wanted: int) -> None:
-    """Limit this process's address space to `wanted` bytes and disable core dumps."""
-    try:
-        import resource
-    except ImportError:
-        return
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    if hard == resource.RLIM_INFINITY or hard > wanted:
-        resource.setrlimit(resource.RLIMIT_AS, (wanted, hard))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _as_json(error: MeshdeformError) -> dict[str, Any]:
-    return {"code": error.code, "detail": error.detail, "advice": error.advice_text, "extra": error.extra}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Mapping
 from typing import Any, Self
 from urllib.parse import unquote_to_bytes
 
@@ -82,6 +83,10 @@ class Document:
     def attach_buffer(self, buffer: int, data: bytes) -> None:
         """Set the data of a buffer whose `uri` names another file."""
         self._decoded[buffer] = memoryview(data)
+
+    def renumber_buffers(self, number: Mapping[int, int]) -> None:
+        """Keep the data of the buffers in `number`, under their new numbers; the caller has renumbered the JSON."""
+        self._decoded = {number[old]: data for old, data in self._decoded.items() if old in number}
 
     def view_bytes(self, view: int) -> memoryview:
         """Return the bytes of a buffer view."""

@@ -30,7 +30,7 @@ def embed_data_uris(document: Document) -> None:
         if holder["buffer"] in moved:
             holder["byteOffset"] = holder.get("byteOffset", 0) + moved[holder["buffer"]]
             holder["buffer"] = 0
-    remove_buffers(document.root, set(moved))
+    remove_buffers(document, set(moved))
 
 
 def _embed_image(document: Document, image: Json) -> None:
@@ -47,15 +47,17 @@ def _embed_image(document: Document, image: Json) -> None:
         image |= {"bufferView": document.append_view(data), "mimeType": kind}
 
 
-def remove_buffers(root: Json, gone: set[int]) -> None:
+def remove_buffers(document: Document, gone: set[int]) -> None:
     """Remove unreferenced buffers and renumber the others."""
     if not gone:
         return
+    root = document.root
     kept = [i for i in range(len(root["buffers"])) if i not in gone]
     number = {old: new for new, old in enumerate(kept)}
     root["buffers"] = [root["buffers"][i] for i in kept]
     for holder in _holders(root):
         holder["buffer"] = number[holder["buffer"]]
+    document.renumber_buffers(number)
 
 
 def _holders(root: Json) -> list[Json]:

@@ -54,8 +54,9 @@ class AssetSummary:
         Parts that are not deformed, and why.
     warnings : tuple of str
         Sentences about anything in the file that may surprise or get in the way.
-    nodes, materials : tuple of dict
-        `index` and `name` of each node and material that is deformed (`assets.parts`); empty until the file is decoded.
+    nodes, materials, mesh_names, joints : tuple of dict
+        `index` and `name` of each node, material, mesh and joint that is deformed (`assets.parts`); empty until the
+        file is decoded.
     """
 
     format: str
@@ -67,6 +68,8 @@ class AssetSummary:
     warnings: tuple[str, ...] = ()
     nodes: tuple[dict[str, Any], ...] = ()
     materials: tuple[dict[str, Any], ...] = ()
+    mesh_names: tuple[dict[str, Any], ...] = ()
+    joints: tuple[dict[str, Any], ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:

@@ -77,6 +77,19 @@ class Limits:
             max_memory_bytes=CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * settings.max_upload_bytes,
         )
 
+    @classmethod
+    def unlimited(cls) -> Self:
+        """Return limits for our own output, which may be larger than an input that passed the real ones."""
+        return cls(
+            max_bytes=2**40,
+            max_json_bytes=2**40,
+            max_accessor_elements=2**40,
+            max_triangles=2**40,
+            max_bare_elements=2**40,
+            max_json_values=2**40,
+            max_primitives=2**40,
+        )
+
     def memory_bytes(self, size: int) -> int:
         """Return the address space, in bytes, for checking a file of `size` bytes."""
         return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)

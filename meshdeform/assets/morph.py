@@ -1,8 +1,8 @@
-"""Write a new shape as one more morph target, with an animation from the source to it.
+"""Write new shapes as further morph targets, with an animation of their weights.
 
-The target is appended last, so that existing weights keep their positions. Everything with one value per target is
+The targets are appended, so that existing weights keep their positions. Everything with one value per target is
 extended: the targets of the mesh's other primitives, the weights of meshes and nodes, and the outputs of existing
-weight animations (where the new weight is 1, so that they show the deformed asset).
+weight animations (where the new weights have their values at rest, so that they show the deformed asset).
 
 Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Animations).
 """
@@ -10,6 +10,8 @@ Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Anima
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
@@ -23,38 +25,88 @@ from meshdeform.assets.surface import Block
 if TYPE_CHECKING:
     from meshdeform.assets.writer import LocalShape
 
-__all__ = ["ANIMATION_NAME", "add_morph_targets"]
+__all__ = ["ANIMATION_NAME", "MorphTarget", "NewTargets", "Track", "add_morph_targets", "straight"]
 
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
 _POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
 
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MorphTarget:
+    """A named shape: positions (N, 3), normals (N, 3) and tangents (N, 4) as for `Asset.replace`."""
+
+    name: str
+    positions: _Floats
+    normals: _Floats | None = None
+    tangents: _Floats | None = None
+
+
+@dataclass(frozen=True)
+class Track:
+    """An animation of the new targets' weights.
+
+    Attributes
+    ----------
+    times : (K,) float
+        Seconds, ascending.
+    weights : (K, T) float
+        Weights of the new targets at these times; between them they are interpolated linearly.
+    name : str
+    """
+
+    times: Sequence[float]
+    weights: Sequence[Sequence[float]]
+    name: str = ANIMATION_NAME
+
+
+@dataclass(frozen=True)
+class NewTargets:
+    """What is new in a document: names and weights at rest of the targets (T), and their animation."""
+
+    names: Sequence[str]
+    weights: Sequence[float]
+    track: Track | None
+
+
+def straight() -> Track:
+    """Return the animation of a single target from 0 to 1."""
+    return Track((0.0, _DURATION_S), ((0.0,), (1.0,)))
+
 
 def add_morph_targets(
-    document: Document, blocks: list[Block], shapes: list[LocalShape], owners: dict[int, int]
+    document: Document, blocks: list[Block], shapes: list[list[LocalShape]], owners: dict[int, int], new: NewTargets
 ) -> None:
-    """Add the shapes as a morph target to the deformed meshes, weighted 1 and animated from 0 to 1.
+    """Add shapes as morph targets to the deformed meshes.
 
     Parameters
     ----------
     document : Document
         Changed in place.
-    blocks, shapes : lists of the same length
-        The deformed parts, and their new vertices.
+    blocks : list of Block
+        The deformed parts.
+    shapes : list of lists
+        For each target, the new vertices of each block.
     owners : dict
         The mesh of each deformed node. No two nodes share a mesh.
+    new : NewTargets
     """
     meshes = document.root["meshes"]
     before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}
-    targets: dict[int, dict[int, Json]] = {node: {} for node in owners}
-    for block, shape in zip(blocks, shapes, strict=True):
-        target = _target(document, block, shape)
-        targets[block.node] |= dict.fromkeys(block.primitives, target)
+    for number, shape in enumerate(shapes):
+        targets: dict[int, dict[int, Json]] = {node: {} for node in owners}
+        for block, local in zip(blocks, shape, strict=True):
+            target = _target(document, block, local)
+            targets[block.node] |= dict.fromkeys(block.primitives, target)
+        for node, mesh in owners.items():
+            _add_target(document, meshes[mesh], targets[node], before[node] + number)
     for node, mesh in owners.items():
-        _add_target(document, meshes[mesh], targets[node], before[node])
-        _grow_weights(document.root["nodes"][node], meshes[mesh], before[node])
-    _grow_animations(document, owners, before)
-    _add_animation(document, owners)
+        _grow_weights(document.root["nodes"][node], meshes[mesh], before[node], new)
+    _grow_animations(document, owners, before, new.weights)
+    if new.track is not None:
+        _add_animation(document, owners, before, new.track)
 
 
 def _target_count(mesh: Json) -> int:
@@ -84,24 +136,23 @@ def _add_target(document: Document, mesh: Json, targets: dict[int, Json], count:
             own.append(dict(targets[p]))
 
 
-def _grow_weights(node: Json, mesh: Json, count: int) -> None:
-    weights = mesh.get("weights", [])
-    mesh["weights"] = [*weights[:count], *[0.0] * (count - len(weights)), 1.0]
-    if "weights" in node:
-        own = node["weights"]
-        node["weights"] = [*own[:count], *[0.0] * (count - len(own)), 1.0]
+def _grow_weights(node: Json, mesh: Json, count: int, new: NewTargets) -> None:
+    for owner in (mesh, node):
+        if owner is mesh or "weights" in owner:
+            own = owner.get("weights", [])
+            owner["weights"] = [*own[:count], *[0.0] * (count - len(own)), *new.weights]
     # Importers read the targets' names from here, one per target.
     extras = mesh.setdefault("extras", {})
     if isinstance(extras, dict):
         names = extras.get("targetNames", [])
         if isinstance(names, list) and len(names) == count:
-            extras["targetNames"] = [*names, ANIMATION_NAME]
+            extras["targetNames"] = [*names, *new.names]
         elif not extras:
             del mesh["extras"]
 
 
-def _grow_animations(document: Document, owners: dict[int, int], before: dict[int, int]) -> None:
-    """Add a column for the new target to existing animations of the deformed nodes' weights."""
+def _grow_animations(document: Document, owners: dict[int, int], before: dict[int, int], rest: Sequence[float]) -> None:
+    """Add columns for the new targets to existing animations of the deformed nodes' weights."""
     grown: dict[tuple[int, int, int], int] = {}
     outputs: dict[tuple[str, str, int], int | None] = {}
     by_mesh = {mesh: node for node, mesh in owners.items()}
@@ -120,7 +171,7 @@ def _grow_animations(document: Document, owners: dict[int, int], before: dict[in
                 source = samplers[sampler]
                 made = (str(source.get("output")), str(source.get("interpolation")), before[node])
                 if made not in outputs:
-                    outputs[made] = _grown_output(document, source, before[node])
+                    outputs[made] = _grown_output(document, source, before[node], rest)
                 output = outputs[made]
                 if output is None:
                     continue
@@ -152,8 +203,8 @@ def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, in
     return by_mesh.get(index)
 
 
-def _grown_output(document: Document, sampler: Json, count: int) -> int | None:
-    """Append a copy of a sampler's output with one more weight per key; return None if the output is not valid."""
+def _grown_output(document: Document, sampler: Json, count: int, rest: Sequence[float]) -> int | None:
+    """Append a copy of a sampler's output with the new weights for each key; return None if it is not valid."""
     output, accessors = sampler.get("output"), document.items("accessors")
     if not _is_index(output, accessors) or accessors[output]["type"] != "SCALAR":
         return None
@@ -161,21 +212,21 @@ def _grown_output(document: Document, sampler: Json, count: int) -> int | None:
     if len(values) % count:
         return None
     rows = values.reshape(-1, count)
-    column = np.ones(len(rows), np.float32)
+    columns = np.tile(np.asarray(rest, np.float32), (len(rows), 1))
     if sampler.get("interpolation") == "CUBICSPLINE":  # in-tangent, value, out-tangent of each key
-        column[0::3] = column[2::3] = 0.0
-    wider: NDArray[np.float32] = np.column_stack([rows, column]).reshape(-1)
+        columns[0::3] = columns[2::3] = 0.0
+    wider: NDArray[np.float32] = np.column_stack([rows, columns]).reshape(-1)
     return document.append_accessor(wider, like=accessors[output], vertex=False)
 
 
-def _add_animation(document: Document, owners: dict[int, int]) -> None:
-    times = document.append_accessor(np.array([0.0, _DURATION_S], np.float32), bounds=True, vertex=False)
+def _add_animation(document: Document, owners: dict[int, int], before: dict[int, int], track: Track) -> None:
+    times = document.append_accessor(np.array(track.times, np.float32), bounds=True, vertex=False)
     samplers: list[Json] = []
     channels: list[Json] = []
     for node, mesh in owners.items():
-        base = document.root["nodes"][node].get("weights", document.root["meshes"][mesh]["weights"])
-        keys = np.array([[*base[:-1], 0.0], [*base[:-1], 1.0]], np.float32).reshape(-1)
+        base = document.root["nodes"][node].get("weights", document.root["meshes"][mesh]["weights"])[: before[node]]
+        keys = np.array([[*base, *row] for row in track.weights], np.float32).reshape(-1)
         output = document.append_accessor(keys, vertex=False)
         samplers.append({"input": times, "interpolation": "LINEAR", "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": "weights"}})
-    document.items("animations").append({"name": ANIMATION_NAME, "channels": channels, "samplers": samplers})
+    document.items("animations").append({"name": track.name, "channels": channels, "samplers": samplers})

@@ -1,4 +1,4 @@
-"""List the nodes and materials of the deformed surface, and which triangles belong to each."""
+"""List the nodes, meshes, materials and joints of the deformed surface, and which triangles belong to each."""
 
 from __future__ import annotations
 
@@ -28,8 +28,14 @@ class Parts:
         names are cut after 200 characters.
     materials : list of dict
         `index` and `name` of each material in use.
+    meshes : list of dict
+        `index` and `name` of each mesh in use.
+    joints : list of dict
+        `index` and `name` of each node that is a joint of a skin in use.
     node_of_triangle : (T,) int64
         Node of each triangle of the surface.
+    mesh_of_triangle : (T,) int64
+        Its mesh.
     material_of_triangle : (T,) int64
         Its material; -1 if it has none.
     children : dict of int to list of int
@@ -38,7 +44,10 @@ class Parts:
 
     nodes: list[dict[str, Any]]
     materials: list[dict[str, Any]]
+    meshes: list[dict[str, Any]]
+    joints: list[dict[str, Any]]
     node_of_triangle: NDArray[np.int64]
+    mesh_of_triangle: NDArray[np.int64]
     material_of_triangle: NDArray[np.int64]
     children: dict[int, list[int]]
 
@@ -52,6 +61,10 @@ class Parts:
     def of_material(self, material: int) -> NDArray[np.bool_]:
         """Return flags (T,) of the triangles with a material."""
         return np.asarray(self.material_of_triangle == material)
+
+    def of_mesh(self, mesh: int) -> NDArray[np.bool_]:
+        """Return flags (T,) of the triangles of all instances of a mesh."""
+        return np.asarray(self.mesh_of_triangle == mesh)
 
 
 def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
@@ -71,10 +84,19 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
     return Parts(
         [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
         [{"index": at, "name": _name(materials[at]) if at < len(materials) else ""} for at in used],
+        [{"index": at, "name": _name(meshes[at])} for at in sorted({block.mesh for block in blocks})],
+        [{"index": at, "name": _name(nodes[at])} for at in _joints(document, blocks)],
         np.repeat(np.array(owners, np.int64), counts),
+        np.repeat(np.array([block.mesh for block in blocks], np.int64), [sum(block.triangles) for block in blocks]),
         np.repeat(np.array(looks, np.int64), counts),
         children,
     )
+
+
+def _joints(document: Document, blocks: Sequence[Block]) -> list[int]:
+    nodes = document.root["nodes"]
+    skins = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
+    return sorted({joint for skin in skins for joint in document.root["skins"][skin]["joints"]})
 
 
 def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int]:

@@ -72,8 +72,16 @@ class Block:
     tangents: NDArray[np.float32] | None
 
 
-def read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]]:
+def read_surface(
+    document: Document, excluded: frozenset[int] = frozenset()
+) -> tuple[Surface, list[Block], list[Block]]:
     """Gather the default scene's surface.
+
+    Parameters
+    ----------
+    document : Document
+    excluded : frozenset of int
+        Nodes whose meshes are no part of it.
 
     Returns
     -------
@@ -89,10 +97,10 @@ def read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]]
         An index is out of range.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # overflows are reported below as values that are not finite
-        return _read_surface(document)
+        return _read_surface(document, excluded)
 
 
-def _read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]]:
+def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface, list[Block], list[Block]]:
     worlds = world_matrices(document.root.get("nodes", []))
     blocks: list[Block] = []
     loose: list[Block] = []
@@ -100,7 +108,8 @@ def _read_surface(document: Document) -> tuple[Surface, list[Block], list[Block]
     owner: list[int] = []
     skipped: list[dict[str, Any]] = []
     start = 0
-    for number, instance in enumerate(instances_of(document.root)):
+    shown = [instance for instance in instances_of(document.root) if instance.node not in excluded]
+    for number, instance in enumerate(shown):
         placement = placement_matrix(document, instance, worlds)
         if not is_invertible(placement):
             reason = "its transform flattens the mesh and cannot be inverted"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from meshdeform.assets.references import Usage
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
 from meshdeform.errors import NumericalError, ShapeError
 
-__all__ = ["Deformation", "LocalShape", "write_shape"]
+if TYPE_CHECKING:
+    from meshdeform.assets.morph import NewTargets
+
+__all__ = ["Deformation", "Finish", "LocalShape", "write_shape", "write_targets"]
 
 
 @dataclass(frozen=True)
@@ -82,41 +85,73 @@ def _where_changed(
     return np.where(changed[:, None], new, source).astype(np.float32)
 
 
-def write_shape(
-    document: Document,
-    blocks: list[Block],
-    loose: list[Block],
-    shape: Deformation,
-    *,
-    morph: bool,
-    source: Usage | None = None,
-    provenance: Mapping[str, Any] | None = None,
-) -> bytes:
-    """Write a new shape into the document and return it as a GLB.
+@dataclass(frozen=True)
+class Finish:
+    """How a document is completed after its shape has been written.
 
-    `loose` are the points and lines, which follow the surface. With `source`, which lists what the document used when
-    it was read, data that became unused is dropped; `Asset.replace` documents the rest.
+    Attributes
+    ----------
+    source : Usage, optional
+        What the document used when it was read; then data that became unused is dropped.
+    provenance : mapping, optional
+        JSON to store as `asset.extras.meshdeform`.
     """
-    locals_ = [local_shape(block, shape) for block in blocks]
-    moved = shape.positions - shape.surface.positions
-    locals_ += [LocalShape(positions, None, None) for positions in carried_positions(shape.surface, moved, loose)]
+
+    source: Usage | None = None
+    provenance: Mapping[str, Any] | None = None
+
+
+def write_shape(
+    document: Document, blocks: list[Block], loose: list[Block], shape: Deformation, finish: Finish
+) -> bytes:
+    """Write a new shape into the document and return it as a GLB; `Asset.replace` documents the rest.
+
+    `loose` are the points and lines, which follow the surface.
+    """
+    locals_ = _local_shapes(blocks, loose, shape)
     blocks = [*blocks, *loose]
     owners = own_meshes(document, blocks)
     replaced: list[tuple[int, int]] = []
-    if morph:
-        from meshdeform.assets.morph import add_morph_targets
+    for block, local in zip(blocks, locals_, strict=True):
+        replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    return _finished(document, finish, replaced)
 
-        add_morph_targets(document, blocks, locals_, owners)
-    else:
-        for block, local in zip(blocks, locals_, strict=True):
-            replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+
+def write_targets(
+    document: Document,
+    blocks: list[Block],
+    loose: list[Block],
+    shapes: Sequence[Deformation],
+    new: NewTargets,
+    finish: Finish,
+) -> bytes:
+    """Write shapes as morph targets into the document and return it as a GLB; `Asset.morph` documents the rest."""
+    from meshdeform.assets.morph import add_morph_targets
+
+    locals_ = [_local_shapes(blocks, loose, shape) for shape in shapes]
+    blocks = [*blocks, *loose]
+    add_morph_targets(document, blocks, locals_, own_meshes(document, blocks), new)
+    return _finished(document, finish, [])
+
+
+def _local_shapes(blocks: list[Block], loose: list[Block], shape: Deformation) -> list[LocalShape]:
+    """Return the new vertices of the blocks, then of the points and lines, in the spaces of their meshes."""
+    moved = shape.positions - shape.surface.positions
+    carried = carried_positions(shape.surface, moved, loose)
+    return [
+        *(local_shape(block, shape) for block in blocks),
+        *(LocalShape(positions, None, None) for positions in carried),
+    ]
+
+
+def _finished(document: Document, finish: Finish, replaced: list[tuple[int, int]]) -> bytes:
     embed_data_uris(document)
-    if source is not None:
+    if finish.source is not None:
         from meshdeform.assets.compact import compact
 
-        compact(document, source, replaced)
-    if provenance is not None:
-        _record(document, provenance)
+        compact(document, finish.source, replaced)
+    if finish.provenance is not None:
+        _record(document, finish.provenance)
     return document.to_bytes()
 
 

@@ -17,15 +17,14 @@ from torch.nn import functional
 
 from meshdeform.assets.appearance import Appearance
 from meshdeform.geometry.mesh import edges_of
+from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.layers import Layers
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
-from meshdeform.rendering.textures import Textures, linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.textures import linear_from_srgb, srgb_from_linear
 
 __all__ = ["PaintedRenderer", "PaintedStyle"]
 
-_MAX_LAYERS = 8
-_OPAQUE_ENOUGH = 0.98
-_INFINITE = 9.0
 _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
 _SKY, _GROUND = 0.32, 0.14
@@ -80,20 +79,10 @@ class PaintedRenderer:
     def __init__(self, appearance: Appearance, style: PaintedStyle, device: torch.device | str = "cpu") -> None:
         self.style = style
         paints = appearance.paints
-        self._rows = torch.from_numpy(appearance.rows).to(device)
-        self._faces = torch.from_numpy(appearance.triangles).to(device)
-        self._paint = torch.from_numpy(appearance.paint_of_triangle).to(device)
-        self._texcoords = torch.from_numpy(appearance.texcoords).to(device)
-        self._colors = torch.from_numpy(appearance.colors).to(device)
-        self._textures = Textures([paint.texture for paint in paints], device)
-        self._textured = torch.tensor([paint.texture is not None for paint in paints], device=device)
-        self._factor = torch.tensor([paint.factor for paint in paints], dtype=torch.float32, device=device)
-        modes = [("OPAQUE", "MASK", "BLEND").index(p.alpha_mode) if p.alpha_mode != "OPAQUE" else 0 for p in paints]
-        self._mode = torch.tensor(modes, device=device)
-        self._cutoff = torch.tensor([paint.alpha_cutoff for paint in paints], device=device)
+        self._colours = BaseColours(appearance, device)
+        self._rows, self._faces, self._paint = self._colours.rows, self._colours.faces, self._colours.paint
         self._double_sided = torch.tensor([paint.double_sided for paint in paints], device=device)
         self._unlit = torch.tensor([paint.unlit for paint in paints], device=device)
-        self._layers = _MAX_LAYERS if any(modes) else 1
         self._edges: SilhouetteEdges | None = None
 
     def render(self, positions: Tensor, normals: Tensor, cameras: Cameras, backdrop: Tensor | None = None) -> Tensor:
@@ -121,27 +110,17 @@ class PaintedRenderer:
     def _render(self, positions: Tensor, normals: Tensor, cameras: Cameras, b: int, backdrop: Tensor | None) -> Tensor:
         side = self.style.view_size * self.style.supersample
         view = self._view(positions, normals, cameras, b, side)
-        image = positions.new_zeros(side * side, 3)
-        through = positions.new_ones(side * side, 1)
-        behind: Tensor | None = None
-        first = None
-        for _ in range(self._layers):
-            fragments = rasterize(view.clip, view.faces, side, side, behind)
-            first = fragments.depth if first is None else first
+        layers = Layers(1, side, positions)
+        for _ in range(self._colours.layers):
+            fragments = rasterize(view.clip, view.faces, side, side, layers.behind)
             pixels = (fragments.face_ids.view(-1) >= 0).nonzero()[:, 0]
-            face = fragments.face_ids.view(-1)[pixels]
-            light, alpha = self._shade(view, pixels, face, side)
-            share = through[pixels] * alpha
-            image = image.index_add(0, pixels, share * light)
-            through = through.index_copy(0, pixels, through[pixels] - share)
-            open_ = torch.zeros_like(through, dtype=torch.bool)
-            open_[pixels] = through.detach()[pixels] > 1 - _OPAQUE_ENOUGH
-            if self._layers == 1 or not bool(open_.any()):
+            light, alpha = self._shade(view, pixels, fragments.face_ids.view(-1)[pixels], side)
+            if not layers.add(fragments, pixels, light, alpha):
                 break
-            behind = torch.where(open_.view(1, side, side), fragments.depth, _INFINITE)
-        image = (image + through * self._backdrop(backdrop, positions)).view(1, side, side, 3)
-        if image.requires_grad and first is not None:
-            image = antialias(image, self._clip(positions, cameras, b), self._silhouettes(positions), first)
+        image = layers.over(self._backdrop(backdrop, positions))
+        if image.requires_grad:
+            clip = self._clip(positions, cameras, b)
+            image = antialias(image, clip, self._silhouettes(positions), layers.depth, layers.removed)
         if self.style.supersample > 1:
             image = functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
         return srgb_from_linear(image[0].clamp(0, 1))
@@ -165,12 +144,12 @@ class PaintedRenderer:
         with torch.no_grad():
             front = (cross * (cameras.eye[b] - corners[:, 0])).sum(-1) >= 0
             kept = (front | self._double_sided[self._paint]).nonzero()[:, 0]
-            level = self._level(clip, self._faces[kept], self._paint[kept], side)
+            level = self._colours.levels(clip, self._faces[kept], self._paint[kept], side)[0]
         given = normals.isfinite().all(-1, keepdim=True)
         values = torch.cat([torch.where(given, normals, 0.0), given.float()], 1)[self._rows]
         return _View(
             clip=clip,
-            values=torch.cat([values, self._texcoords, self._colors], 1)[None],
+            values=torch.cat([values, self._colours.values], 1)[None],
             faces=self._faces[kept],
             paint=self._paint[kept],
             flat=functional.normalize(cross[kept], dim=-1, eps=1e-20),
@@ -179,24 +158,12 @@ class PaintedRenderer:
             axes=cameras.view[b, :3, :3],
         )
 
-    def _level(self, clip: Tensor, faces: Tensor, paint: Tensor, side: int) -> Tensor:
-        """Return the binary logarithm of the size of a pixel in texels, per face."""
-        place = clip[0, :, :2] / clip[0, :, 3:].clamp_min(1e-6) * (side / 2)
-        texels = self._texcoords[faces] * self._textures.sizes[paint].flip(-1)[:, None]
-        return 0.5 * ((_double_area(texels) + 1e-12) / (_double_area(place[faces]) + 1e-6)).log2()
-
     def _shade(self, view: _View, pixels: Tensor, face: Tensor, side: int) -> tuple[Tensor, Tensor]:
         """Return linear light (P, 3) and alpha (P, 1) of the surface at pixels."""
         at = interpolate(view.clip, view.values, view.faces, pixels, face, side, side)
         paint = view.paint[face]
-        colour = self._factor[paint] * at[:, 6:10]
-        textured = self._textured[paint].nonzero()[:, 0]
-        if len(textured):
-            texel = self._textures.sample(paint[textured], at[textured, 4:6], view.level[face[textured]])
-            colour = colour.index_copy(0, textured, colour[textured] * texel)
-        alpha, mode = colour[:, 3], self._mode[paint]
-        alpha = torch.where(mode == 1, (alpha >= self._cutoff[paint]).float(), alpha.clamp(0, 1))
-        alpha = torch.where(mode == 0, 1.0, alpha)
+        colour = self._colours.colours(paint, at[:, 4:], view.level[face])
+        alpha = self._colours.opacity(paint, colour)
         smooth = at[:, :3]
         usable = (at[:, 3:4] > 0.999) & (smooth.detach().norm(dim=-1, keepdim=True) > 1e-3)
         normal = functional.normalize(torch.where(usable, smooth, view.flat[face]), dim=-1, eps=1e-12)
@@ -214,12 +181,6 @@ class PaintedRenderer:
             edges = edges_of(first[place][faces])
             self._edges = SilhouetteEdges(edges.edges.to(positions.device), edges.opposite.to(positions.device))
         return self._edges
-
-
-def _double_area(corners: Tensor) -> Tensor:
-    """Return twice the area of triangles (F, 3, 2)."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).abs()
 
 
 def _lit(normal: Tensor, axes: Tensor) -> Tensor:

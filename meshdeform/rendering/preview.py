@@ -28,7 +28,8 @@ def preview_png(appearance: Appearance, source: Pose, result: Pose) -> bytes:
     image = Image.fromarray(np.ascontiguousarray(np.concatenate(rows)), "RGB")
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(13)
     for row, label in enumerate(("source", "result")):
-        draw.text((9, row * _SIZE + 6), label, fill=(110, 112, 118), font=font)
+        # At the end of the row: the web page shows its beginning as a thumbnail.
+        draw.text((image.width - 9, row * _SIZE + 6), label, fill=(110, 112, 118), font=font, anchor="ra")
     out = io.BytesIO()
     image.save(out, "PNG")
     return out.getvalue()

@@ -1,10 +1,15 @@
 """Shade the deformed mesh differentiably from several cameras, and combine the views into one image.
 
-There are two kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (as in the
-builtin prior's training data), and `lambert` lights neutral clay with smooth normals. In a fixed scene, light comes
-from the camera's upper left, and a quarter of it is ambient. In a varied scene (`scenes.py`), light and background
-change with every view, and the clay is that of the published code: albedo 0.5, light 5 / pi, no ambient light. Both
-kinds of shading treat surfaces as two-sided.
+There are three kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (as in
+the builtin prior's training data); `lambert` lights neutral clay with smooth normals; and `textured` lights the asset's
+own base colours in the same way. In a fixed scene, light comes from the camera's upper left, and a quarter of it is
+ambient. In a varied scene (`scenes.py`), light and background change with every view, and the clay is that of the
+published code: albedo 0.5, light 5 / pi, no ambient light. All kinds of shading treat surfaces as two-sided.
+
+`textured` computes in linear light and encodes the picture as sRGB. A quarter of its light is ambient in varied scenes
+too, because a texture in black shade would not be seen, and white is 1. All materials are lit, even those that the file
+declares unlit, so that the shape is seen. Colours move with the surface and cut-outs with their texture, and the
+picture is differentiable in both (`base_colours.py`); what is seen through a hole or through glass is drawn behind it.
 
 Source of the combination of orthogonal views: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
@@ -19,14 +24,20 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from meshdeform.assets.appearance import Appearance
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
+from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.rendering.layers import Layers
+from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 from meshdeform.rendering.scenes import Scene, sample_scene
+from meshdeform.rendering.textures import linear_from_srgb, srgb_from_linear
 
-__all__ = ["RenderStyle", "Renderer", "combine_views"]
+__all__ = ["RenderStyle", "Renderer", "Shading", "combine_views"]
+
+Shading = Literal["normals", "lambert", "textured", "mixed"]
 
 _SLIM_SHAPE = 1e-2
 """Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
@@ -38,6 +49,8 @@ _AMBIENT = 0.25
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 _VARIED_GAIN = 0.5 * 5 / math.pi
 """Albedo times light of the published code."""
+_TEXTURED_ODDS = 0.5
+"""Share of the steps of a `mixed` style that are `textured`."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +63,8 @@ class RenderStyle:
         Side of one view in pixels; the combined image is twice as large.
     supersample : int
         Views are rendered at ``view_size * supersample`` pixels and averaged down.
-    shading : "normals" or "lambert"
+    shading : "normals", "lambert", "textured" or "mixed"
+        `mixed`: `textured` in some steps and `lambert` in the others.
     background : red, green and blue in [0, 1]
         Colour in a fixed scene.
     scene : "fixed" or "varied"
@@ -59,9 +73,49 @@ class RenderStyle:
 
     view_size: int = 64
     supersample: int = 2
-    shading: Literal["normals", "lambert"] = "normals"
+    shading: Shading = "normals"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scene: Literal["fixed", "varied"] = "fixed"
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """The deformed mesh as every view sees it.
+
+    Attributes
+    ----------
+    clip : (B, V, 4)
+    axes : (B, 3, 3)
+        Rotations to the cameras' frames.
+    normals : (B, V, 3)
+        Unit normals of the vertices in the cameras' frames.
+    cross : (F, 3)
+        Normals of the faces in the world, as long as twice their area.
+    facing : (B, F)
+        1 for faces that are seen from their front, -1 for others.
+    solid : (F,) bool
+        Whether the face has an area.
+    share : (F,)
+        Share of its pixels' gradients that a face passes on.
+    """
+
+    clip: Tensor
+    axes: Tensor
+    normals: Tensor
+    cross: Tensor
+    facing: Tensor
+    solid: Tensor
+    share: Tensor
+
+
+@dataclass(frozen=True)
+class _Pixels:
+    """Pixels that show the surface: `at` (P,) indices into all views, their `view`, `face` and `key` in (B, F)."""
+
+    at: Tensor
+    view: Tensor
+    face: Tensor
+    key: Tensor
 
 
 class Renderer:
@@ -74,9 +128,22 @@ class Renderer:
     n_verts : int
     style : RenderStyle
     device : str or torch.device
+    appearance : Appearance, optional
+        Base colours of the faces, of which `rows` are vertices of this mesh. Without, `textured` and `mixed` draw clay.
+    dtype : torch.dtype
+        Precision of the picture.
     """
 
-    def __init__(self, faces: Tensor, n_verts: int, style: RenderStyle, device: torch.device | str = "cpu") -> None:
+    def __init__(
+        self,
+        faces: Tensor,
+        n_verts: int,
+        style: RenderStyle,
+        device: torch.device | str = "cpu",
+        *,
+        appearance: Appearance | None = None,
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
         if faces.ndim != 2 or faces.shape[1] != 3:
             raise ShapeError(f"expected faces (F, 3), got {tuple(faces.shape)}")
         edges = edges_of(faces.cpu())
@@ -84,8 +151,17 @@ class Renderer:
         self.n_verts = n_verts
         self.faces = faces.to(device)
         self.edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
-        self._background = torch.tensor(style.background, dtype=torch.float32, device=device)
-        self._light = functional.normalize(torch.tensor(_LIGHT, dtype=torch.float32, device=device), dim=0)
+        self._dtype = dtype
+        self._background = torch.tensor(style.background, dtype=dtype, device=device)
+        self._light = functional.normalize(torch.tensor(_LIGHT, dtype=dtype, device=device), dim=0)
+        coloured = appearance is not None and style.shading in ("textured", "mixed")
+        self._colours = BaseColours(appearance, device) if coloured and appearance is not None else None
+
+    @property
+    def shading(self) -> Shading:
+        """Shading of the style, or `lambert` if that needs colours and there are none."""
+        chosen = self.style.shading
+        return "lambert" if chosen in ("textured", "mixed") and self._colours is None else chosen
 
     def sample_scene(self, views: int, generator: torch.Generator) -> Scene | None:
         """Draw the background and light of `views` views, or return None if the style's scene is fixed."""
@@ -93,7 +169,15 @@ class Renderer:
             return None
         return sample_scene(views, self.style.view_size * self.style.supersample, generator, self.faces.device)
 
-    def render(self, verts: Tensor, cameras: Cameras, scene: Scene | None = None) -> Tensor:
+    def sample_shading(self, generator: torch.Generator) -> Shading:
+        """Draw the shading of all views of a step if the style is `mixed`: `textured` or `lambert`, with equal odds."""
+        if self.shading != "mixed":
+            return self.shading
+        return "textured" if float(torch.rand(1, generator=generator)) < _TEXTURED_ODDS else "lambert"
+
+    def render(
+        self, verts: Tensor, cameras: Cameras, scene: Scene | None = None, shading: Shading | None = None
+    ) -> Tensor:
         """Render the mesh from every camera.
 
         Parameters
@@ -104,6 +188,8 @@ class Renderer:
             B cameras, on the mesh's device.
         scene : Scene, optional
             Background and light of the B views; by default the style's fixed ones.
+        shading : Shading, optional
+            As from `sample_shading`; by default that of the style, or `textured` for `mixed`.
 
         Returns
         -------
@@ -116,35 +202,20 @@ class Renderer:
         """
         if verts.shape != (self.n_verts, 3):
             raise ShapeError(f"expected verts ({self.n_verts}, 3), got {tuple(verts.shape)}")
-        verts = verts.float()
-        views = cameras.view_proj.shape[0]
-        clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-        side = self.style.view_size * self.style.supersample
-        fragments = rasterize(clip, self.faces, side, side)
-        pixels = (fragments.face_ids.view(-1) >= 0).nonzero()[:, 0]
-        face = fragments.face_ids.view(-1).index_select(0, pixels)
-        colour = self._colours(verts, clip, cameras, fragments, pixels, face, scene)
-        background = (
-            self._background.expand(views * side * side, 3) if scene is None else scene.backgrounds.reshape(-1, 3)
-        )
-        image = background.index_copy(0, pixels, colour)
-        image = antialias(image.view(views, side, side, 3), clip, self.edges, fragments.depth)
-        if self.style.supersample > 1:
-            image = functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
-        return image
+        surface = self._surface(verts.to(self._dtype), cameras)
+        shading = shading or self.shading
+        if self._colours is not None and shading in ("textured", "mixed"):
+            return srgb_from_linear(self._pooled(self._textured(surface, self._colours, scene)))
+        return self._pooled(self._plain(surface, scene, normals=shading == "normals"))
 
-    def _colours(
-        self,
-        verts: Tensor,
-        clip: Tensor,
-        cameras: Cameras,
-        fragments: Fragments,
-        pixels: Tensor,
-        face: Tensor,
-        scene: Scene | None,
-    ) -> Tensor:
-        height, width = fragments.face_ids.shape[1:]
-        view = torch.div(pixels, height * width, rounding_mode="floor")
+    def _pooled(self, image: Tensor) -> Tensor:
+        if self.style.supersample == 1:
+            return image
+        return functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
+
+    def _surface(self, verts: Tensor, cameras: Cameras) -> _Surface:
+        matrices, axes = cameras.view_proj.to(verts.dtype), cameras.view.to(verts.dtype)
+        clip = verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
         corners = verts.index_select(0, self.faces.reshape(-1)).view(-1, 3, 3)
         cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with torch.no_grad():
@@ -154,37 +225,88 @@ class Renderer:
             # and if the area rounds to zero, interpolation is undefined.
             longest_sq = (corners - corners.roll(1, 1)).square().sum(-1).amax(-1)
             double_area = cross.norm(dim=-1)
-            solid = (double_area > 2 * COLLAPSED_SHAPE * longest_sq).index_select(0, face)
+            solid = double_area > 2 * COLLAPSED_SHAPE * longest_sq
             shape = double_area / (2 * longest_sq).clamp_min(torch.finfo(longest_sq.dtype).tiny)
-            share = (shape / _SLIM_SHAPE).clamp_max(1.0).index_select(0, face)[:, None]
-        key = view * self.faces.shape[0] + face
-        facing = facing.reshape(-1).index_select(0, key)[:, None]
-        vertex_normal = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
-        vertex_normal = functional.normalize(vertex_normal, dim=-1, eps=1e-12) @ cameras.view[:, :3, :3].mT
-        if self.style.shading == "normals":
-            normal = functional.normalize(cross, dim=-1, eps=1e-12) @ cameras.view[:, :3, :3].mT
-            flat = normal.reshape(-1, 3).index_select(0, key)
-            flat = torch.where(solid[:, None], _damped(flat, share), flat.detach())
-            smooth = self._smooth(clip, vertex_normal.detach(), pixels, face, solid, (height, width))
-            smooth = _damped(smooth, share)
-            return 0.5 + 0.5 * facing * (flat + _motion_only(smooth, flat))
-        smooth = _damped(self._smooth(clip, vertex_normal, pixels, face, solid, (height, width)), share)
-        light = self._light if scene is None else scene.lights.index_select(0, view)
-        diffuse = (functional.normalize(smooth, dim=-1, eps=1e-12) * facing * light).sum(-1).clamp_min(0)
+            share = (shape / _SLIM_SHAPE).clamp_max(1.0)
+        normals = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
+        normals = functional.normalize(normals, dim=-1, eps=1e-12) @ axes[:, :3, :3].mT
+        return _Surface(clip, axes[:, :3, :3], normals, cross, facing, solid, share)
+
+    def _pixels(self, face_ids: Tensor) -> _Pixels:
+        height, width = face_ids.shape[1:]
+        at = (face_ids.view(-1) >= 0).nonzero()[:, 0]
+        face = face_ids.view(-1).index_select(0, at)
+        view = torch.div(at, height * width, rounding_mode="floor")
+        return _Pixels(at, view, face, view * self.faces.shape[0] + face)
+
+    def _plain(self, surface: _Surface, scene: Scene | None, *, normals: bool) -> Tensor:
+        """Draw normals or clay, (B, side, side, 3)."""
+        views, side = len(surface.clip), self.style.view_size * self.style.supersample
+        fragments = rasterize(surface.clip, self.faces, side, side)
+        pixels = self._pixels(fragments.face_ids)
+        colour = self._normal_colours(surface, pixels, side) if normals else self._clay(surface, pixels, side, scene)
+        image = self._backdrop(views, side, scene).index_copy(0, pixels.at, colour)
+        return antialias(image.view(views, side, side, 3), surface.clip, self.edges, fragments.depth)
+
+    def _textured(self, surface: _Surface, colours: BaseColours, scene: Scene | None) -> Tensor:
+        """Draw the base colours in linear light, (B, side, side, 3)."""
+        views, side = len(surface.clip), self.style.view_size * self.style.supersample
+        layers = Layers(views, side, surface.clip)
+        clip = surface.clip[:, colours.rows]
+        with torch.no_grad():
+            level = colours.levels(clip, colours.faces, colours.paint, side).reshape(-1)
+            strides = colours.strides(clip, side)
+        values = colours.values.to(clip.dtype).expand(views, -1, -1)
+        for _ in range(colours.layers):
+            fragments = rasterize(surface.clip, self.faces, side, side, layers.behind)
+            pixels = self._pixels(fragments.face_ids)
+            paint, share = colours.paint[pixels.face], surface.share[pixels.face, None]
+            at = _damped(_interpolated(clip, values, colours.faces, pixels, surface.solid, side), share)
+            colour = colours.colours(paint, at, level[pixels.key])
+            stride = None if strides is None else strides.view(-1, 2, 2)[pixels.key]
+            alpha = colours.coverage(paint, at, level[pixels.key], colour, stride)
+            light = _AMBIENT + (1 - _AMBIENT) * self._diffuse(surface, pixels, side, scene)
+            if not layers.add(fragments, pixels.at, colour[:, :3] * light[:, None], alpha[:, None]):
+                break
+        image = layers.over(linear_from_srgb(self._backdrop(views, side, scene)))
+        return antialias(image, surface.clip, self.edges, layers.depth, layers.removed)
+
+    def _backdrop(self, views: int, side: int, scene: Scene | None) -> Tensor:
+        if scene is None:
+            return self._background.expand(views * side * side, 3)
+        return scene.backgrounds.reshape(-1, 3).to(self._dtype)
+
+    def _normal_colours(self, surface: _Surface, pixels: _Pixels, side: int) -> Tensor:
+        facing, share = surface.facing.reshape(-1)[pixels.key, None], surface.share[pixels.face, None]
+        normal = functional.normalize(surface.cross, dim=-1, eps=1e-12) @ surface.axes.mT
+        flat = normal.reshape(-1, 3).index_select(0, pixels.key)
+        flat = torch.where(surface.solid[pixels.face, None], _damped(flat, share), flat.detach())
+        smooth = _interpolated(surface.clip, surface.normals.detach(), self.faces, pixels, surface.solid, side)
+        return 0.5 + 0.5 * facing * (flat + _motion_only(_damped(smooth, share), flat))
+
+    def _clay(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
+        diffuse = self._diffuse(surface, pixels, side, scene)
         brightness = _AMBIENT + (1 - _AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
         return brightness[:, None].expand(-1, 3)
 
-    def _smooth(
-        self, clip: Tensor, vertex_normal: Tensor, pixels: Tensor, face: Tensor, solid: Tensor, size: tuple[int, int]
-    ) -> Tensor:
-        """Return vertex normals (B, V, 3) at pixels (P, 3): interpolated, or the mean of corners if not `solid`."""
-        inside, thin = solid.nonzero()[:, 0], (~solid).nonzero()[:, 0]
-        inside_pixels, inside_face = pixels.index_select(0, inside), face.index_select(0, inside)
-        smooth = interpolate(clip, vertex_normal, self.faces, inside_pixels, inside_face, *size)
-        view = torch.div(pixels.index_select(0, thin), size[0] * size[1], rounding_mode="floor")
-        mean = vertex_normal.detach()[view[:, None], self.faces.index_select(0, face.index_select(0, thin))].mean(1)
-        result = smooth.new_empty(len(pixels), 3).index_copy(0, inside, smooth)
-        return result.index_copy(0, thin, mean)
+    def _diffuse(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
+        """Return the cosine (P,) between the smooth normals and the light; 0 in shade."""
+        facing, share = surface.facing.reshape(-1)[pixels.key, None], surface.share[pixels.face, None]
+        smooth = _interpolated(surface.clip, surface.normals, self.faces, pixels, surface.solid, side)
+        light = self._light if scene is None else scene.lights.index_select(0, pixels.view)
+        return (functional.normalize(_damped(smooth, share), dim=-1, eps=1e-12) * facing * light).sum(-1).clamp_min(0)
+
+
+def _interpolated(clip: Tensor, values: Tensor, faces: Tensor, pixels: _Pixels, solid: Tensor, side: int) -> Tensor:
+    """Return values of vertices (B, V, C) at pixels (P, C): interpolated, or the mean of corners if not `solid`."""
+    has_area = solid.index_select(0, pixels.face)
+    inside, thin = has_area.nonzero()[:, 0], (~has_area).nonzero()[:, 0]
+    inside_pixels, inside_face = pixels.at.index_select(0, inside), pixels.face.index_select(0, inside)
+    smooth = interpolate(clip, values, faces, inside_pixels, inside_face, side, side)
+    view, face = pixels.view.index_select(0, thin), pixels.face.index_select(0, thin)
+    mean = values.detach()[view[:, None], faces.index_select(0, face)].mean(1)
+    result = smooth.new_empty(len(pixels.at), values.shape[2]).index_copy(0, inside, smooth)
+    return result.index_copy(0, thin, mean)
 
 
 def _damped(value: Tensor, share: Tensor) -> Tensor:

@@ -39,7 +39,7 @@ class Textures:
         shared: dict[int, tuple[list[int], list[tuple[int, int]]]] = {}
         for texture in (found or _WHITE for found in textures):
             if id(texture.pixels) not in shared:
-                levels = list(_halved(texture.pixels))
+                levels = _halved(texture.pixels) if texture.reduced else [texture.pixels]
                 place = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
                 shared[id(texture.pixels)] = place, [level.shape[:2] for level in levels]
                 chunks += [level.reshape(-1, 4) for level in levels]
@@ -75,6 +75,19 @@ class Textures:
         -------
         (P, 4) float32: linear RGB and alpha, differentiable in `texcoords`.
         """
+        corners, share, _ = self._around(paint, texcoords, level)
+        upper, lower = (torch.lerp(left, right, share[:, :1]) for left, right in corners)
+        return torch.lerp(upper, lower, share[:, 1:])
+
+    def alpha_slope(self, paint: Tensor, texcoords: Tensor, level: Tensor) -> Tensor:
+        """Return the gradient of alpha (P, 2) per texel of the picture itself; parameters as in `sample`."""
+        corners, share, copy = self._around(paint, texcoords, level)
+        (a, b), (c, d) = ([corner[:, 3] for corner in row] for row in corners)
+        slope = torch.stack([torch.lerp(b - a, d - c, share[:, 1]), torch.lerp(c - a, d - b, share[:, 0])], 1)
+        return slope * self._sizes[paint, copy].flip(-1) / self.sizes[paint].flip(-1)
+
+    def _around(self, paint: Tensor, texcoords: Tensor, level: Tensor) -> tuple[list[list[Tensor]], Tensor, Tensor]:
+        """Return the colours of the four texels around, in rows, the shares (P, 2) of the latter ones, and the copy."""
         copy = level.detach().floor().clamp(0, _LEVELS - 1).long()
         size, start = self._sizes[paint, copy], self._starts[paint, copy]
         square = self._nearest[paint] & (level < 0)
@@ -85,9 +98,8 @@ class Textures:
         width, wraps = size[:, 1], self._wraps[paint]
         rows = [_wrapped(low[:, 1].long() + step, size[:, 0], wraps[:, 1]) * width + start for step in (0, 1)]
         columns = [_wrapped(low[:, 0].long() + step, width, wraps[:, 0]) for step in (0, 1)]
-        corners = [[self._colours(row + column) for column in columns] for row in rows]
-        upper, lower = (torch.lerp(left, right, share[:, :1]) for left, right in corners)
-        return torch.lerp(upper, lower, share[:, 1:])
+        corners = [[self._colours(row + column).to(share.dtype) for column in columns] for row in rows]
+        return corners, share, copy
 
     def _colours(self, index: Tensor) -> Tensor:
         texels = self._texels[index].long()

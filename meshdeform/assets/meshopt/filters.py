@@ -2,7 +2,8 @@
 
 Source: EXT_meshopt_compression and KHR_meshopt_compression, appendix B (filters 1 to 4), which allow one unit in the
 last place. Results equal those of meshoptimizer's SIMD code, which viewers and browsers run: the same order of sums,
-and halves rounded to even. Only its 8-bit octahedral filter for x86 differs, whose reciprocal root is approximate.
+and halves rounded to even. Only its 8-bit octahedral filter for x86 differs: its reciprocal root is approximate, and
+depends on the processor. Ours rounds all inputs exactly.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def decode_meshopt(document: Document) -> None:
     normalize_weights(document, filtered)
     for buffer in placeholders:
         _drop(root["buffers"][buffer])
-    remove_buffers(root, placeholders - {0})
+    remove_buffers(document, placeholders - {0})
     for name in MESHOPT_EXTENSIONS:
         if not any(name in item.get("extensions", {}) for item in root.get("bufferViews", [])):
             drop_extension(root, name)

@@ -41,7 +41,9 @@ class SilhouetteEdges:
     opposite: Tensor
 
 
-def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor) -> Tensor:
+def antialias(
+    image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor, removed: Tensor | None = None
+) -> Tensor:
     """Blend pixel pairs across silhouettes, differentiably in `clip` and `image`.
 
     Parameters
@@ -51,7 +53,10 @@ def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
         The rasterised vertices.
     edges : SilhouetteEdges
     depth : (B, H, W) float32
-        From `rasterize`.
+        From `rasterize`: of the surface that is seen.
+    removed : (B, H, W) float32, optional
+        Depth of the farthest surface in front of it that is cut out there, -inf where there is none: the edges of
+        that surface separate nothing.
 
     Returns
     -------
@@ -70,7 +75,7 @@ def antialias(image: Tensor, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
     a, b = torch.where(by_row, a, a.flip(-1)), torch.where(by_row, b, b.flip(-1))
     t = (crossing.line.to(a.dtype) + 0.5 - a[:, 1]) / (b[:, 1] - a[:, 1])
     u = a[:, 0] + t * (b[:, 0] - a[:, 0])
-    chosen = _visible(u.detach(), t.detach(), crossing, clip.detach(), edges, depth)
+    chosen = _visible(u.detach(), t.detach(), crossing, clip.detach(), edges, depth, removed)
     share = (u[chosen.index] - (chosen.inside_at.to(u.dtype) + 0.5)) * chosen.direction - 0.5
     spills = share.detach() > 0
     target = torch.where(spills, chosen.outside, chosen.inside)
@@ -133,7 +138,13 @@ class _Chosen:
 
 @torch.no_grad()
 def _visible(
-    u: Tensor, t: Tensor, crossing: _Crossings, clip: Tensor, edges: SilhouetteEdges, depth: Tensor
+    u: Tensor,
+    t: Tensor,
+    crossing: _Crossings,
+    clip: Tensor,
+    edges: SilhouetteEdges,
+    depth: Tensor,
+    removed: Tensor | None,
 ) -> _Chosen:
     height, width = depth.shape[1:]
     at = torch.floor(u - 0.5).clamp(-2, 2**20).long()
@@ -152,7 +163,10 @@ def _visible(
     z_a, z_b = z[crossing.view, edges.verts[crossing.edge, 0]], z[crossing.view, edges.verts[crossing.edge, 1]]
     z_edge = z_a + t * (z_b - z_a)
     # The edge must be nearer than the surface beyond it; of several edges between two pixels, the nearest wins.
-    index = (on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)).nonzero()[:, 0]
+    seen = on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)
+    if removed is not None:
+        seen &= z_edge > (removed.reshape(-1)[inside] + depth.reshape(-1)[inside]) / 2
+    index = seen.nonzero()[:, 0]
     pair = torch.minimum(inside[index], outside[index]) * 2 + crossing.by_row[index].long()
     fixed = ((z_edge[index].double().clamp(-1, EMPTY_DEPTH) + 1) * 2**29).long()
     rank = (fixed << 31) | torch.arange(index.numel(), device=index.device)

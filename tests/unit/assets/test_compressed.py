@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import cache
 from typing import Any
 
@@ -200,6 +201,32 @@ def meshopt_asset(*, fallback: bool = False, name: str = "EXT_meshopt_compressio
     if not fallback:
         builder.root["extensionsRequired"] = [name]
     return builder
+
+
+def test_buffers_behind_a_placeholder_keep_their_own_data() -> None:
+    """The streams are in one data URI and the texture coordinates in another, behind the placeholder."""
+    import base64
+
+    builder = meshopt_asset()
+    root, streams = builder.root, builder.binary
+    uvs = np.linspace(0, 1, 8, dtype=np.float32).reshape(4, 2)
+    for view in root["bufferViews"]:
+        (extension,) = view["extensions"].values()
+        extension["buffer"] = 2
+    root["bufferViews"].append({"buffer": 3, "byteLength": uvs.nbytes})
+    root["accessors"].append({"bufferView": 3, "componentType": 5126, "count": 4, "type": "VEC2"})
+    root["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = len(root["accessors"]) - 1
+    builder.binary = b"image"
+    root["buffers"] += [
+        {"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}
+        for data in (streams, uvs.tobytes())
+    ]
+    asset = load_asset(builder.glb())
+    for data in (asset.to_bytes(), asset.replace(asset.surface.positions + 1)):
+        again = load_asset(data)
+        assert again.texture_coordinates() == asset.texture_coordinates()
+    (found,) = asset.texture_coordinates().values()
+    assert found == hashlib.sha256(uvs.tobytes()).hexdigest()
 
 
 def triangles_up_to_rotation(triangles: np.ndarray) -> list[list[int]]:

@@ -112,6 +112,16 @@ def test_octahedral_filter_equals_the_library(encoder: Any, width: int) -> None:
     np.testing.assert_array_equal(ours[:, 3], packed[:, 3])
 
 
+def test_the_8_bit_octahedral_filter_rounds_every_input_exactly() -> None:
+    x, y = np.mgrid[-127:128, -127:128].reshape(2, -1)
+    packed = np.stack([x, y, np.full_like(x, 127), np.zeros_like(x)], 1).astype(np.int8)
+    z = 127.0 - np.abs(x) - np.abs(y)
+    fold = np.minimum(z, 0.0)
+    vectors = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], 1)
+    exact = np.rint(127 * vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+    np.testing.assert_array_equal(apply_filter("OCTAHEDRAL", packed.view(np.uint8)).view(np.int8)[:, :3], exact)
+
+
 def test_quaternion_filter_equals_the_library(encoder: Any) -> None:
     rng = np.random.default_rng(4)
     for one in (511, 2047, 32767):

@@ -32,11 +32,19 @@ def encoded(pixels: Any, kind: str = "PNG") -> bytes:
 
 
 def textured(
-    image: bytes, *, uvs: Any = UPWARDS, sampler: Any = None, info: Any = None, material: Any = None, **more: Any
+    image: bytes,
+    *,
+    uvs: Any = UPWARDS,
+    sampler: Any = None,
+    info: Any = None,
+    material: Any = None,
+    verts: Any = SQUARE,
+    faces: Any = FACES,
+    **more: Any,
 ) -> bytes:
-    """Return an unlit square that faces +Z, with a texture."""
+    """Return an unlit square that faces +Z, or other faces, with a texture."""
     builder = Builder()
-    builder.node(builder.mesh({**builder.primitive(SQUARE, FACES, TEXCOORD_0=uvs, **more), "material": 0}))
+    builder.node(builder.mesh({**builder.primitive(verts, faces, TEXCOORD_0=uvs, **more), "material": 0}))
     builder.root["images"] = [{"bufferView": builder.view(image), "mimeType": "image/png"}]
     builder.root["samplers"] = [sampler or {}]
     builder.root["textures"] = [{"source": 0, "sampler": 0}]

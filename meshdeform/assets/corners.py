@@ -1,0 +1,79 @@
+"""Read what a file says about the corners of its triangles besides their places: joint weights and vertex colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.surface import Block
+from meshdeform.errors import AssetError
+
+__all__ = ["corner_colors", "corner_weights"]
+
+_Floats = NDArray[np.float64]
+
+
+def corner_weights(document: Document, blocks: Sequence[Block], joints: Collection[int]) -> _Floats:
+    """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1.
+
+    Parameters
+    ----------
+    document : Document
+    blocks : sequence of Block
+        As `read_surface` gathered them.
+    joints : collection of int
+        Indices of nodes.
+    """
+    return _gathered(document, blocks, lambda block, primitive: _weights(document, block, primitive, joints), 1)[..., 0]
+
+
+def corner_colors(document: Document, blocks: Sequence[Block]) -> _Floats:
+    """Return the linear vertex colour (T, 3, 3) of each corner of the surface's triangles; NaN where there is none."""
+    return _gathered(document, blocks, lambda block, primitive: _colors(document, block, primitive), 3)
+
+
+def _gathered(
+    document: Document, blocks: Sequence[Block], values: Callable[[Block, Json], _Floats], width: int
+) -> _Floats:
+    found = [np.empty((0, 3, width))]
+    for block in blocks:
+        for number in block.primitives:
+            primitive = document.root["meshes"][block.mesh]["primitives"][number]
+            corners = read_triangles(document, primitive, len(block.positions), "a primitive")
+            found.append(values(block, primitive)[corners])
+    return np.concatenate(found)
+
+
+def _weights(document: Document, block: Block, primitive: Json, joints: Collection[int]) -> _Floats:
+    total = np.zeros((len(block.positions), 1))
+    skin = document.root["nodes"][block.node].get("skin")
+    if skin is None:
+        return total
+    wanted = np.isin(np.array(document.root["skins"][skin]["joints"]), list(joints))
+    attributes = primitive["attributes"]
+    number = 0
+    while f"JOINTS_{number}" in attributes and f"WEIGHTS_{number}" in attributes:
+        try:
+            indices = read_accessor(document, attributes[f"JOINTS_{number}"]).astype(np.int64)
+            weights = read_floats(document, attributes[f"WEIGHTS_{number}"]).astype(np.float64)
+            total[:, 0] += (wanted[np.minimum(indices, len(wanted) - 1)] * weights).sum(1)
+        except (AssetError, ValueError):  # the deformation does not need these attributes
+            return np.zeros_like(total)
+        number += 1
+    return total
+
+
+def _colors(document: Document, block: Block, primitive: Json) -> _Floats:
+    missing = np.full((len(block.positions), 3), np.nan)
+    if "COLOR_0" not in primitive["attributes"]:
+        return missing
+    try:
+        values = read_floats(document, primitive["attributes"]["COLOR_0"])
+    except AssetError:
+        return missing
+    return values[:, :3].astype(np.float64) if len(values) == len(missing) and values.shape[1] >= 3 else missing

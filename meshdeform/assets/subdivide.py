@@ -1,0 +1,315 @@
+"""Split the long edges of a document's triangles, for surfaces too coarse to bend.
+
+All edges at the same place are split together, whichever primitives, meshes and instances they belong to, so that no
+vertex comes to lie on the edge of a neighbour. Every pass splits the longest edges in the middle, down to half of the
+longest, until all are short enough or the triangles too many.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
+from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from meshdeform.assets.draco import drop_extension
+from meshdeform.assets.json_text import Json, clone
+from meshdeform.assets.middles import middles
+from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
+from meshdeform.assets.scenegraph import TRIANGLES, instances_of
+from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.errors import AssetError
+from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
+from meshdeform.geometry.edge_splits import longest_together, split_triangles, unique_edges
+
+__all__ = ["LONGEST_EDGE", "MAX_TRIANGLES", "Subdivision", "subdivide"]
+
+LONGEST_EDGE = 0.1
+"""Length, as a share of the longest side of the bounding box, above which edges are split."""
+
+MAX_TRIANGLES = 100_000
+"""Number of triangles, over all instances, that subdivision does not exceed."""
+
+_SHARES = (0.5, 0.7, 0.9)
+"""Least length of an edge that a pass splits, as a share of the longest; the first that is within the limit is used."""
+_BY_EDGE = ("CESIUM_primitive_outline", "EXT_mesh_primitive_edge_visibility")
+"""Extensions of primitives that list edges or indices of triangles, and mean others afterwards."""
+_FLOATS = ("POSITION", "NORMAL", "TANGENT")
+
+_Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """What `subdivide` did.
+
+    Attributes
+    ----------
+    triangles_before, triangles_after : int
+        Over all instances.
+    longest_edge : float
+        Length of the longest edge afterwards, as a share of the longest side of the bounding box.
+    limited : bool
+        Whether the limit on triangles ended it.
+    dropped : tuple of str
+        Extensions of primitives that were removed, since they list edges.
+    """
+
+    triangles_before: int
+    triangles_after: int
+    longest_edge: float
+    limited: bool
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def split(self) -> bool:
+        """Whether anything was split."""
+        return self.triangles_after > self.triangles_before
+
+
+@dataclass(frozen=True)
+class _Group:
+    """The primitives of one mesh that have the same vertices.
+
+    Attributes
+    ----------
+    mesh : int
+    primitives : list of int
+    slots : dict of str to int
+        Accessor of each attribute, and of those of morph targets as `TARGET/NAME`.
+    columns : dict of str to (N, K) array
+        Their elements.
+    triangles : (T, 3) int64
+    owner : (T,) int64
+        Place of each triangle's primitive in `primitives`.
+    placements : list of (4, 4) float64
+    """
+
+    mesh: int
+    primitives: list[int]
+    slots: dict[str, int]
+    columns: dict[str, NDArray[Any]]
+    triangles: _Index
+    owner: _Index
+    placements: list[Matrix]
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """The edges of a group: (E, 2), the edge of each side (T, 3), and the longest of each edge's copies (E,)."""
+
+    pairs: _Index
+    sides: _Index
+    lengths: NDArray[np.float64]
+
+
+def subdivide(document: Document, max_triangles: int, excluded: frozenset[int] = frozenset()) -> Subdivision:
+    """Split the long edges of the default scene, in place; give what is split new accessors.
+
+    Meshes of excluded nodes stay as they are. Positions, normals, tangents and morph targets become floats, other
+    attributes keep their types; all triangles become indexed lists.
+
+    Raises
+    ------
+    AssetError
+        An attribute has another number of elements than its positions.
+    """
+    groups = list(_groups(document, excluded))
+    size = _size(groups)
+    before = count = sum(len(group.placements) * len(group.triangles) for group in groups)
+    changed, limited = set[int](), False
+    while True:
+        edges = _measured(groups)
+        longest = max((float(found.lengths.max(initial=0.0)) for found in edges), default=0.0)
+        if longest <= LONGEST_EDGE * size:
+            break
+        least = _least_length(groups, edges, longest, LONGEST_EDGE * size, max_triangles)
+        if least is None:
+            limited = True
+            break
+        for at, found in enumerate(edges):
+            if (found.lengths > least).any():
+                groups[at] = _split(groups[at], found, found.lengths > least)
+                changed.add(at)
+        count = sum(len(group.placements) * len(group.triangles) for group in groups)
+    dropped = {name for at in sorted(changed) for name in _write(document, groups[at])}
+    for name in dropped:
+        if not any(name in p.get("extensions", {}) for m in document.root["meshes"] for p in m["primitives"]):
+            drop_extension(document.root, name)
+    return Subdivision(before, count, longest / size if size else 0.0, limited, tuple(sorted(dropped)))
+
+
+def _own_meshes(document: Document, excluded: frozenset[int]) -> None:
+    """Give the other nodes a copy of each mesh that they share with excluded ones."""
+    nodes, meshes, copies = document.root["nodes"], document.root["meshes"], dict[int, int]()
+    kept = {nodes[at]["mesh"] for at in excluded if "mesh" in nodes[at]}
+    for at, node in enumerate(nodes):
+        if at not in excluded and node.get("mesh") in kept:
+            if node["mesh"] not in copies:
+                copies[node["mesh"]] = len(meshes)
+                meshes.append(clone(meshes[node["mesh"]]))
+            node["mesh"] = copies[node["mesh"]]
+
+
+def _groups(document: Document, excluded: frozenset[int]) -> Iterator[_Group]:
+    _own_meshes(document, excluded)
+    worlds = world_matrices(document.root.get("nodes", []))
+    placements: dict[int, list[Matrix]] = {}
+    for instance in instances_of(document.root):
+        if instance.node in excluded:
+            continue
+        matrix = placement_matrix(document, instance, worlds)
+        if is_invertible(matrix):
+            placements.setdefault(instance.mesh, []).append(matrix)
+    for mesh, places in placements.items():
+        primitives = document.root["meshes"][mesh].get("primitives", [])
+        groups: dict[str, list[int]] = {}
+        for p, primitive in enumerate(primitives):
+            if primitive.get("mode", TRIANGLES) >= TRIANGLES and "POSITION" in primitive.get("attributes", {}):
+                key = json.dumps([primitive["attributes"], primitive.get("targets", [])], sort_keys=True)
+                groups.setdefault(key, []).append(p)
+        for numbers in groups.values():
+            yield _read(document, mesh, numbers, places)
+
+
+def _read(document: Document, mesh: int, numbers: list[int], places: list[Matrix]) -> _Group:
+    primitives = [document.root["meshes"][mesh]["primitives"][p] for p in numbers]
+    slots = dict(primitives[0]["attributes"])
+    for t, target in enumerate(primitives[0].get("targets", [])):
+        slots |= {f"{t}/{name}": at for name, at in target.items()}
+    columns = {
+        key: (read_floats if key.rpartition("/")[2] in _FLOATS else read_accessor)(document, at)
+        for key, at in slots.items()
+    }
+    count = len(columns["POSITION"])
+    for key, values in columns.items():
+        if len(values) != count:
+            raise AssetError(
+                f"meshes[{mesh}].primitives[{numbers[0]}]: {key} has {len(values)} elements, but POSITION has {count}."
+            )
+    where = f"meshes[{mesh}].primitives"
+    faces = [read_triangles(document, p, count, f"{where}[{n}]") for p, n in zip(primitives, numbers, strict=True)]
+    owner = np.repeat(np.arange(len(faces)), [len(part) for part in faces])
+    return _Group(mesh, numbers, slots, columns, np.concatenate(faces), owner, places)
+
+
+def _placed(group: _Group, placement: Matrix) -> NDArray[np.float64]:
+    return np.asarray(group.columns["POSITION"] @ placement[:3, :3].T + placement[:3, 3])
+
+
+def _size(groups: list[_Group]) -> float:
+    """Return the longest side of the bounding box of all triangles."""
+    used = [
+        _placed(group, placement)[np.unique(group.triangles)]
+        for group in groups
+        if len(group.triangles)
+        for placement in group.placements
+    ]
+    return float(np.ptp(np.concatenate(used), axis=0).max()) if used else 0.0
+
+
+def _measured(groups: list[_Group]) -> list[_Edges]:
+    """Return the edges of each group with the length of the longest edge that must be split together with each."""
+    edges = [unique_edges(group.triangles) for group in groups]
+    starts = np.cumsum([0, *(len(pairs) for pairs, _ in edges)])
+    points = [_placed(group, placement) for group in groups for placement in group.placements]
+    if not points or not starts[-1]:
+        return [_Edges(*found, np.empty(len(found[0]))) for found in edges]
+    everything = np.concatenate(points)
+    label = coincident(everything, WELD_TOLERANCE * float(np.linalg.norm(np.ptp(everything, axis=0))))
+    ends, owners, offset = [], [], 0
+    for (pairs, _), start, group in zip(edges, starts, groups, strict=False):
+        for _ in group.placements:
+            ends.append(pairs + offset)
+            owners.append(start + np.arange(len(pairs)))
+            offset += len(group.columns["POSITION"])
+    ends_, owner = np.concatenate(ends), np.concatenate(owners)
+    lengths = np.linalg.norm(everything[ends_[:, 0]] - everything[ends_[:, 1]], axis=1)
+    places = np.sort(label[ends_], axis=1)
+    _, place = np.unique(places[:, 0] * len(everything) + places[:, 1], return_inverse=True)
+    proper = places[:, 0] != places[:, 1]  # others are shorter than the tolerance
+    longest = longest_together(owner[proper], place[proper], lengths[proper], int(starts[-1]))
+    parts = np.split(longest, starts[1:-1])
+    return [_Edges(*found, part) for found, part in zip(edges, parts, strict=True)]
+
+
+def _least_length(
+    groups: list[_Group], edges: list[_Edges], longest: float, wanted: float, max_triangles: int
+) -> float | None:
+    """Return the length above which the next pass splits edges, or None if any would make too many triangles."""
+    for share in _SHARES:
+        least = max(wanted, share * longest)
+        after = sum(
+            len(group.placements) * (len(group.triangles) + int((found.lengths > least)[found.sides].sum()))
+            for group, found in zip(groups, edges, strict=True)
+        )
+        if after <= max_triangles:
+            return least
+    return None
+
+
+def _split(group: _Group, edges: _Edges, chosen: NDArray[np.bool_]) -> _Group:
+    """Return the group with these edges (E,) split in the middle."""
+    a, b = edges.pairs[chosen].T
+    count = len(group.columns["POSITION"])
+    new = np.full(len(edges.pairs), -1)
+    new[chosen] = count + np.arange(len(a))
+    added = middles(group.columns, a, b)
+    columns = {key: np.concatenate([values, added[key]]) for key, values in group.columns.items()}
+    grown = replace(group, columns=columns)
+    triangles, parents = split_triangles(group.triangles, new[edges.sides], _placed(grown, group.placements[0]))
+    return replace(grown, triangles=triangles, owner=group.owner[parents])
+
+
+def _write(document: Document, group: _Group) -> set[str]:
+    """Give the primitives of a group new accessors; return the extensions that were removed from them."""
+    accessors, dropped = document.root["accessors"], set[str]()
+    written = {key: _append(document, group.columns[key], accessors[at], key) for key, at in group.slots.items()}
+    for place, p in enumerate(group.primitives):
+        primitive = document.root["meshes"][group.mesh]["primitives"][p]
+        old = accessors[primitive["indices"]] if "indices" in primitive else {}
+        own = group.triangles[group.owner == place]
+        primitive["indices"] = _append_indices(document, own, written["POSITION"], old)
+        primitive.pop("mode", None)
+        primitive["attributes"] = {name: written[name] for name in primitive["attributes"]}
+        for t, target in enumerate(primitive.get("targets", [])):
+            primitive["targets"][t] = {name: written[f"{t}/{name}"] for name in target}
+        for name in set(_BY_EDGE) & set(primitive.get("extensions", {})):
+            del primitive["extensions"][name]
+            dropped.add(name)
+        if primitive.get("extensions") == {}:
+            del primitive["extensions"]
+    return dropped
+
+
+def _append(document: Document, values: NDArray[Any], like: Json, key: str) -> int:
+    """Append an accessor of vertex attributes, each vertex on a multiple of four bytes, and return its index."""
+    target, name = "/" in key, key.rpartition("/")[2]
+    if target and not values.any() and values.dtype.kind == "f" and values.shape[1] == 3:
+        return document.append_zeros(len(values))
+    if values.dtype.kind == "f" and values.shape[1] <= 4:
+        return document.append_accessor(values, like=like, bounds=name == "POSITION")
+    packed = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+    rows = np.zeros((len(values), packed.shape[1] + -packed.shape[1] % 4), np.uint8)
+    rows[:, : packed.shape[1]] = packed
+    view = document.append_view(rows.tobytes(), ARRAY_BUFFER)
+    document.root["bufferViews"][view]["byteStride"] = rows.shape[1]
+    gone = ("byteOffset", "sparse", "min", "max")
+    kept = {name: clone(value) for name, value in like.items() if name not in gone}
+    document.items("accessors").append({**kept, "bufferView": view, "count": len(values)})
+    return len(document.items("accessors")) - 1
+
+
+def _append_indices(document: Document, triangles: _Index, position: int, like: Json) -> int:
+    small = document.root["accessors"][position]["count"] < 2**16  # 65535 itself is not a valid 16-bit index
+    view = document.append_view(triangles.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
+    kept = {name: clone(value) for name, value in like.items() if name in ("name", "extras")}
+    component = UNSIGNED_SHORT if small else UNSIGNED_INT
+    item = {"bufferView": view, "componentType": component, "count": triangles.size, "type": "SCALAR"}
+    document.items("accessors").append({**kept, **item})
+    return len(document.items("accessors")) - 1
