@@ -64,6 +64,7 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
+    from meshdeform.runs.preparation import subdivided
     from meshdeform.runs.text_report import read_result
     from meshdeform.support.atomic_files import write_files
 
@@ -75,6 +76,9 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
         data = turntable_animation(asset.appearance(), before, kind=kind)
     else:
         after = read_result(result.read_bytes()).surface
+        if len(asset.surface.triangles) < len(after.triangles):
+            asset, _ = subdivided(asset, limits)
+            before = Pose(asset.surface.positions, asset.surface.normals)
         if asset.surface.triangles.tobytes() != after.triangles.tobytes():
             raise ParameterError(
                 f"{result.name} was not made from {source.name}: their triangles differ.",

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from meshdeform.cli.animate import animate
+from meshdeform.cli.apply import apply
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
 from meshdeform.cli.continuing import branch, delete, retry
@@ -28,6 +29,7 @@ from meshdeform.cli.models import models
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
 from meshdeform.cli.submit import submit
+from meshdeform.cli.variants import variants
 from meshdeform.cli.version import print_version, version
 from meshdeform.cli.waiting import wait, watch
 
@@ -102,6 +104,8 @@ def _options(
 
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
+app.command(rich_help_panel=_MACHINE)(apply)
+app.command(rich_help_panel=_MACHINE)(variants)
 app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)

@@ -26,6 +26,7 @@ from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
     from meshdeform.cli.batches.manifest import Entry
+    from meshdeform.cli.batches.rows import Row
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["batch"]
@@ -60,7 +61,21 @@ def batch(
         ),
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
+    as_morph_targets: Annotated[
+        bool,
+        typer.Option(
+            "--as-morph-targets",
+            help="Also write the results of each asset as named morph targets of one file.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = False,
     usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
+    subdivide: Annotated[
+        bool,
+        typer.Option(
+            "--subdivide", help="Split long edges first, so that large triangles can bend.", rich_help_panel=_WHAT
+        ),
+    ] = False,
     compact: Annotated[
         bool, typer.Option("--compact", help="Drop data that the new shapes made unused.", rich_help_panel=_WHAT)
     ] = False,
@@ -121,6 +136,8 @@ def batch(
     from meshdeform.cli.batches.rows import make_rows
     from meshdeform.cli.batches.session import Session
 
+    if as_morph_targets:
+        require("torch", "deform")
     entries = _entries(source, prompt or [], prompts_file)
     defaults = merge_params(settings or [], preset=preset, model=model, steps=steps, seed=seed)
     first = int(defaults.get("seed", 0))
@@ -129,7 +146,7 @@ def batch(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
-            output={"morph": morph, "usd": usd, "compact": compact, "provenance": provenance},
+            output={"morph": morph, "usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance},
             known_names=session.ledger.known_names(),
             flat=flat,
             occupied=(path.name for path in output.iterdir()),
@@ -151,6 +168,8 @@ def batch(
             share = {"device": device, "threads": threads if threads is not None else _share(concurrent)}
             session.run(rows, LocalRunner(output, share), concurrent, retry_failed=retry_failed)
         counts, files = session.finish(rows)
+        if as_morph_targets:
+            files |= _target_sets(output, rows)
     if as_json:
         emit({"event": "summary", "folder": str(output), "files": files, **counts})
     elif not quiet:
@@ -175,6 +194,15 @@ def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) ->
             raise typer.BadParameter("a manifest has its own prompts", param_hint="--prompt")
         return read_table(source)
     return combine(source, prompts)
+
+
+def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
+    """Write the results of each asset as morph targets; return the paths of the files by their names."""
+    from meshdeform.assets import Limits
+    from meshdeform.cli.batches.targets import write_target_sets
+
+    paths = write_target_sets(folder, rows, Limits.from_settings(load_settings()))
+    return {path.name: str(path) for path in paths}
 
 
 def _checker() -> Any:

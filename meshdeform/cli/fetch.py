@@ -48,7 +48,9 @@ def fetch(
     name: Annotated[
         list[str] | None,
         typer.Option(
-            help="Only this artifact; repeatable. Default: all.", autocompletion=_complete_names, show_default=False
+            help="Only this artifact; repeatable. Default: all. morph.glb and result.usdz are made if needed.",
+            autocompletion=_complete_names,
+            show_default=False,
         ),
     ] = None,
     step: Annotated[
@@ -66,7 +68,7 @@ def fetch(
 
     Each file is verified against its SHA-256 before it appears; a file that is already there is not downloaded again.
 
-    meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --name result.glb
+    meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --name result.glb --name morph.glb
 
     meshdeform fetch job_01kg9zqk2xf3v8c5m7n9p1r4t6 -o mushroom --step 100
     """
@@ -114,6 +116,8 @@ def _not_writable(folder: Path, error: OSError) -> UnavailableError:
 def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] | None = None) -> list[dict[str, Any]]:
     """Save a job's artifacts into a folder and return name, path, size in bytes and SHA-256 of each.
 
+    Those that can still be made are made if they are named.
+
     Raises
     ------
     NotFoundError
@@ -121,8 +125,14 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
     UnavailableError
         The folder cannot be written, or the service does not respond.
     """
+    from meshdeform.client.downloads import AFTERWARDS
+
     known = {artifact.name: artifact for artifact in client.artifacts(job_id)}
-    if missing := [name for name in names or [] if name not in known]:
+    missing = [name for name in names or [] if name not in known]
+    for name in [name for name in missing if known and name in AFTERWARDS]:
+        known[name] = client.make(job_id, name)
+        missing.remove(name)
+    if missing:
         has = f"It has {', '.join(known)}." if known else "It has none yet."
         raise NotFoundError(f"The job {job_id} has no {', '.join(missing)}.", advice=has)
     if not known:

@@ -32,6 +32,12 @@ def jobs(
         list[str] | None,
         typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.", show_default=False),
     ] = None,
+    search: Annotated[
+        str,
+        typer.Option(
+            metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.", show_default=False
+        ),
+    ] = "",
     limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
     url: UrlOption = None,
     api_key: ApiKeyOption = None,
@@ -40,14 +46,13 @@ def jobs(
 ) -> None:
     """List the jobs of a service, newest first.
 
-    meshdeform jobs --state running
+    meshdeform jobs --state running --search "duck vase"
     """
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
     with connect(url, api_key, api_key_file) as client:
-        found = list(
-            islice(client.jobs(state=state, metadata=parse_labels(label or []), limit=min(limit, _PAGE)), limit)
-        )
+        every = client.jobs(state=state, metadata=parse_labels(label or []), search=search, limit=min(limit, _PAGE))
+        found = list(islice(every, limit))
     if as_json:
         emit({"jobs": [job.as_json() for job in found]})
         return

@@ -18,7 +18,7 @@ from meshdeform.assets import Limits
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.progress import ProgressView
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import AlignmentError, UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import GuidanceKind, JobRequest, resolve
@@ -120,7 +120,10 @@ class LocalJob:
             "resumed_from": first or None,
             "losses": self._last_losses,
             "orientation": report["orientation"],
+            "appearance": report["appearance"],
             "likeness": report.get("likeness"),
+            "texture_stretch": report["texture_stretch"],
+            "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),
         }
@@ -145,6 +148,23 @@ class LocalJob:
         if params.guidance is GuidanceKind.SDS:
             revision = self._settings.model_revision if params.model == self._settings.model else ""
             prior = self._load(params.model, device=device, revision=revision, dtype=self._settings.dtype)
+        with self._alignment_picture():
+            return self._begin(asset, prior, limits, device)
+
+    @contextmanager
+    def _alignment_picture(self) -> Iterator[None]:
+        """Write the picture of a failed alignment beside the result, and name it in the error."""
+        try:
+            yield
+        except AlignmentError as error:
+            path = self._outputs.result.with_suffix(".alignment.png")
+            if error.picture is not None:
+                with _writing("The picture of the alignment"):
+                    write_files({path: error.picture})
+                error.advice_text += f" {path} shows the asset in blue and the target in orange."
+            raise
+
+    def _begin(self, asset: bytes, prior: Prior | None, limits: Limits, device: str) -> JobRun:
         return text_deform.start(
             asset=asset,
             filename=self._asset.name,

@@ -9,16 +9,25 @@ from typing import Annotated, Any
 
 import typer
 
+from meshdeform.requests.choices import Symmetry
+
 __all__ = [
     "ApiKeyFileOption",
     "ApiKeyOption",
+    "ExcludeOption",
+    "ForceOption",
+    "HandleOption",
     "JobIdArgument",
     "JobIdsArgument",
     "JsonOption",
+    "KeepOption",
     "ModelOption",
+    "MorphPathOption",
+    "OnlyOption",
     "QuietOption",
     "RigidOption",
     "SetOption",
+    "SymmetryOption",
     "UrlOption",
     "complete_job_ids",
     "complete_models",
@@ -132,13 +141,69 @@ ModelOption = Annotated[
         show_default=False,
     ),
 ]
+ExcludeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NODE",
+        help="A node that is neither drawn nor deformed, such as a ground plane: its name, or its index; repeatable.",
+        rich_help_panel="Method",
+        show_default=False,
+    ),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files, whoever wrote them.")]
+MorphPathOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--morph-path",
+        metavar="NAME=VALUE",
+        help="How the morph goes: frames, easing, ping_pong, seconds (docs/control.md); repeatable.",
+        show_default=False,
+    ),
+]
 RigidOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="[MODE:]PLACE=NAME",
+        metavar="[MODE:]PLACE=VALUE",
         help="A part that keeps its shape: node=NAME, material=NAME or component=NUMBER (see inspect); repeatable. "
         "With similarity: in front it may scale.",
         rich_help_panel="Method",
+        show_default=False,
+    ),
+]
+KeepOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PLACE=VALUE",
+        help="A region that does not move: node=, mesh=, material=, joint=NAME, component=, color=R,G,B, "
+        "box=X,Y,Z,X,Y,Z, sphere=X,Y,Z,RADIUS, capsule=X,Y,Z,X,Y,Z,RADIUS or faces=0-99,200; repeatable.",
+        rich_help_panel="Control",
+        show_default=False,
+    ),
+]
+OnlyOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PLACE=VALUE",
+        help="A region outside of which nothing moves, written as for --keep; repeatable.",
+        rich_help_panel="Control",
+        show_default=False,
+    ),
+]
+HandleOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="POINT:X,Y,Z[@WEIGHT]",
+        help="A point of the surface, vertex=NUMBER or position=X,Y,Z, and where it goes; repeatable. "
+        "With @0.5, only half of the way.",
+        rich_help_panel="Control",
+        show_default=False,
+    ),
+]
+SymmetryOption = Annotated[
+    Symmetry | None,
+    typer.Option(
+        help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
+        rich_help_panel="Control",
         show_default=False,
     ),
 ]

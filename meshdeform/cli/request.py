@@ -12,11 +12,16 @@ from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
+    from meshdeform.requests.morph import MorphPath
 
-__all__ = ["make_request", "make_settings", "merge_params", "parse_labels", "parse_rigid"]
-
-_PLACES = ("node", "material", "component")
-_MODES = ("rigid", "similarity")
+__all__ = [
+    "make_request",
+    "make_settings",
+    "merge_params",
+    "parse_exclude",
+    "parse_labels",
+    "parse_morph_path",
+]
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
@@ -44,28 +49,9 @@ def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
     return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
 
 
-def parse_rigid(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
-    """Parse parts written as [MODE:]PLACE=NAME, where a NAME of digits is an index; None if there are none.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
-    """
-    return [_selector(text) for text in texts] if texts else None
-
-
-def _selector(text: str) -> dict[str, Any]:
-    place, equals, name = text.partition("=")
-    mode, colon, rest = place.partition(":")
-    mode, place = (mode, rest) if colon else (_MODES[0], place)
-    if not equals or not name or place.strip() not in _PLACES or mode.strip() not in _MODES:
-        raise typer.BadParameter(
-            f"{text!r} is not [MODE:]PLACE=NAME with PLACE {', '.join(_PLACES)} and MODE {' or '.join(_MODES)}",
-            param_hint="--rigid",
-        )
-    value = int(name) if name.isascii() and name.isdecimal() else name
-    return {place.strip(): value, "mode": mode.strip()}
+def parse_exclude(texts: Sequence[str] | None) -> list[str | int] | None:
+    """Parse nodes, of which those of digits are indices; None if there are none."""
+    return [int(text) if text.isascii() and text.isdecimal() else text for text in texts] if texts else None
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
@@ -85,11 +71,35 @@ def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
     return labels
 
 
+def parse_morph_path(pairs: list[str] | None) -> MorphPath | None:
+    """Parse the parameters of a morph, written as NAME=VALUE; None if there are none.
+
+    Raises
+    ------
+    ParameterError
+        A parameter is unknown or out of range.
+    """
+    if not pairs:
+        return None
+    from pydantic import ValidationError
+
+    from meshdeform.requests.morph import MorphPath
+
+    try:
+        return MorphPath.model_validate(make_settings(pairs, "--morph-path"))
+    except ValidationError as error:
+        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in error.errors()]
+        raise ParameterError(
+            f"--morph-path is not valid: {'; '.join(sentences)}.",
+            advice="docs/control.md has its parameters with their bounds.",
+        ) from error
+
+
 def make_request(
     prompt: str,
     params: Mapping[str, Any],
     *,
-    output: Mapping[str, bool] | None = None,
+    output: Mapping[str, Any] | None = None,
     more: Mapping[str, Any] | None = None,
     place: str = "The request",
 ) -> JobRequest:
@@ -100,8 +110,8 @@ def make_request(
     prompt : str
     params : mapping
         As in docs/parameters.md.
-    output : mapping of str to bool, optional
-        The options of `output` (docs/parameters.md).
+    output : mapping, optional
+        The options of `output` (docs/parameters.md); those that are False or None count as left out.
     more : mapping, optional
         Further members of the document, such as `priority`.
     place : str
@@ -119,7 +129,7 @@ def make_request(
     document = {
         "prompt": prompt,
         "params": {name: value for name, value in params.items() if value is not None},
-        "output": {name: True for name, wanted in (output or {}).items() if wanted},
+        "output": {name: wanted for name, wanted in (output or {}).items() if wanted},
         **{name: value for name, value in (more or {}).items() if value is not None},
     }
     try:

@@ -8,14 +8,29 @@ from typing import Annotated, Any
 import typer
 
 from meshdeform.cli.animate import check_animation, write_animation
+from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.fit import fit_line
 from meshdeform.cli.likeness import likeness_line
-from meshdeform.cli.options import JsonOption, ModelOption, QuietOption, RigidOption, SetOption
+from meshdeform.cli.options import (
+    ExcludeOption,
+    HandleOption,
+    JsonOption,
+    KeepOption,
+    ModelOption,
+    MorphPathOption,
+    OnlyOption,
+    QuietOption,
+    RigidOption,
+    SetOption,
+    SymmetryOption,
+)
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
-from meshdeform.cli.request import make_request, merge_params, parse_rigid
+from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
+from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
 
 __all__ = ["run"]
@@ -48,9 +63,16 @@ def run(
         bool,
         typer.Option(help="Also write a GLB that animates from the source to the result.", rich_help_panel=_OUTPUTS),
     ] = False,
+    morph_path: MorphPathOption = None,
     usd: Annotated[
         bool,
         typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
+    ] = False,
+    subdivide: Annotated[
+        bool,
+        typer.Option(
+            "--subdivide", help="Split long edges first, so that large triangles can bend.", rich_help_panel=_OUTPUTS
+        ),
     ] = False,
     compact: Annotated[
         bool,
@@ -102,7 +124,12 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    exclude: ExcludeOption = None,
     rigid: RigidOption = None,
+    keep: KeepOption = None,
+    only: OnlyOption = None,
+    handle: HandleOption = None,
+    symmetry: SymmetryOption = None,
     param: SetOption = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
     threads: Annotated[
@@ -134,9 +161,15 @@ def run(
         orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
+        exclude=parse_exclude(exclude),
         rigid=parse_rigid(rigid),
+        regions=parse_regions(keep, only),
+        handles=parse_handles(handle),
+        symmetry=symmetry,
     )
-    written = {"morph": morph, "usd": usd, "compact": compact, "provenance": provenance}
+    morph = morph or bool(morph_path)
+    written = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
+    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance}
     request = make_request(prompt, params, output=written)
     paths = {
         "result": output,
@@ -186,7 +219,13 @@ def run(
             typer.echo(f"{title:<10} {summary[name]}")
     if front := orientation_line(summary["orientation"]):
         typer.echo(front)
+    if summary["appearance"]["notice"]:
+        typer.echo(summary["appearance"]["notice"])
     if summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
+    if summary["texture_stretch"] is not None:
+        typer.echo(stretch_line(summary["texture_stretch"]))
+    if summary["fit"] is not None:
+        typer.echo(fit_line(summary["fit"]))
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)

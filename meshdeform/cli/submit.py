@@ -8,22 +8,35 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshdeform.cli.connection import command_line, connect
+from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
 from meshdeform.cli.options import (
     ApiKeyFileOption,
     ApiKeyOption,
+    ExcludeOption,
+    HandleOption,
     JsonOption,
+    KeepOption,
     ModelOption,
+    MorphPathOption,
+    OnlyOption,
     QuietOption,
     RigidOption,
     SetOption,
+    SymmetryOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
 from meshdeform.cli.progress import show_progress
-from meshdeform.cli.request import make_request, merge_params, parse_labels, parse_rigid
+from meshdeform.cli.request import (
+    make_request,
+    merge_params,
+    parse_exclude,
+    parse_labels,
+    parse_morph_path,
+)
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -81,10 +94,22 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    exclude: ExcludeOption = None,
     rigid: RigidOption = None,
+    keep: KeepOption = None,
+    only: OnlyOption = None,
+    handle: HandleOption = None,
+    symmetry: SymmetryOption = None,
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
+    morph_path: MorphPathOption = None,
     usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
+    subdivide: Annotated[
+        bool,
+        typer.Option(
+            "--subdivide", help="Split long edges first, so that large triangles can bend.", rich_help_panel=_JOB
+        ),
+    ] = False,
     compact: Annotated[
         bool, typer.Option("--compact", help="Drop data that the new shape made unused.", rich_help_panel=_JOB)
     ] = False,
@@ -143,11 +168,22 @@ def submit(
         orientation=orientation,
         guidance_scale=guidance_scale,
         learning_rate=learning_rate,
+        exclude=parse_exclude(exclude),
         rigid=parse_rigid(rigid),
+        regions=parse_regions(keep, only),
+        handles=parse_handles(handle),
+        symmetry=symmetry,
     )
     more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.
-    wanted = {"morph": morph, "usd": usd, "compact": compact, "provenance": provenance}
+    wanted = {
+        "morph": morph or bool(morph_path),
+        "morph_path": parse_morph_path(morph_path),
+        "usd": usd,
+        "compact": compact,
+        "subdivide": subdivide,
+        "provenance": provenance,
+    }
     request = make_request(prompt, params, output=wanted, more=more)
     with connect(url, api_key, api_key_file) as client:
         job = _submitted(

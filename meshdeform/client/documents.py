@@ -204,6 +204,8 @@ class AssetFound(_Open):
     skipped: list[dict[str, Any]]
     nodes: list[dict[str, Any]] = Field(default_factory=list)
     materials: list[dict[str, Any]] = Field(default_factory=list)
+    mesh_names: list[dict[str, Any]] = Field(default_factory=list)
+    joints: list[dict[str, Any]] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
 
 

@@ -18,11 +18,14 @@ from meshdeform.client.commands import Answer, Call, Operation, Pause, Read, Str
 from meshdeform.client.documents import ArtifactView
 from meshdeform.client.paths import JobLike, identity, job_path
 from meshdeform.client.problems import error_of, unreachable
-from meshdeform.client.reading import artifacts, got, succeeded
+from meshdeform.client.reading import artifacts, got, made, succeeded
 from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
 from meshdeform.errors import JobNotFinishedError, MeshdeformError, NotFoundError, RangeError, UnavailableError
 
-__all__ = ["fetched", "loaded", "saved"]
+__all__ = ["AFTERWARDS", "fetched", "loaded", "saved"]
+
+AFTERWARDS = ("morph.glb", "result.usdz")
+"""The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20
 _SHA256 = re.compile(r'(?:W/)?"([0-9a-f]{64})"')
@@ -78,8 +81,10 @@ def fetched(job: JobLike, folder: Path, names: Sequence[str] | None, policy: Pol
     wanted = list(there) if names is None else list(names)
     for name in wanted:
         if name not in there:
-            had = ", ".join(there) or "none"
-            raise NotFoundError(f"The job {identity(job)} has no artifact {name!r}; it has: {had}.")
+            if name not in AFTERWARDS:
+                had = ", ".join(there) or "none"
+                raise NotFoundError(f"The job {identity(job)} has no artifact {name!r}; it has: {had}.")
+            there[name] = yield from made(job, name, policy)
         if not name or Path(name).name != name or name in (".", "..") or "\\" in name:
             raise UnavailableError(f"The artifact's name {name!r} is not a file name.", advice="Check the service.")
     yield Work(partial(folder.mkdir, parents=True, exist_ok=True))

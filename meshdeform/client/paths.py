@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 from meshdeform.api.jobs import JobView
 
-__all__ = ["JobLike", "identity", "job_path", "segment"]
+__all__ = ["JobLike", "artifact_path", "identity", "job_path", "segment"]
 
 JobLike = str | JobView
 """A job, or its id."""
@@ -35,3 +35,9 @@ def segment(text: str) -> str:
 def job_path(job: JobLike, *rest: str | int) -> str:
     """Return the path of a job, or of something below it."""
     return "/".join(["/v1/jobs", *(segment(str(part)) for part in (identity(job), *rest))])
+
+
+def artifact_path(job: JobLike, name: str, strength: float | None = None) -> str:
+    """Return the path of an artifact, with the query for another strength."""
+    query = "" if strength is None else f"?strength={strength:.10g}"
+    return job_path(job, "artifacts", name) + query

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
@@ -38,6 +38,8 @@ __all__ = [
     "identity",
     "limits",
     "listed",
+    "listing",
+    "made",
     "models",
     "signed_url",
     "succeeded",
@@ -45,6 +47,7 @@ __all__ = [
 ]
 
 _HELD_S = 30
+_MAKE_S = 300.0
 _LEAST_PACE_S, _MOST_PACE_S = 0.05, 30.0
 
 
@@ -54,15 +57,22 @@ def got(job: JobLike, policy: Policy) -> Operation[JobView]:
     return read(JobView, answer.json(), answer.url)
 
 
-def listed(
-    state: str | None, metadata: dict[str, str], created_after: datetime | None, limit: int, policy: Policy
-) -> Operation[None]:
-    """Emit jobs, newest first, requesting a page at a time."""
+def listing(
+    state: str | None, metadata: Mapping[str, str], created_after: datetime | None, search: str, limit: int
+) -> dict[str, str | int]:
+    """Return the query for a list of jobs."""
     query: dict[str, str | int] = {"limit": limit} | {f"metadata[{name}]": text for name, text in metadata.items()}
     if state is not None:
         query["state"] = str(state)
     if created_after is not None:
         query["created_after"] = created_after.astimezone().isoformat()
+    if search:
+        query["q"] = search
+    return query
+
+
+def listed(query: dict[str, str | int], policy: Policy) -> Operation[None]:
+    """Emit the jobs of a query, newest first, requesting a page at a time."""
     while True:
         answer = yield from answered(Call("GET", "/v1/jobs", query=query), policy)
         page = read(JobList, answer.json(), answer.url)
@@ -88,6 +98,13 @@ def artifacts(job: JobLike, policy: Policy) -> Operation[list[ArtifactView]]:
     """Return a job's artifacts."""
     answer = yield from answered(Call("GET", job_path(job, "artifacts")), policy)
     return read(ArtifactList, answer.json(), answer.url).artifacts
+
+
+def made(job: JobLike, name: str, policy: Policy) -> Operation[ArtifactView]:
+    """Let the service make an artifact that the job was not asked for, and return it."""
+    call = Call("POST", job_path(job, "artifacts", name), read_timeout_s=_MAKE_S)
+    answer = yield from answered(call, policy)
+    return read(ArtifactView, answer.json(), answer.url)
 
 
 def checkpoints(job: JobLike, policy: Policy) -> Operation[list[CheckpointView]]:

@@ -24,7 +24,22 @@ from meshdeform.client.uploads import uploaded
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError
 from meshdeform.requests.document import DeformParams, OutputOptions
 
-__all__ = ["Files", "Order", "branched", "checked_key", "parts_of", "retried", "sent_ahead", "submitted", "validated"]
+__all__ = [
+    "Files",
+    "Order",
+    "Output",
+    "Params",
+    "branched",
+    "checked_key",
+    "parts_of",
+    "retried",
+    "sent_ahead",
+    "submitted",
+    "validated",
+]
+
+Params = DeformParams | Mapping[str, Any]
+Output = OutputOptions | Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -32,8 +47,8 @@ class Order:
     """The description of a job; for members that are None the service chooses. See `Client.submit`."""
 
     prompt: str = ""
-    params: DeformParams | Mapping[str, Any] | None = None
-    output: OutputOptions | Mapping[str, Any] | None = None
+    params: Params | None = None
+    output: Output | None = None
     metadata: Mapping[str, str] | None = None
     priority: int | None = None
     deadline_s: float | None = None

@@ -6,13 +6,11 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
-
-import httpx
+from typing import Any
 
 from meshdeform.client import downloads, events, reading, running, submitting
 from meshdeform.client.commands import Emit
+from meshdeform.client.connections import Connection
 from meshdeform.client.documents import (
     ArtifactView,
     CheckpointView,
@@ -24,23 +22,17 @@ from meshdeform.client.documents import (
     UploadView,
     Validation,
 )
-from meshdeform.client.drivers import SyncDriver
-from meshdeform.client.paths import JobLike, job_path
-from meshdeform.client.requests import Endpoint
+from meshdeform.client.paths import JobLike, artifact_path, job_path
 from meshdeform.client.result import Result
-from meshdeform.client.retries import Policy
 from meshdeform.client.sources import AssetLike
-from meshdeform.client.submitting import Files, Order
+from meshdeform.client.submitting import Files, Order, Output, Params
 from meshdeform.record.models import JobState
-from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
+from meshdeform.requests.document import JobKind
 
 __all__ = ["Client"]
 
-Params = DeformParams | Mapping[str, Any]
-Output = OutputOptions | Mapping[str, Any]
 
-
-class Client:
+class Client(Connection):
     """A client of one service. A context manager; safe to share between threads.
 
     Parameters
@@ -65,45 +57,6 @@ class Client:
     ValueError
         The address, the key or a time is invalid.
     """
-
-    def __init__(
-        self,
-        base_url: str | None = None,
-        *,
-        api_key: str | None = None,
-        timeout_s: float = 60.0,
-        max_retries: int = 4,
-        http: httpx.Client | None = None,
-    ) -> None:
-        if base_url is None and http is not None:
-            base_url = str(http.base_url) or None
-        self._endpoint = Endpoint.of(base_url, api_key, timeout_s)
-        self._policy = Policy.of(timeout_s, max_retries)
-        self._owned = http is None
-        # No limit on connections: each thread that follows events keeps one open.
-        self._http = http or httpx.Client(limits=httpx.Limits(max_connections=None))
-        self._driver = SyncDriver(self._http, self._endpoint)
-
-    def __repr__(self) -> str:
-        return f"Client({self._endpoint.base_url!r})"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    @property
-    def base_url(self) -> str:
-        """The service's address."""
-        return self._endpoint.base_url
-
-    def close(self) -> None:
-        """Close the connections."""
-        if self._owned:
-            self._http.close()
 
     def deform(
         self,
@@ -275,10 +228,15 @@ class Client:
         state: JobState | str | None = None,
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
+        search: str = "",
         limit: int = 50,
     ) -> Iterator[JobView]:
-        """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time."""
-        return self._driver.iterate(reading.listed(state, dict(metadata or {}), created_after, limit, self._policy))
+        """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time.
+
+        `search` finds jobs whose prompt, file names or values of labels contain all of its words.
+        """
+        query = reading.listing(state, metadata or {}, created_after, search, limit)
+        return self._driver.iterate(reading.listed(query, self._policy))
 
     def watch(self, job: JobLike, *, after: int | None = None) -> Iterator[EventView]:
         """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.
@@ -346,6 +304,18 @@ class Client:
         """Return a job's artifacts, sorted by name."""
         return self._driver.run(reading.artifacts(job, self._policy))
 
+    def make(self, job: JobLike, name: str) -> ArtifactView:
+        """Add `morph.glb` or `result.usdz` to a job that has succeeded, if its request did not ask for it.
+
+        Raises
+        ------
+        AssetError
+            It cannot be made of the job's files.
+        DependencyError
+            The service cannot write the format.
+        """
+        return self._driver.run(reading.made(job, name, self._policy))
+
     def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""
         return self._driver.run(reading.checkpoints(job, self._policy))
@@ -362,16 +332,25 @@ class Client:
         """Return the models that jobs may use."""
         return self._driver.run(reading.models(self._policy))
 
-    def read(self, job: JobLike, name: str) -> bytes:
-        """Return an artifact's bytes after verifying their SHA-256."""
-        return self._driver.run(downloads.loaded(job_path(job, "artifacts", name), self._policy))
+    def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
+        """Return an artifact's bytes after verifying their SHA-256.
 
-    def download(self, job: JobLike, name: str, path: str | os.PathLike[str]) -> Path:
+        Parameters
+        ----------
+        job : JobView or str
+        name : str
+        strength : float, optional
+            Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
+        """
+        return self._driver.run(downloads.loaded(artifact_path(job, name, strength), self._policy))
+
+    def download(self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None) -> Path:
         """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
 
-        An interrupted download resumes where it stopped. An existing file is replaced.
+        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
         """
-        return self._driver.run(downloads.saved(job_path(job, "artifacts", name), Path(path), self._policy))
+        url = artifact_path(job, name, strength)
+        return self._driver.run(downloads.saved(url, Path(path), self._policy))
 
     def fetch(self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
         """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.

@@ -43,6 +43,13 @@ def test_a_run_and_the_command_write_an_animation(ball: Path) -> None:
             assert getattr(picture, "n_frames", 1) in frames
 
 
+def test_a_subdivided_result_is_drawn_from_the_subdivided_source(ball: Path) -> None:
+    options = ["--target", "egg.glb", "--steps", "1", "--subdivide", "-q", "-o", "out.glb", "--animate", "out.gif"]
+    ran = CliRunner().invoke(app, ["run", str(ball), *options])
+    assert ran.exit_code == 0, ran.output
+    assert Path("out.gif").exists()
+
+
 def test_a_wrong_suffix_and_another_asset_are_refused(ball: Path) -> None:
     result = CliRunner().invoke(app, ["run", str(ball), "a vase", "--animate", "out.mp4"])
     assert result.exit_code == 2

@@ -12,7 +12,9 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
-from meshdeform.cli.request import parse_rigid
+from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
+from meshdeform.cli.request import parse_exclude
+from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.requests.document import DeformParams
@@ -30,12 +32,29 @@ def test_parts_are_written_as_place_and_name() -> None:
         {"node": "a:b", "mode": "rigid"},
     ]
     assert len(DeformParams.model_validate({"rigid": parsed}).rigid) == 4
+    assert parse_exclude(["Ground", "3"]) == ["Ground", 3]
 
 
-@each_case("text", ["wheels", "node=", "mesh=1", "stiff:node=a", "=a"])
+@each_case("text", ["wheels", "node=", "part=1", "stiff:node=a", "=a", "component=x", "box=1,2"])
 def test_anything_else_is_refused_with_the_form(text: str) -> None:
-    with pytest.raises(typer.BadParameter, match="PLACE=NAME"):
+    with pytest.raises(typer.BadParameter, match=" is not "):
         parse_rigid([text])
+
+
+def test_inspect_finds_the_side_that_a_prompt_would_make_the_front(tmp_path: Path) -> None:
+    animal = source_mesh("quadruped")
+    path = tmp_path / "animal.glb"
+    path.write_bytes(build_glb(animal.verts.numpy() * [-1, 1, -1], animal.faces.numpy()))  # its head is at -Z
+    arguments = ["inspect", str(path), "--prompt", "a giraffe", "--set", "preset=preview"]
+    found = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)["orientation"]
+    assert found["source"] == "found"
+    assert abs(abs(found["turn_deg"]) - 180) <= 15
+    assert found["margin"] > 0.05
+    shown = CliRunner().invoke(app, [*arguments, "--set", "orientation=keep"])
+    assert shown.exit_code == 0, shown.output
+    refused = CliRunner().invoke(app, ["inspect", str(path), "--prompt", "a giraf"])
+    assert refused.exit_code == 3
+    assert "giraffe" in refused.output
 
 
 def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None:
@@ -49,7 +68,44 @@ def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None
     shown = CliRunner().invoke(app, ["inspect", str(path)])
     assert shown.exit_code == 0, shown.output
     assert "2 congruent round components: 1, 2. Keep them with --rigid component=1 --rigid component=2" in shown.output
-    assert "Subdivide" in shown.output
+    assert "output.subdivide" in shown.output
     found = json.loads(CliRunner().invoke(app, ["inspect", str(path), "--json"]).stdout)
     assert [item["triangles"] for item in found["components"]] == [12, 256, 256]
+    assert found["symmetry"] == ["x", "z"]
+    assert found["box"]["max"] == pytest.approx([0.69, 0.5, 0.5])
+    assert "Symmetric along x, z." in shown.output
     assert found["proposals"][0]["selectors"] == [{"component": 1}, {"component": 2}]
+
+
+def test_regions_and_handles_are_written_as_place_and_value() -> None:
+    keep = ["node:Door", "box=-1,0,-1,1,2,1", "sphere:0,1,0,0.5", "capsule=0,0,0,0,1,0,0.2", "faces=3,5-9"]
+    only = ["joint=Head,0.3", "color=1,0,0", "mesh=2", "material=a=b", "component=4"]
+    regions = parse_regions(keep, only)
+    assert regions is not None
+    assert [next(iter(region.items())) for region in regions] == [
+        ("node", "Door"),
+        ("box", {"min": [-1, 0, -1], "max": [1, 2, 1]}),
+        ("sphere", {"center": [0, 1, 0], "radius": 0.5}),
+        ("capsule", {"start": [0, 0, 0], "end": [0, 1, 0], "radius": 0.2}),
+        ("faces", [3, [5, 9]]),
+        ("joint", {"name": "Head", "above": 0.3}),
+        ("color", {"rgb": [1, 0, 0]}),
+        ("mesh", 2),
+        ("material", "a=b"),
+        ("component", 4),
+    ]
+    handles = parse_handles(["vertex=12:0,1,0", "position=0,0.5,0:0,1,0@0.25"])
+    assert handles == [
+        {"vertex": 12, "to": [0, 1, 0]},
+        {"position": [0, 0.5, 0], "to": [0, 1, 0], "weight": 0.25},
+    ]
+    found = DeformParams.model_validate({"regions": regions, "handles": handles})
+    assert [region.action for region in found.regions] == ["keep"] * 5 + ["only"] * 5
+    assert parse_regions(None, None) is None
+    assert parse_handles(None) is None
+
+
+@each_case("text", ["vertex=1", "vertex=x:0,0,0", "position=0,0:1,1,1", "corner=1:0,0,0", "vertex=1:0,0,0@much"])
+def test_a_handle_of_another_form_is_refused(text: str) -> None:
+    with pytest.raises(typer.BadParameter, match="position=X,Y,Z:X,Y,Z"):
+        parse_handles([text])

@@ -1,0 +1,145 @@
+"""`meshdeform variants`: one prompt with several seeds, each at several strengths, on one contact sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import ForceOption, ModelOption, QuietOption, SetOption
+from meshdeform.cli.output import note
+from meshdeform.cli.request import make_request, merge_params
+from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import Preset
+
+if TYPE_CHECKING:
+    from meshdeform.assets import Asset
+    from meshdeform.rendering.studio import Pose
+    from meshdeform.requests.document import JobRequest
+    from meshdeform.settings import Settings
+
+__all__ = ["variants"]
+
+_SHEET = "variants.png"
+_MAX_STRENGTH = 1.5
+
+
+@clean_errors
+def variants(
+    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
+    prompt: Annotated[str, typer.Argument(help='What the asset should become, e.g. "a mushroom".')] = "",
+    seeds: Annotated[str, typer.Option(help="Seeds, separated by commas: a run for each.")] = "0,1,2",
+    strengths: Annotated[str, typer.Option(help="Strengths, separated by commas.")] = "0.5,1,1.5",
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The folder for the results and the sheet.", file_okay=False)
+    ] = Path("variants"),
+    preset: Annotated[Preset | None, typer.Option(help="Default: preview.", show_default=False)] = None,
+    model: ModelOption = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(help="A mesh to deform towards, instead of a prompt.", exists=True, show_default=False),
+    ] = None,
+    param: SetOption = None,
+    force: ForceOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Deform ASSET once for each seed, write each strength, and draw all of them on one sheet.
+
+    meshdeform variants examples/sphere.glb "a mushroom" --seeds 1,2,3 --strengths 0.5,1,1.3 -o mushrooms
+    """
+    require("torch", "deform")
+    numbers = _numbers(seeds, "--seeds", whole=True)
+    wanted = _numbers(strengths, "--strengths", whole=False)
+    if not all(0 <= strength <= _MAX_STRENGTH for strength in wanted):
+        raise typer.BadParameter(f"strengths are from 0 to {_MAX_STRENGTH:g}", param_hint="--strengths")
+    if output.exists() and any(output.iterdir()) and not force:
+        raise ParameterError(
+            f"{output} is not empty.", advice="Choose another folder with -o, or overwrite files with --force."
+        )
+    settings = load_settings()
+    guidance = "target" if target else None
+    requests = {
+        int(seed): make_request(
+            prompt,
+            merge_params(param or [], preset=preset or Preset.PREVIEW, model=model, guidance=guidance, seed=int(seed)),
+        )
+        for seed in numbers
+    }
+    paths = _made(asset, target, requests, wanted, output, settings, quiet=quiet)
+    if not quiet:
+        typer.echo("\n".join(map(str, paths)))
+
+
+def _numbers(text: str, option: str, *, whole: bool) -> list[float]:
+    """Parse distinct numbers separated by commas.
+
+    Raises
+    ------
+    typer.BadParameter
+        There are none, or one is not a number.
+    """
+    try:
+        found = [int(part) if whole else float(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        found = []
+    if not found:
+        raise typer.BadParameter(f"{text!r} is not a list of numbers, such as 1,2,3", param_hint=option)
+    return list(dict.fromkeys(found))
+
+
+def _made(
+    asset: Path,
+    target: Path | None,
+    requests: dict[int, JobRequest],
+    strengths: list[float],
+    folder: Path,
+    settings: Settings,
+    *,
+    quiet: bool,
+) -> list[Path]:
+    """Run each seed, write its strengths and the sheet, and return the paths."""
+    from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.cli.local_job import LocalJob, Outputs
+    from meshdeform.cli.progress import show_progress
+    from meshdeform.rendering.variants import variant_sheet
+    from meshdeform.support.atomic_files import write_files
+
+    limits = Limits.from_settings(settings)
+    source = load_asset(read_with_files(asset, limits), asset.name, limits)
+    paths, rows = [], []
+    for seed, request in requests.items():
+        note(f"Seed {seed}", quiet=quiet)
+        names = ("result.glb", "report.json", "preview.png")
+        outputs = Outputs(*(folder / f"seed{seed}" / name for name in names))
+        with show_progress(quiet=quiet) as progress:
+            LocalJob(asset, request, settings, outputs, target=target).run(progress)
+        files, row = _strengths(source, outputs.result, strengths, request.params.exclude)
+        write_files(files)
+        paths += list(files)
+        rows.append(row)
+    titles = [f"strength {strength:g}" for strength in strengths]
+    sheet = variant_sheet(source.appearance(), rows, [f"seed {seed}" for seed in requests], titles)
+    write_files({folder / _SHEET: sheet})
+    return [*paths, folder / _SHEET]
+
+
+def _strengths(
+    source: Asset, result: Path, strengths: list[float], exclude: Sequence[str | int]
+) -> tuple[dict[Path, bytes], list[Pose]]:
+    """Return the files of a result's strengths, and how they look."""
+    from meshdeform.rendering.studio import Pose
+    from meshdeform.runs.strength import with_strength
+    from meshdeform.runs.text_report import read_result
+
+    data = result.read_bytes()
+    files = {
+        result.with_name(f"strength{100 * strength:g}.glb"): with_strength(source, data, strength, exclude=exclude)
+        for strength in strengths
+    }
+    surfaces = [read_result(made).surface for made in files.values()]
+    return files, [Pose(surface.positions, surface.normals) for surface in surfaces]
