@@ -87,7 +87,7 @@ class Readiness(BaseModel):
 
 
 class PartFound(BaseModel):
-    """A node or material of an asset, which `params.rigid` can name."""
+    """A node, material, mesh or joint of an asset, which `params.rigid` and `params.regions` can name."""
 
     index: int = Field(ge=0, description="Its index in the file.", examples=[2])
     name: str = Field(description="Its name; empty if it has none.", examples=["wheel-front-left"])
@@ -111,6 +111,8 @@ class AssetFound(BaseModel):
         description="The first 200 nodes with triangles in or below them; a node without a name has that of its mesh."
     )
     materials: list[PartFound] = Field(description="The first 200 materials in use.")
+    mesh_names: list[PartFound] = Field(description="The first 200 meshes in use.")
+    joints: list[PartFound] = Field(description="The first 200 joints of the skins in use.")
     warnings: list[str] = Field(
         description="Sentences about anything in the file that may surprise or get in the way.", examples=[[]]
     )

@@ -18,6 +18,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.lookups import LookupPool
+from service.downloads.strengths import Strengths
 from service.events.broker import JobWaiters
 from service.http.slots import FairSlots
 from service.schemas import PartHealth
@@ -87,6 +88,8 @@ class AppState:
         Files that are received at the same time. Each takes its size on disk.
     store_health : Recent of PartHealth
         The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
+    strengths : Strengths
+        Other strengths of results.
     lookups : LookupPool
         Threads that resolve the hosts of webhooks.
     """
@@ -109,6 +112,7 @@ class AppState:
         )
     )
     store_health: Recent[PartHealth] = field(default_factory=lambda: Recent(_STORE_HEALTH_S))
+    strengths: Strengths = field(default_factory=Strengths)
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 

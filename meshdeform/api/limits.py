@@ -6,7 +6,16 @@ in `meshdeform.assets.limits`.
 
 from __future__ import annotations
 
-__all__ = ["IDLE_S", "MAX_DOCUMENT_BYTES", "MAX_FILENAME", "MAX_KEY", "MAX_PAGE", "MAX_WAIT_S", "MIN_BODY_RATE"]
+__all__ = [
+    "IDLE_S",
+    "MAX_DOCUMENT_BYTES",
+    "MAX_FILENAME",
+    "MAX_KEY",
+    "MAX_PAGE",
+    "MAX_SEARCH",
+    "MAX_WAIT_S",
+    "MIN_BODY_RATE",
+]
 
 MAX_DOCUMENT_BYTES = 256 * 1024
 """Largest JSON document, and largest body of a route that takes no files, in bytes."""
@@ -19,6 +28,9 @@ MAX_KEY = 255
 
 MAX_PAGE = 200
 """Maximum entries on one page of a list."""
+
+MAX_SEARCH = 200
+"""Maximum characters of a search for jobs."""
 
 MAX_WAIT_S = 60
 """Longest `Prefer: wait`, in seconds."""

@@ -18,12 +18,14 @@ import traceback
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from meshdeform.evaluation.ablations import deformation_of
 from meshdeform.evaluation.clip_judge import ClipJudge
 from meshdeform.evaluation.measures import measures
-from meshdeform.evaluation.mesh_file import read_ply, write_ply
+from meshdeform.evaluation.mesh_file import read_ply, read_texels, write_ply
 from meshdeform.evaluation.picture import picture_png
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.retrieval import ShapeJudge, judgement, load_judge
@@ -35,7 +37,7 @@ from meshdeform.rendering.normalization import Frame
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.support.atomic_files import write_files
 
-__all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path"]
+__all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
 
 _RECORD = "record.json"
 _RUN = ("step_s_median", "seconds", "turned_deg", "orientation")
@@ -51,6 +53,11 @@ def item_folder(folder: Path, item: Item) -> Path:
 def source_path(folder: Path, name: str) -> Path:
     """Return the path of a source's mesh; `name` is the name of a source or the path of a mesh."""
     return folder / "sources" / f"{Path(name).stem}.ply"
+
+
+def texels_path(folder: Path, name: str) -> Path:
+    """Return the path of the corners of a source's faces in its textures; there is no file if it has no texture."""
+    return source_path(folder, name).with_suffix(".texels.npy")
 
 
 def read_record(folder: Path, item: Item) -> dict[str, Any] | None:
@@ -120,6 +127,10 @@ class Evaluator:
     def _source(self, item: Item) -> TriangleMesh:
         return read_ply(source_path(self._plan.folder, item.source).read_bytes())
 
+    def _texels(self, item: Item) -> NDArray[np.float64] | None:
+        path = texels_path(self._plan.folder, item.source)
+        return read_texels(path.read_bytes()) if path.exists() else None
+
     def _deform(self, item: Item) -> tuple[TriangleMesh, dict[int, TriangleMesh], dict[str, Any]]:
         """Return the source, its shape after each of the plan's steps, and the facts of the run (`_RUN`)."""
         assert self.prior is not None
@@ -156,7 +167,7 @@ class Evaluator:
     def _assess(self, item: Item, rest: TriangleMesh, shape: TriangleMesh) -> dict[str, Any]:
         prompts = self._plan.suite.prompts
         return {
-            "quality": measures(rest, shape),
+            "quality": measures(rest, shape, self._texels(item)),
             "judge": judgement(self.judge, shape, prompts, item.prompt) if self.judge else None,
             "clip": self.clip.judgement(shape, prompts, item.prompt) if self.clip else None,
         }

@@ -6,6 +6,7 @@ The figures of `meshdeform.geometry.quality`, which every job's report has, and 
 
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
     neighbour_offset           mean change of the offsets between neighbouring components over d (`neighbours.py`)
+    texture_stretch            p95 and share above 2 of the stretch of textures (`geometry/texture_stretch.py`)
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
 with d the diagonal of the source's bounding box, so all are dimensionless. The first follows every vertex,
@@ -25,6 +26,7 @@ from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
+from meshdeform.geometry.texture_stretch import measure_texture_stretch
 
 __all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
 
@@ -34,18 +36,20 @@ POINTS = 10_000
 _Floats = NDArray[np.float64]
 
 
-def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | int]:
+def measures(rest: TriangleMesh, deformed: TriangleMesh, texels: _Floats | None = None) -> dict[str, float | int]:
     """Compute all figures of a deformation, by name.
 
     Parameters
     ----------
     rest, deformed : TriangleMesh
         Meshes with the same faces, in the same unit.
+    texels : (F, 3, 2), optional
+        Corners of the faces in their textures; without, there is no texture stretch.
 
     Returns
     -------
     dict
-        The fields of `meshdeform.geometry.quality.MeshQuality`, and the three above.
+        The fields of `meshdeform.geometry.quality.MeshQuality`, and those above.
 
     Raises
     ------
@@ -60,8 +64,11 @@ def measures(rest: TriangleMesh, deformed: TriangleMesh) -> dict[str, float | in
     if not np.isfinite(after).all():
         raise NumericalError("The deformed mesh is not finite.")
     diagonal = float(np.linalg.norm(np.ptp(before, axis=0)))
+    stretch = None if texels is None else measure_texture_stretch(texels, before[faces], after[faces])
+    textured = {} if stretch is None else {"p95": stretch.p95, "above_2": stretch.above_2}
     return {
         **measure(before, faces, after).to_dict(),
+        **{f"texture_stretch_{name}": value for name, value in textured.items()},
         "displacement": displacement(before, faces, after) / diagonal,
         "neighbour_offset": neighbour_offsets(rest, deformed.verts).mean,
         "chamfer": chamfer_distance(before, after, faces) / diagonal,

@@ -5,13 +5,16 @@ Source of the format: Turk 1994, The PLY Polygon File Format.
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from meshdeform.errors import AssetFormatError
 from meshdeform.geometry.mesh import TriangleMesh
 
-__all__ = ["read_ply", "write_ply"]
+__all__ = ["read_ply", "read_texels", "write_ply", "write_texels"]
 
 _HEADER = """ply
 format binary_little_endian 1.0
@@ -54,3 +57,16 @@ def read_ply(data: bytes) -> TriangleMesh:
     verts = np.frombuffer(body[:middle], "<f8").reshape(-1, 3).astype(np.float64)
     corners = np.frombuffer(body[middle:], _FACE)["corners"].astype(np.int64)
     return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(corners))
+
+
+def write_texels(texels: NDArray[np.float64]) -> bytes:
+    """Serialise the corners (F, 3, 2) of faces in a texture as NPY."""
+    out = io.BytesIO()
+    np.save(out, texels, allow_pickle=False)
+    return out.getvalue()
+
+
+def read_texels(data: bytes) -> NDArray[np.float64]:
+    """Read what `write_texels` wrote."""
+    found: NDArray[np.float64] = np.load(io.BytesIO(data), allow_pickle=False)
+    return found

@@ -3,7 +3,7 @@
 ::
 
     manifest.json   everything that affects the results
-    sources/        the source meshes
+    sources/        the source meshes, and the corners of their faces in their textures
     items/          one folder for each deformation (`evaluator`)
     results.json    every record, the summaries, and the manifest
     table.md        the summaries as tables
@@ -22,13 +22,13 @@ from typing import Any
 
 from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError, WorkerLostError
 from meshdeform.evaluation.clip_judge import refuse_the_guides_own
-from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path
-from meshdeform.evaluation.mesh_file import write_ply
+from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path, texels_path
+from meshdeform.evaluation.mesh_file import write_ply, write_texels
 from meshdeform.evaluation.plan import Plan, check_manifest, manifest, read_manifest, write_manifest
 from meshdeform.evaluation.pool import each
 from meshdeform.evaluation.report import write_report
 from meshdeform.evaluation.retrieval import NO_JUDGE
-from meshdeform.evaluation.sources import source_mesh
+from meshdeform.evaluation.sources import source_mesh, source_texels
 from meshdeform.evaluation.suite import Item
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.support.atomic_files import write_files
@@ -139,6 +139,8 @@ def _judge_identities(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any],
 def _prepare(plan: Plan, wanted: dict[str, Any]) -> None:
     (plan.folder / "sources").mkdir(parents=True, exist_ok=True)
     missing = [name for name in plan.suite.sources if not source_path(plan.folder, name).exists()]
+    texels = {texels_path(plan.folder, name): source_texels(name) for name in missing}
+    write_files({path: write_texels(found) for path, found in texels.items() if found is not None})
     write_files({source_path(plan.folder, name): write_ply(source_mesh(name)) for name in missing})
     write_manifest(plan.folder, wanted)
 

@@ -21,16 +21,19 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import load_asset
 from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
+from meshdeform.geometry.texture_stretch import texel_corners
 from meshdeform.geometry.weld import weld
 
-__all__ = ["SOURCES", "mesh_sha256", "quadruped", "source_mesh"]
+__all__ = ["SOURCES", "mesh_sha256", "quadruped", "source_mesh", "source_texels"]
 
 _FREQUENCY = 10
 _Point = tuple[float, float, float]
@@ -114,10 +117,22 @@ def source_mesh(name: str) -> TriangleMesh:
     AssetError
         The file cannot be read.
     """
+    return SOURCES[name]() if name in SOURCES else _of_file(name)[0]
+
+
+def source_texels(name: str) -> NDArray[np.float64] | None:
+    """Return the corners (F, 3, 2) of the faces of `source_mesh` in the file's textures; None if it has no texture."""
     if name in SOURCES:
-        return SOURCES[name]()
-    surface = load_asset(Path(name).read_bytes(), Path(name).name).surface
-    return weld(surface.positions, surface.triangles).mesh
+        return None
+    texels = _of_file(name)[1]
+    return texels if np.isfinite(texels).any() else None
+
+
+@cache
+def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
+    asset = load_asset(Path(name).read_bytes(), Path(name).name)
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    return welded.mesh, texel_corners(asset.appearance())[welded.face_source]
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:

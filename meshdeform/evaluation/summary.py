@@ -68,6 +68,7 @@ def summarise(states: States) -> dict[str, Any]:
         "chamfer_mean": mean("chamfer"),
         "neighbour_offset_mean": mean("neighbour_offset"),
         "neighbour_offset_max": max(of("neighbour_offset")),
+        "texture_stretch_p95_mean": _mean_of_textured(states),
     }
 
 
@@ -77,6 +78,13 @@ def _share(states: States, who: str, hit: Callable[[dict[str, Any]], bool]) -> d
         return None
     low, high = wilson(sum(judged), len(judged))
     return {"hits": sum(judged), "count": len(judged), "share": sum(judged) / len(judged), "low": low, "high": high}
+
+
+def _mean_of_textured(states: States) -> float | None:
+    found = [
+        float(state["quality"]["texture_stretch_p95"]) for state in states if "texture_stretch_p95" in state["quality"]
+    ]
+    return statistics.fmean(found) if found else None
 
 
 def _mean(states: States, who: str, name: str) -> float | None:

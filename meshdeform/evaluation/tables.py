@@ -26,6 +26,7 @@ _COLUMNS = (
     "distance",
     "apart",
     "most apart",
+    "stretch",
 )
 
 
@@ -76,6 +77,8 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['chamfer_mean']:.3f}",
         f"{100 * row['neighbour_offset_mean']:.1f} %",
         f"{100 * row['neighbour_offset_max']:.1f} %",
+        # Folders of an earlier edition have no such figure.
+        "-" if row.get("texture_stretch_p95_mean") is None else f"{row['texture_stretch_p95_mean']:.2f}",
     ]
 
 

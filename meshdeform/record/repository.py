@@ -27,8 +27,9 @@ from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_jo
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.quota import check_room
-from meshdeform.record.schema import artifacts, discarded, job_files, jobs, labels, secrets
+from meshdeform.record.quota import check_room, measure
+from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
+from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
@@ -121,6 +122,7 @@ class JobRecord:
                 connection.execute(sa.insert(job_files).values(values))
             for name, value in new.request.metadata.items():
                 connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
+            connection.execute(sa.insert(job_texts).values(job_id=row.id, text=searched_text(new)))
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
@@ -147,6 +149,7 @@ class JobRecord:
         owner: str | None = None,
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
+        words: str = "",
     ) -> Page:
         """Return a page of jobs, newest first.
 
@@ -164,6 +167,8 @@ class JobRecord:
             Only jobs with all of these labels.
         created_after : datetime, optional
             Only jobs created later than this instant.
+        words : str
+            Only jobs whose prompt, file names or labels contain all of these words, in any case.
 
         Raises
         ------
@@ -182,6 +187,8 @@ class JobRecord:
             # The bound on the id is what the indexes find. Its clock may differ from that of the database.
             earliest = least_id("job", created_after.astimezone(UTC) - min(_CLOCKS_DIFFER, created_after - _BEGINNING))
             query = query.where(jobs.c.id >= earliest, jobs.c.created_at > created_after)
+        if words.strip():
+            query = query.where(has_words(words))
         if cursor is not None:
             query = query.where(jobs.c.id < decode_cursor(cursor))
         with self._database.read() as connection:
@@ -252,6 +259,37 @@ class JobRecord:
         with self._database.read() as connection:
             find_job(connection, job_id, owner)
             return [rows.artifact(row) for row in connection.execute(query)]
+
+    def add_artifact(self, job_id: str, found: Artifact, owner: str | None = None) -> Artifact:
+        """Add an artifact to a job that has succeeded, unless it has one of that name.
+
+        The job's version changes, and nothing else of it.
+
+        Returns
+        -------
+        The artifact that the job has now: the one that it had, or the new one.
+
+        Raises
+        ------
+        NotFoundError, ConflictError
+            There is no such job, or it has not succeeded.
+        """
+        done = sa.and_(jobs.c.id == job_id, jobs.c.state == JobState.SUCCEEDED, _owned(owner))
+        values = {**found.model_dump(), "job_id": job_id}
+        known = sa.select(artifacts).where(artifacts.c.job_id == job_id, artifacts.c.name == found.name)
+        with changing(self._database) as change:
+            connection = change.connection
+            # Locked, so that two requests for the same artifact add it once.
+            attempt = connection.scalar(sa.select(jobs.c.attempt).where(done).with_for_update())
+            if attempt is None:
+                job = find_job(connection, job_id, owner)
+                raise ConflictError(f"The job is {job.state}; only one that succeeded has artifacts.")
+            if row := connection.execute(known).one_or_none():
+                return rows.artifact(row)
+            connection.execute(sa.insert(artifacts).values(**values, attempt=attempt))
+            change.update(jobs.c.id == job_id, {})
+            measure(connection, job_id)
+            return found
 
     def counters(self) -> dict[tuple[str, str], float]:
         """Return the counters for the metrics by name and label (`counters.py`)."""

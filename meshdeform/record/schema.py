@@ -21,6 +21,7 @@ __all__ = [
     "files",
     "idempotency",
     "job_files",
+    "job_texts",
     "jobs",
     "labels",
     "metadata",
@@ -32,7 +33,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0006"
+HEAD = "0007"
 """The newest migration. A record at this version is opened without Alembic."""
 
 
@@ -148,7 +149,15 @@ job_files = sa.Table(
     sa.Index(None, "owner_id", "key", "size"),
 )
 
-# A job's metadata, for searches: the databases have no common way to index JSON.
+# What a search reads: prompt, file names and labels of a job (`search.py`). A table of its own is small enough to scan.
+job_texts = sa.Table(
+    "job_texts",
+    metadata,
+    sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("text", sa.Text, nullable=False),
+)
+
+# A job's metadata, for filters: the databases have no common way to index JSON.
 labels = sa.Table(
     "labels",
     metadata,

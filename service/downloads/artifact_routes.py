@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from anyio import to_thread
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
-from meshdeform.errors import ForbiddenError, JobNotFinishedError, NotFoundError
+from meshdeform.errors import (
+    AssetTooLargeError,
+    AssetUnsupportedError,
+    DependencyError,
+    ForbiddenError,
+    JobNotFinishedError,
+    NotFoundError,
+    ParameterError,
+    StoredFileError,
+    TooMuchStoredError,
+)
 from meshdeform.record.models import Artifact, Job, JobState
 from meshdeform.runs import kind_of
 from meshdeform.support.file_names import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId
+from service.downloads.making import made, makeable
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
     ConditionsDep,
@@ -22,6 +34,7 @@ from service.downloads.responses import (
     download_responses,
     signed_url,
 )
+from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
@@ -53,9 +66,38 @@ _Name = Annotated[
     },
 )
 def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
-    """All artifacts appear together when the job succeeds, and never change afterwards."""
+    """All artifacts appear together when the job succeeds, and never change; others can be made later."""
     found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, principal.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
+
+
+async def _at_strength(
+    app: AppStateDep,
+    owner: ReaderDep,
+    id: JobId,  # noqa: A002
+    name: _Name,
+    strength: Annotated[
+        float | None,
+        Query(
+            description="Of `result.glb`: how far the shape goes from the source (0) towards the result (1), or beyond "
+            "it (up to 1.5), in steps of 0.01. Made on the first request, without a new run. Default: the artifact as "
+            "it is stored.",
+            ge=0.0,
+            le=MAX_STRENGTH,
+            multiple_of=STRENGTH_STEP,
+            examples=[0.6],
+        ),
+    ] = None,
+) -> Download | None:
+    """Return an artifact at another strength; None if the stored one is wanted."""
+    if strength is None or strength == 1:
+        return None
+    artifact = await to_thread.run_sync(_find, app, id, owner, name)
+    job = await to_thread.run_sync(app.record.get, id, owner)
+    key, found = await app.strengths.get(app, job, artifact, strength)
+    stem, dot, ending = _file_name(job, artifact).rpartition(".")
+    saved_as = f"{stem}-strength{round(100 * strength)}{dot}{ending}"
+    return Download(key, saved_as, artifact.content_type, found.size, found.sha256)
 
 
 @router.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
@@ -69,7 +111,7 @@ def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Resp
             "`Content-Type` is the artifact's `content_type`, such as `model/gltf-binary`, `application/json` for "
             "`report.json`, or `image/png` for `preview.png`."
         ),
-        **problem_responses(ForbiddenError, JobNotFinishedError),
+        **problem_responses(ForbiddenError, JobNotFinishedError, ParameterError, DependencyError),
     },
     openapi_extra=OPEN_TO_SIGNED,
 )
@@ -80,12 +122,39 @@ def get_artifact(
     id: JobId,  # noqa: A002
     name: _Name,
     conditions: ConditionsDep,
+    at_strength: Annotated[Download | None, Depends(_at_strength)],
 ) -> Response:
     """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
+    if at_strength is not None:
+        return download(request, app, at_strength, conditions)
     artifact = _find(app, id, owner, name)
     saved_as = _file_name(app.record.get(id, owner), artifact)
     found = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
     return download(request, app, found, conditions, signed=owner is None)
+
+
+@router.post(
+    "/{name}",
+    operation_id="make_artifact",
+    summary="Make an artifact that the job was not asked for",
+    responses={
+        200: {"model": ArtifactView, "description": "The artifact, which the job has from now on."},
+        **problem_responses(
+            NotFoundError,
+            JobNotFinishedError,
+            AssetTooLargeError,
+            AssetUnsupportedError,
+            TooMuchStoredError,
+            DependencyError,
+            StoredFileError,
+            *CALLER_ERRORS,
+        ),
+    },
+)
+async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
+    """Makes `morph.glb` or `result.usdz` of a job that has succeeded. Repeating the request makes nothing new."""
+    artifact = await app.take_in(principal.owner_id, _make, app, id, principal.owner_id, name)
+    return JSONResponse(ArtifactView.of(artifact, id).model_dump(mode="json"))
 
 
 @router.post(
@@ -111,6 +180,14 @@ def _file_name(job: Job, artifact: Artifact) -> str:
     return result_name(artifact.name, source=job.source.filename, goal=goal, seed=seed)
 
 
+def _make(app: AppState, job_id: str, owner: str, name: str) -> Artifact:
+    job = app.record.get(job_id, owner)
+    known = any(artifact.name == name for artifact in job.artifacts)
+    if known or job.state is not JobState.SUCCEEDED or name not in makeable(job):
+        return _find(app, job_id, owner, name)
+    return made(app, job, name)
+
+
 def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
     job = app.record.get(job_id, owner)
     artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job_id, owner)}
@@ -121,6 +198,8 @@ def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
         raise JobNotFinishedError(f"The job is {state}: it has no artifacts yet.", state=state)
     if job.state is JobState.SUCCEEDED:
         has = f"It has: {', '.join(artifacts)}."
+        if name in makeable(job):
+            has += f" Make it: POST /v1/jobs/{job_id}/artifacts/{name}."
         raise NotFoundError(f"The job has no artifact {name!r}.", advice=has, artifacts=list(artifacts))
     happened = {
         JobState.FAILED: f"The job failed: {job.error.detail}" if job.error else "The job failed.",

@@ -23,7 +23,14 @@ router = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"], dependencies=KNOWN_QUE
 
 _OTHER = "application/octet-stream"
 # PLY has no registered type.
-_TYPES = {"glb": "model/gltf-binary", "gltf": "model/gltf+json", "obj": "model/obj", "ply": _OTHER, "stl": "model/stl"}
+_TYPES = {
+    "glb": "model/gltf-binary",
+    "gltf": "model/gltf+json",
+    "obj": "model/obj",
+    "ply": _OTHER,
+    "stl": "model/stl",
+    "zip": "application/zip",
+}
 _RESPONSES = download_responses(
     f"`Content-Type` is one of {', '.join(f'`{each}`' for each in dict.fromkeys(_TYPES.values()))}."
 )

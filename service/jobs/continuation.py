@@ -81,7 +81,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
         inherited = _inherited(job, document)
-        params = check_params(document, app.settings, files={*inherited, *document.references})
+        request = kind_of(job.kind).as_branch(job.request, document)
+        params = check_params(request, app.settings, files={*inherited, *document.references})
         with app.record.files.leases() as leases:
             files = dict(inherited)
             for name, reference in document.references.items():
@@ -101,8 +102,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                     advice=f"It has: {', '.join(map(str, steps)) or 'none'}. Older ones are deleted.",
                     steps=steps,
                 )
-            files = in_order(document, files)
-            new = new_job(app, caller, document, files, origin=origin, resolved=params, claim=claim)
+            files = in_order(request, files)
+            new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim)
             return record_job(app, new, leases)
 
 

@@ -13,7 +13,7 @@ from fastapi.responses import JSONResponse
 from pydantic import AwareDatetime, BeforeValidator
 
 from meshdeform.api.jobs import JobList, JobView, job_headers
-from meshdeform.api.limits import MAX_PAGE
+from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.cleanup import remove_job
 from meshdeform.record.models import Job, JobState
@@ -80,6 +80,16 @@ def list_jobs(
             json_schema_extra={"maxLength": 64},
         ),
     ] = None,
+    q: Annotated[
+        str,
+        Query(
+            description="Only jobs whose prompt, file names or values of labels contain all of these words, in any "
+            "order and case; parts of words count too. Default: all.",
+            max_length=MAX_SEARCH,
+            pattern=r"^[^\x00]*$",
+            examples=["duck vase"],
+        ),
+    ] = "",
     limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
     cursor: Annotated[
         str | None,
@@ -93,7 +103,7 @@ def list_jobs(
     """Jobs that are created while you page through the list do not shift later pages."""
     labels = _labels(request)
     page = app.record.list_jobs(
-        state, cursor, limit, owner=principal.owner_id, metadata=labels, created_after=created_after
+        state, cursor, limit, owner=principal.owner_id, metadata=labels, created_after=created_after, words=q
     )
     return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 

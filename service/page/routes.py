@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 
-from meshdeform.requests.document import DeformParams
+from meshdeform.requests.document import DeformParams, OutputOptions
 
 if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
@@ -82,8 +82,9 @@ class _Page(StaticFiles):
 
 @functools.cache
 def _parameters() -> bytes:
-    """Return the schema of a job's parameters, from which the page builds its form."""
-    return json.dumps(DeformParams.model_json_schema()).encode()
+    """Return the schema of a job's parameters, from which the page builds its form, and the defaults of `output`."""
+    schema = {**DeformParams.model_json_schema(), "x-output": OutputOptions().model_dump(mode="json")}
+    return json.dumps(schema).encode()
 
 
 async def _send_parameters(scope: Scope, receive: Receive, send: Send) -> None:

@@ -132,6 +132,17 @@ def test_a_checkpoint_that_is_not_there_or_not_whole_is_not_found(api: Api) -> N
     check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/-1/branch", json=BRANCH), 404, "not_found")
 
 
+def test_a_branch_has_the_mesh_of_its_job(api: Api) -> None:
+    source = interrupted_job(api, steps=(100,), output={"subdivide": True}, params={"exclude": ["Ground"]})
+    path = f"/v1/jobs/{source}/checkpoints/100/branch"
+    job = made_of(api, api.http.post(path, json={**BRANCH, "output": {"morph": True}}))
+    assert (job.request.output.subdivide, job.request.output.morph) == (True, True)
+    assert job.request.params.exclude == ("Ground",)
+    for different in ({"output": {"subdivide": False}}, {"params": {"exclude": []}}):
+        problem = check_problem(api.http.post(path, json={**BRANCH, **different}), 422, "parameter_invalid")
+        assert problem["errors"][0]["loc"] == [next(iter(different)), *next(iter(different.values()))]
+
+
 @pytest.mark.parametrize(
     ("document", "code"),
     [({}, "prompt_invalid"), ({**PROMPT, "asset": {}}, "parameter_invalid"), ([], "parameter_invalid")],

@@ -17,6 +17,9 @@ def messages(problem: dict[str, Any]) -> dict[str, str]:
     return {".".join(map(str, error["loc"])): error["msg"] for error in problem["errors"]}
 
 
+OUTPUTS = "compact, morph, morph_path, provenance, subdivide, usd"
+
+
 @each_case(
     "url, place, message",
     [
@@ -61,7 +64,7 @@ def test_known_query_parameters_are_accepted(api: Api) -> None:
         ),
         (
             {"prompt": "a vase", "output": {"xyz": True}},
-            {"output.xyz": "there is no such member. There are: compact, morph, provenance, usd."},
+            {"output.xyz": f"there is no such member. There are: {OUTPUTS}."},
         ),
     ],
 )

@@ -12,8 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from meshdeform.requests.document import DeformParams, Safeguard
-from meshdeform.requests.parameters import FORM
+from meshdeform.requests.declaration import FORM
+from meshdeform.requests.document import DeformParams, OutputOptions, Safeguard
 from meshdeform.settings import Settings
 from service.page.routes import PAGE_HEADERS
 from tests.cases import each_case
@@ -93,6 +93,7 @@ def test_the_page_learns_the_parameters_from_their_declaration(http: httpx.Clien
     assert answer.headers["content-security-policy"] == PAGE_HEADERS["Content-Security-Policy"]
     assert answer.headers["content-encoding"] == "gzip"
     schema = answer.json()
+    assert schema.pop("x-output") == OutputOptions().model_dump(mode="json")
     assert schema == DeformParams.model_json_schema()
     forms = {name: member[FORM] for name, member in schema["properties"].items() if FORM in member}
     assert {"steps", "learning_rate", "safeguard", "negative_prompt"} <= set(forms)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from meshdeform.assets import build_glb
+from meshdeform.assets import Primitive, build_glb
 from meshdeform.geometry.shapes import box, icosphere
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
+from tests.unit.geometry.test_up_axis import STATUE
 
 
 def validate(api: Api, asset: bytes, **params: Any) -> Any:
@@ -27,12 +28,37 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     problem = check_problem(validate(api, asset, rigid=[{"material": "Rubber"}]), 422, "parameter_invalid")
     assert "Did you mean 'rubber'?" in problem["advice"]
     assert problem["errors"][0]["loc"] == ["params", "rigid", 0, "material"]
+    problem = check_problem(validate(api, asset, regions=[{"material": "Rubber"}]), 422, "parameter_invalid")
+    assert "Did you mean 'rubber'?" in problem["advice"]
+    assert problem["errors"][0]["loc"] == ["params", "regions", 0, "material"]
+    control = {"regions": [{"material": "rubber", "action": "only"}], "length": {"x": "keep"}, "symmetry": "auto"}
+    found = validate(api, asset, **control)
+    check_document(found.json(), "Validation", openapi)
+    assert found.json()["params"]["regions"][0]["action"] == "only"
+    assert found.json()["asset"]["mesh_names"] == [{"index": 0, "name": ""}]
     check_problem(validate(api, asset, rigid=[{"component": 0}], carrier="surface"), 422, "parameter_invalid")
     check_problem(validate(api, asset, rigid=[{"mode": "rigid"}]), 422, "parameter_invalid")
+
+
+def test_an_asset_with_z_up_is_valid_and_comes_with_a_warning(api: Api) -> None:
+    points = STATUE.verts.numpy()[:, [0, 2, 1]] * [1, -1, 1]
+    found = validate(api, build_glb(points, STATUE.faces.numpy()))
+    assert found.status_code == 200, found.text
+    assert any("Z up" in text for text in found.json()["asset"]["warnings"])
+
+
+def test_an_unknown_node_to_exclude_is_refused_with_the_nearest_name(api: Api) -> None:
+    ball = icosphere(2)
+    asset = build_glb([Primitive(ball.verts.numpy() + 3 * k, ball.faces.numpy(), name=f"Ball{k}") for k in range(2)])
+    assert validate(api, asset, exclude=["Ball1"]).json()["params"]["exclude"] == ["Ball1"]
+    problem = check_problem(validate(api, asset, exclude=["Ball0", "ball1"]), 422, "parameter_invalid")
+    assert "Did you mean 'Ball1'?" in problem["advice"]
+    assert problem["errors"][0]["loc"] == ["params", "exclude", 1]
+    check_problem(validate(api, asset, exclude=[True]), 422, "parameter_invalid")
 
 
 def test_a_coarse_asset_is_valid_and_comes_with_a_warning(api: Api) -> None:
     found = validate(api, build_glb(box(1).verts.numpy(), box(1).faces.numpy()))
     assert found.status_code == 200, found.text
     (warning,) = found.json()["asset"]["warnings"]
-    assert "Subdivide" in warning
+    assert "output.subdivide" in warning

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import zipfile
 from email.message import Message
 from pathlib import Path
 
@@ -74,6 +76,16 @@ STL = (
 )
 
 
+def _zip(name: str, content: bytes) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(name, content)
+    return packed.getvalue()
+
+
+ZIP = _zip("triangle.obj", OBJ)
+
+
 @each_case(
     ("name", "content", "expected"),
     [
@@ -81,6 +93,7 @@ STL = (
         ("triangle.OBJ", OBJ, "model/obj"),
         ("triangle.ply", PLY, "application/octet-stream"),
         ("triangle.stl", STL, "model/stl"),
+        ("triangle.zip", ZIP, "application/zip"),
         ("sphere", None, "model/gltf-binary"),
         ("page.html", None, "model/gltf-binary"),
     ],

@@ -164,10 +164,10 @@ def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_agai
 
     real, out = evaluator.measures, tmp_path / "run"
 
-    def broken(rest: Any, deformed: Any) -> Any:
+    def broken(rest: Any, *others: Any) -> Any:
         if len(rest.faces) == 2028:
             raise RuntimeError("the cube broke")
-        return real(rest, deformed)
+        return real(rest, *others)
 
     monkeypatch.setattr(evaluator, "measures", broken)
     done = evaluated(out, *QUICK, "--limit", "3")

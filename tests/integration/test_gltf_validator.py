@@ -83,3 +83,19 @@ def test_a_compact_result_has_no_issue_that_the_source_has_not(validate_glb: Val
     source = COMPACTED[name]()
     before, after = (validate_glb(data)["issues"]["messages"] for data in (source, deformed(source, compact=True)))
     assert Counter(issue["code"] for issue in after) <= Counter(issue["code"] for issue in before)
+
+
+def serious(report: dict[str, Any]) -> Counter[str]:
+    return Counter(issue["code"] for issue in report["issues"]["messages"] if issue["severity"] <= 1)
+
+
+@each_case("name", list(ASSETS))
+def test_a_subdivided_asset_has_no_new_error_or_warning(validate_glb: Validate, name: str) -> None:
+    data, filename = ASSETS[name]()
+    asset = load_asset(data, filename)
+    made, done = asset.subdivided(20_000)
+    assert done.split
+    moved = made.surface.positions + np.sin(made.surface.positions[:, [1, 2, 0]])
+    known = serious(validate_glb(asset.to_bytes()))
+    for written in (made.to_bytes(), made.replace(moved, made.surface.normals, made.surface.tangents, morph=True)):
+        assert not serious(validate_glb(written)).keys() - known.keys()

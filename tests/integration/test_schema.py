@@ -223,6 +223,7 @@ def test_the_jobs_of_the_first_version_are_kept_with_events_labels_and_who_is_to
         assert failed.error is not None
         assert opened.events.after(failed.id)[-1].data["error"] == failed.error.model_dump()
         assert opened.upkeep.unannounced() == [_old_id(JobState.QUEUED)]
+        assert [job.id for job in opened.list_jobs(words="A.GLB b.obj").jobs] == [_old_id(JobState.QUEUED)]
         assert [artifact.key for artifact in opened.artifacts(_old_id(JobState.SUCCEEDED))] == ["jobs/x/2/result.glb"]
         with opened.database.read() as connection:
             kept = sa.select(jobs.c.stored_bytes).where(jobs.c.id == _old_id(JobState.SUCCEEDED))

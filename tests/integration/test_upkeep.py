@@ -51,15 +51,16 @@ def test_who_is_to_be_told_is_on_the_record_until_they_are(record: JobRecord) ->
     assert record.upkeep.unannounced() == ids([second, third])
 
 
-def test_many_jobs_are_taken_back_in_one_look(record: JobRecord) -> None:
-    jobs = [claimed(record, new_job(record), OVER) for _ in range(230)]
+def test_many_jobs_are_taken_back_in_one_look(record: JobRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.record.upkeep._BATCH", 10)
+    jobs = [claimed(record, new_job(record), OVER) for _ in range(23)]
     asked = jobs[7]
     record.request_cancel(asked.id)
     assert record.upkeep.reclaim_expired(3) == [job.id for job in jobs if job.id != asked.id]
     assert record.get(asked.id).state is JobState.CANCELED
     assert record.upkeep.reclaim_expired(3) == []
-    assert record.counters()["lease_expirations", ""] == 230
-    assert record.counters()["recoveries", ""] == 229
+    assert record.counters()["lease_expirations", ""] == 23
+    assert record.counters()["recoveries", ""] == 22
 
 
 def test_reconcilers_that_look_at_once_take_each_job_back_once(record: JobRecord, database_url: str) -> None:

@@ -4,7 +4,7 @@ import { address, requestJson } from "./api.js";
 
 // Smaller files go along with each request; larger ones are uploaded once and then named.
 const SMALL_BYTES = 1 << 20;
-export const FORMATS = ["glb", "obj", "ply", "stl"];
+export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
 
 /** @param {string} name */
 export function formatOf(name) {

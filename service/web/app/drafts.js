@@ -1,7 +1,8 @@
 // @ts-check
 /**
- * What was typed and chosen for a new job, kept over Back, a reload and a crash. The settings are in `sessionStorage`,
- * at once; with the asset they also go to IndexedDB, a record for each tab, for a week.
+ * What was typed and chosen for a new job, kept over Back, a reload and a crash. The settings are in `sessionStorage`
+ * and, the newest of all tabs, in `localStorage`, at once; with the asset they also go to IndexedDB, a record for each
+ * tab, for a week. A write to IndexedDB that begins as the page goes is lost.
  *
  * @typedef {import("./assets.js").Asset} Asset
  * @typedef {{from: string | null, wish: any, asset: Asset | null, stored?: boolean}} Draft `stored`: read back from the browser.
@@ -23,7 +24,9 @@ let timer = 0;
 export function keepDraft(draft) {
   held = draft;
   try {
-    sessionStorage.setItem(NAME, JSON.stringify({ tab: tabId(), from: draft.from, wish: draft.wish }));
+    const words = JSON.stringify({ tab: tabId(), at: Date.now(), from: draft.from, wish: draft.wish });
+    sessionStorage.setItem(NAME, words);
+    localStorage.setItem(NAME, words);
   } catch {
     // Full or forbidden: it is held while the page is open.
   }
@@ -34,14 +37,16 @@ export function keepDraft(draft) {
 /** Return the draft of this tab, or the newest one of any tab where this one has none. @returns {Promise<Draft | null>} */
 export async function lastDraft() {
   if (held) return held;
-  const own = stored();
+  const own = stored("sessionStorage");
+  const last = stored("localStorage");
   const records = await all().catch(() => []);
-  const newest = records.filter((record) => record.at > Date.now() - KEPT_MS).sort((a, b) => b.at - a.at)[0];
-  const found = own ? records.find((record) => record.tab === own.tab) : newest;
-  if (!own && !found) return null;
+  const recent = [...records, ...(last ? [last] : [])].filter((record) => record.at > Date.now() - KEPT_MS);
+  const words = own ?? recent.sort((a, b) => b.at - a.at)[0];
+  if (!words) return null;
+  const found = records.find((record) => record.tab === words.tab);
   const asset = found?.file ? new AssetFile(found.file, found.name) : null;
   // Who typed meanwhile has a newer one.
-  held ??= { from: own ? own.from : found.from, wish: own ? own.wish : found.wish, asset, stored: true };
+  held ??= { from: words.from, wish: words.wish, asset, stored: true };
   return held;
 }
 
@@ -56,16 +61,20 @@ export async function forgetDrafts() {
   held = null;
   try {
     sessionStorage.removeItem(NAME);
+    localStorage.removeItem(NAME);
   } catch {
     // Nothing is kept.
   }
   await change((store) => store.clear()).catch(() => {});
 }
 
-/** @returns {{tab: string, from: string | null, wish: any} | null} */
-function stored() {
+/**
+ * @param {"sessionStorage" | "localStorage"} place
+ * @returns {{tab: string, at: number, from: string | null, wish: any} | null}
+ */
+function stored(place) {
   try {
-    const found = JSON.parse(sessionStorage.getItem(NAME) ?? "null");
+    const found = JSON.parse(window[place].getItem(NAME) ?? "null");
     return found?.wish && found.tab ? found : null;
   } catch {
     return null;
@@ -75,7 +84,7 @@ function stored() {
 let tab = "";
 
 function tabId() {
-  tab ||= stored()?.tab || crypto.getRandomValues(new Uint32Array(2)).join("-");
+  tab ||= stored("sessionStorage")?.tab || crypto.getRandomValues(new Uint32Array(2)).join("-");
   return tab;
 }
 

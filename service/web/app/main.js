@@ -29,7 +29,7 @@ function show() {
     else link.removeAttribute("aria-current");
   }
   if (route.name === "create") new CreateView(root, scope, route.from);
-  else if (route.name === "jobs") new ListView(root, scope, { state: route.state });
+  else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
   else fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));

@@ -46,5 +46,6 @@ export function artifactName(job, artifact) {
  * @param {string} ending
  */
 export function shapeName(job, step, share, ending = "glb") {
-  return `${[stemOf(job), step, share < 100 ? `morph${share}` : ""].filter(Boolean).join("-")}.${ending}`;
+  const way = share === 100 ? "" : `${step ? "morph" : "strength"}${share}`;
+  return `${[stemOf(job), step, way].filter(Boolean).join("-")}.${ending}`;
 }

@@ -22,6 +22,7 @@
  * @property {number} variations
  * @property {boolean} morph
  * @property {boolean} usd
+ * @property {boolean} subdivide
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
  *
@@ -114,7 +115,7 @@ export function documents(wish, steps, group, fields) {
   return Array.from({ length: wish.variations }, (_, index) => ({
     prompt: wish.prompt.trim(),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
-    output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}) },
+    output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}), ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
 }
@@ -165,9 +166,10 @@ export function keptText(kept) {
  *
  * @param {any} job
  * @param {Field[]} fields
+ * @param {Record<string, any>} [defaults] Of `output`: what a job has anyway needs no keeping.
  * @returns {Wish}
  */
-export function wishOf(job, fields) {
+export function wishOf(job, fields, defaults = {}) {
   const params = job.params ?? {};
   const asked = new Set([...ASKED, ...fields.map((field) => field.name)]);
   const advanced = Object.fromEntries(
@@ -181,10 +183,17 @@ export function wishOf(job, fields) {
     variations: 1,
     morph: Boolean(job.output?.morph),
     usd: Boolean(job.output?.usd),
+    subdivide: Boolean(job.output?.subdivide),
     advanced,
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
-      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd"].includes(name) && value)),
+      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd", "subdivide"].includes(name) && value && !same(value, defaults[name]))),
     },
   };
+}
+
+/** Return whether two values are alike, in whatever order their members are. @param {any} a @param {any} b */
+function same(a, b) {
+  const sorted = (/** @type {any} */ value) => JSON.stringify(value && typeof value === "object" ? Object.entries(value).sort() : value);
+  return sorted(a) === sorted(b);
 }

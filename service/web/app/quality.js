@@ -10,6 +10,9 @@ import { withArticle } from "./vocabulary.js";
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
 const STRONG = 20;
 
+// Texels that are more than twice as long as before are seen.
+const MAGNIFIED = 2;
+
 // How the warning of `meshdeform/runs/movement.py` begins; others are about the source.
 const STALLED = "The mesh hardly moved";
 
@@ -22,8 +25,21 @@ const STALLED = "The mesh hardly moved";
 function front(orientation) {
   const turn = number(orientation?.turn_deg);
   const margin = number(orientation?.margin);
-  if (orientation?.source !== "found" || turn === null || margin === null) return [];
+  if (turn === null) return [];
+  if (orientation.source === "given") return [plain(`Front: the side at ${figure(turn)}°`, "As you set it. 0° is +Z, 90° is +X.")];
+  if (orientation.source === "undecided") return [plain("Front: +Z", "No side fits the prompt clearly better.")];
+  if (orientation.source !== "found" || margin === null) return [];
   return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits the prompt ${percent(margin)} better than +Z.`)];
+}
+
+/**
+ * What the model saw, where that is not what was asked for.
+ *
+ * @param {any} appearance
+ * @returns {Finding[]}
+ */
+function seen(appearance) {
+  return typeof appearance?.notice === "string" && appearance.notice ? [plain("Seen as clay", appearance.notice)] : [];
 }
 
 /**
@@ -34,7 +50,7 @@ export function findings(report) {
   const quality = report?.quality ?? {};
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...front(report?.orientation)];
+  const found = [...likeness(report?.likeness), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
   }
@@ -61,6 +77,11 @@ export function findings(report) {
     const note = "1 means none (symmetric Dirichlet energy, 99th percentile).";
     const strong = stretch >= STRONG;
     found.push(strong ? warn(`Strong distortion: ${figure(stretch)}`, `${note} “Stretch” shows where.`) : plain(`Distortion ${figure(stretch)}`, note));
+  }
+  const texture = number(report?.texture_stretch?.p95);
+  if (texture !== null) {
+    const note = "1 means as in your asset (95th percentile, free of scale). “Texture” shows where.";
+    found.push(texture > MAGNIFIED ? warn(`Texture stretched ${figure(texture)}×`, note) : plain(`Texture stretch ${figure(texture)}×`, note));
   }
   const before = number(quality.min_angle_p1_deg_before);
   const after = number(quality.min_angle_p1_deg_after);

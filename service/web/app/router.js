@@ -3,13 +3,15 @@
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
  * @typedef {{name: "create", from: string | null}
- *   | {name: "jobs", state: string | null}
+ *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
  *   | {name: "group", id: string}
  *   | {name: "unknown", path: string}} Route
  */
 
 export const STATES = ["queued", "running", "canceling", "succeeded", "failed", "canceled", "expired"];
+/** As the API has it. */
+export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
@@ -29,7 +31,7 @@ export function parseRoute(hash) {
   }
   if (parts[0] === "jobs" && parts.length === 1) {
     const state = params.get("state");
-    return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null };
+    return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null, search: (params.get("q") ?? "").slice(0, MAX_SEARCH) };
   }
   if (parts[0] === "jobs" && parts.length === 2 && JOB_ID.test(parts[1])) {
     return { name: "job", id: parts[1] };
@@ -50,7 +52,7 @@ export function routeHash(route) {
     case "create":
       return route.from ? `#/?from=${route.from}` : "#/";
     case "jobs":
-      return route.state ? `#/jobs?state=${route.state}` : "#/jobs";
+      return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
       return `#/jobs/${route.id}`;
     case "group":
@@ -58,6 +60,13 @@ export function routeHash(route) {
     default:
       return `#${route.path}`;
   }
+}
+
+/** @param {Record<string, string | null | undefined>} values */
+function queryOf(values) {
+  const query = new URLSearchParams();
+  for (const [name, value] of Object.entries(values)) if (value) query.set(name, value);
+  return query.size ? `?${query}` : "";
 }
 
 /**

@@ -4,10 +4,11 @@
  *
  * @typedef {{vertices: number, triangles: number, meshes: number, animations: string[]}} Found
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
- *   ticks: {text: string, at: number}[]}} Scale
+ *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
 import { isAbort } from "./api.js";
 import { fill, h, icon } from "./dom.js";
+import { unpacked } from "../viewer/zip.js";
 
 /** @type {Promise<any> | null} */
 let module_ = null;
@@ -79,14 +80,17 @@ export class ViewerBox {
     await this.ready;
     if (!this.viewer) return null;
     if (!this.note.classList.contains("viewer-cover")) this.say("");
+    const packed = format === "zip";
     try {
+      ({ buffer, format } = await unpacked(buffer, format));
       return await this.viewer.load(buffer, { format, keepCamera });
     } catch (error) {
       // Another file took its place meanwhile: that one is shown.
       if (this.scope.over || isAbort(error)) return null;
       console.warn(error);
       this.viewer?.clear();
-      this.say("This file can't be shown", "It may be empty, cut off or damaged.", "warn");
+      const reason = packed && error instanceof Error ? error.message : "It may be empty, cut off or damaged.";
+      this.say("This file can't be shown", reason, "warn");
       return null;
     }
   }
@@ -111,17 +115,37 @@ export class ViewerBox {
     }
   }
 
+  /**
+   * Let the way to the deformed shape lead through another one.
+   *
+   * @param {ArrayBuffer} buffer A GLB.
+   * @param {number} share
+   */
+  async pass(buffer, share) {
+    await this.viewer?.addWaypoint(buffer, share);
+  }
+
   /** @param {number} share 0 is the source, 1 the deformed shape. */
   morph(share) {
     this.viewer?.setMorph(share);
   }
 
   /**
-   * @param {"none" | "displacement" | "stretch"} kind
+   * @param {"none" | "displacement" | "stretch" | "texture"} kind
    * @returns {Scale | null}
    */
   heatmap(kind) {
     return this.viewer?.setHeatmap(kind) ?? null;
+  }
+
+  /**
+   * Show which side is taken as the front.
+   *
+   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing.
+   * @param {boolean} [faint] Whether it is only a guess.
+   */
+  front(degrees, faint = false) {
+    this.viewer?.setFront(degrees, faint);
   }
 
   /** @param {boolean} on */
@@ -137,6 +161,11 @@ export class ViewerBox {
   picture() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
+  }
+
+  /** @returns {Promise<Blob>} One turn around what is shown, as an animated WebP. */
+  turntable() {
+    return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
   }
 
   /**

@@ -5,20 +5,23 @@ import {
   BufferGeometry,
   DynamicDrawUsage,
   Matrix4,
+  Vector2,
   Vector3,
 } from "../vendor/three/three.module.js";
 import * as measures from "./measures.js";
 import { floats } from "./topology.js";
+import { addKnot, writeBetween } from "./waypoints.js";
 import { weld } from "./weld.js";
 
 /** @typedef {import("./topology.js").Pair} Pair */
-/** @typedef {"displacement" | "stretch"} Measure */
+/** @typedef {"displacement" | "stretch" | "texture"} Measure */
 /**
  * @typedef {object} Measured
  * @property {Float64Array[]} vertices a value for each vertex of each mesh
  * @property {number} min
  * @property {number} max
  * @property {number} p99
+ * @property {number} count of the values: 0 if nothing can be measured
  * @property {number} collapsed faces that lost their area (stretch only)
  * @property {number} diagonal of the source's bounding box, world units
  */
@@ -31,7 +34,7 @@ class Blend {
     this.order = order;
     this.original = mesh.geometry;
     this.geometry = shareGeometry(this.original);
-    /** @type {{ attribute: BufferAttribute, before: Float32Array, after: Float32Array }[]} */
+    /** @type {{ name: string, attribute: BufferAttribute, before: Float32Array, knots: import("./waypoints.js").Knot[] }[]} */
     this.tracks = [];
     this.before = floats(this.original.attributes.position, 3, null);
     this.after = after;
@@ -60,19 +63,34 @@ class Blend {
   #track(name, size, before, after) {
     const attribute = new BufferAttribute(before.slice(), size).setUsage(DynamicDrawUsage);
     this.geometry.setAttribute(name, attribute);
-    this.tracks.push({ attribute, before, after });
+    this.tracks.push({ name, attribute, before, knots: [{ t: 0, values: before }, { t: 1, values: after }] });
   }
 
   /** @param {number} t */
   set(t) {
-    for (const { attribute, before, after } of this.tracks) {
-      const values = attribute.array;
-      // The ends are the files' own numbers, without rounding.
-      if (t === 0) values.set(before);
-      else if (t === 1) values.set(after);
-      else for (let i = 0; i < values.length; i++) values[i] = before[i] + t * (after[i] - before[i]);
+    for (const { attribute, knots } of this.tracks) {
+      writeBetween(knots, t, attribute.array);
       attribute.needsUpdate = true;
     }
+  }
+
+  /**
+   * Let the way lead through a shape.
+   * @param {number} t the share at which it does
+   * @param {Pair} pair
+   */
+  pass(t, { after, normals, tangents }) {
+    const values = { position: after, normal: normals ?? normalsOf(after, this.original.index), tangent: tangents };
+    for (const { name, knots } of this.tracks) {
+      const found = values[/** @type {keyof typeof values} */ (name)];
+      if (found) addKnot(knots, { t, values: found });
+    }
+    const own = new BufferGeometry();
+    own.setAttribute("position", new BufferAttribute(after, 3));
+    own.computeBoundingSphere();
+    own.computeBoundingBox();
+    if (own.boundingSphere) this.geometry.boundingSphere?.union(own.boundingSphere);
+    if (own.boundingBox) this.geometry.boundingBox?.union(own.boundingBox);
   }
 
   /** @returns {ArrayLike<number>} (3F) vertex of each corner */
@@ -99,14 +117,25 @@ export class Deformation {
   constructor(pairs) {
     this.blends = pairs.map((pair) => new Blend(pair));
     this.morph = 0;
+    this.furthest = 1; // share of the way to which a shape is known
     /** @type {Map<Measure, Measured>} */
     this.measured = new Map();
   }
 
   /** @param {number} t */
   setMorph(t) {
-    this.morph = Math.min(Math.max(t, 0), 1);
+    this.morph = Math.min(Math.max(t, 0), this.furthest);
     for (const blend of this.blends) blend.set(this.morph);
+  }
+
+  /**
+   * Let the way from the source to the result, or beyond it, lead through a shape.
+   * @param {number} t
+   * @param {Pair[]} pairs
+   */
+  pass(t, pairs) {
+    this.blends.forEach((blend, i) => blend.pass(t, pairs[i]));
+    this.furthest = Math.max(this.furthest, t);
   }
 
   /**
@@ -131,7 +160,10 @@ export class Deformation {
     if (kind === "displacement") {
       own = vertices = ends.map(({ before, after }) => measures.displacement(before, after));
     } else {
-      own = ends.map(({ blend, before, after }) => measures.stretch(before, after, blend.corners));
+      own =
+        kind === "texture"
+          ? textureStretches(ends)
+          : ends.map(({ blend, before, after }) => measures.stretch(before, after, blend.corners));
       for (const faces of own) for (const value of faces) if (value === Infinity) collapsed++;
       vertices = ends.map(({ blend, before }, i) => {
         const areas = measures.doubleAreas(before, blend.corners);
@@ -146,6 +178,50 @@ export class Deformation {
   dispose() {
     for (const blend of this.blends) blend.dispose();
   }
+}
+
+/**
+ * The stretch of all textures, divided by the mean growth of the textured surface: free of scale, as in the report.
+ * @param {{ blend: Blend, before: Float64Array, after: Float64Array }[]} ends
+ * @returns {Float64Array[]} (F) for each mesh; NaN where there is no texture
+ */
+function textureStretches(ends) {
+  const own = ends.map(({ blend, before, after }) => {
+    const texels = texelsOf(blend);
+    if (!texels) return new Float64Array(blend.corners.length / 3).fill(NaN);
+    return measures.textureStretch(before, after, blend.corners, texels);
+  });
+  let [old, now] = [0, 0];
+  ends.forEach(({ blend, before, after }, i) => {
+    const [from, to] = [measures.doubleAreas(before, blend.corners), measures.doubleAreas(after, blend.corners)];
+    own[i].forEach((value, f) => {
+      if (!Number.isFinite(value)) return;
+      old += from[f];
+      now += to[f];
+    });
+  });
+  const scale = Math.sqrt(now / old);
+  return own.map((values) => values.map((value) => value / scale));
+}
+
+/**
+ * Coordinates of the vertices in the base colour texture, in texels.
+ * @param {Blend} blend
+ * @returns {Float64Array | null} (2V); null without a texture
+ */
+function texelsOf(blend) {
+  const map = /** @type {any} */ (blend.mesh.material).map;
+  const uvs = map?.image && blend.original.attributes[map.channel ? `uv${map.channel}` : "uv"];
+  if (!uvs) return null;
+  map.updateMatrix();
+  const out = new Float64Array(2 * uvs.count);
+  const place = new Vector2();
+  for (let i = 0; i < uvs.count; i++) {
+    place.set(uvs.getX(i), uvs.getY(i)).applyMatrix3(map.matrix);
+    out[2 * i] = place.x * map.image.width;
+    out[2 * i + 1] = place.y * map.image.height;
+  }
+  return out;
 }
 
 /**

@@ -3,6 +3,7 @@
 
 const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
+const BINARY_CHUNK = 0x004e4942;
 
 /**
  * @param {ArrayBuffer} buffer
@@ -51,6 +52,40 @@ export function withJson(buffer, json) {
   [MAGIC, 2, out.length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
   out.set(text, 20);
   out.set(rest, 20 + padded);
+  return out.buffer;
+}
+
+/**
+ * @param {ArrayBuffer} glb
+ * @returns {Uint8Array | null} the binary chunk; null if there is none
+ */
+export function binaryChunk(glb) {
+  const view = new DataView(glb);
+  const at = 20 + view.getUint32(12, true);
+  if (at + 8 > glb.byteLength || view.getUint32(at + 4, true) !== BINARY_CHUNK) return null;
+  return new Uint8Array(glb, at + 8, Math.min(view.getUint32(at, true), glb.byteLength - at - 8));
+}
+
+/**
+ * @param {Record<string, any>} json
+ * @param {Uint8Array[]} parts of the binary chunk, each as long as a multiple of four bytes
+ * @returns {ArrayBuffer} a GLB
+ */
+export function writeGlb(json, parts) {
+  const text = new TextEncoder().encode(JSON.stringify(json));
+  const padded = text.length + ((4 - (text.length % 4)) % 4);
+  const length = parts.reduce((sum, part) => sum + part.length, 0);
+  const out = new Uint8Array(28 + padded + length).fill(0x20, 20, 20 + padded);
+  const view = new DataView(out.buffer);
+  [MAGIC, 2, out.length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
+  out.set(text, 20);
+  view.setUint32(20 + padded, length, true);
+  view.setUint32(24 + padded, BINARY_CHUNK, true);
+  let at = 28 + padded;
+  for (const part of parts) {
+    out.set(part, at);
+    at += part.length;
+  }
   return out.buffer;
 }
 

@@ -19,8 +19,9 @@ import { colorRow, cssGradient, positionOf, ticks } from "./colormaps.js";
  * @property {string} unit of min, max and p99: "units" of the file, which does not name its own; "×" for factors
  * @property {number} min
  * @property {number} max
- * @property {number} p99 99 % of the vertices (displacement) or faces (stretch) are below
+ * @property {number} p99 99 % of the vertices (displacement) or faces (others) are below
  * @property {{ min: number, max: number, p99: number } | null} percent of the source's bounding-box diagonal
+ * @property {string} problem why there is nothing to see, or empty
  * @property {number} collapsed faces without area in the result, not counted elsewhere
  * @property {"linear" | "log"} scale
  * @property {[number, number]} range values at the ends of the colours; what is above has the last one
@@ -32,6 +33,7 @@ import { colorRow, cssGradient, positionOf, ticks } from "./colormaps.js";
 const KINDS = {
   displacement: { map: "viridis", label: "Displacement", unit: "units", scale: "linear" },
   stretch: { map: "plasma", label: "Stretch", unit: "×", scale: "log" },
+  texture: { map: "plasma", label: "Texture stretch", unit: "×", scale: "log" },
 };
 
 /**
@@ -44,7 +46,7 @@ export function makeLegend(kind, measured) {
   const { min, max, p99, collapsed, diagonal } = measured;
   const percentOf = (/** @type {number} */ value) => (100 * value) / diagonal;
   /** @type {[number, number]} */
-  const range = kind === "stretch" ? [1, Math.max(p99, 1.05)] : [0, p99 > 0 ? p99 : max];
+  const range = kind !== "displacement" ? [1, Math.max(p99, 1.05)] : [0, p99 > 0 ? p99 : max];
   const legend = { range, scale };
   return {
     kind,
@@ -57,6 +59,7 @@ export function makeLegend(kind, measured) {
       kind === "displacement" && diagonal > 0
         ? { min: percentOf(min), max: percentOf(max), p99: percentOf(p99) }
         : null,
+    problem: measured.count > 0 ? "" : "Nothing here has a texture.",
     collapsed,
     ...legend,
     gradient: cssGradient(map),

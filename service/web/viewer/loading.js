@@ -46,7 +46,7 @@ async function parseGltf(buffer, renderer) {
   const used = new Set(json.extensionsUsed ?? []);
   const external = [...(json.buffers ?? []), ...(json.images ?? [])].find(({ uri }) => uri && !/^data:/i.test(uri));
   if (external) {
-    throw new Error(`The file refers to another file (${external.uri}), which is not there. Export it as one .glb.`);
+    throw new Error(`The file refers to another file (${external.uri}), which is not there. Export it as one .glb, or put all files into a ZIP.`);
   }
   const loader = new GLTFLoader(localManager());
   if (used.has("EXT_meshopt_compression") || used.has("KHR_meshopt_compression")) {

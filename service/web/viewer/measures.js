@@ -50,6 +50,37 @@ export function stretch(before, after, corners) {
 }
 
 /**
+ * How much further the texture of each triangle is drawn out in its worst direction: the ratio of the larger singular
+ * values of the maps from the texture to the triangle, after and before (Sander et al. 2001). Not free of scale yet.
+ * @param {ArrayLike<number>} before (3V) positions
+ * @param {ArrayLike<number>} after (3V) positions
+ * @param {ArrayLike<number>} corners (3F) vertex of each corner
+ * @param {ArrayLike<number>} texels (2V) coordinates in the texture
+ * @returns {Float64Array} (F); NaN where the triangle had no area, in the texture or before
+ */
+export function textureStretch(before, after, corners, texels) {
+  const values = new Float64Array(corners.length / 3);
+  const metric = new Float64Array(3);
+  for (let f = 0; f < values.length; f++) {
+    const [i, j, k] = [2 * corners[3 * f], 2 * corners[3 * f + 1], 2 * corners[3 * f + 2]];
+    const [u1, v1] = [texels[j] - texels[i], texels[j + 1] - texels[i + 1]];
+    const [u2, v2] = [texels[k] - texels[i], texels[k + 1] - texels[i + 1]];
+    const area = u1 * v2 - u2 * v1;
+    const largest = (/** @type {ArrayLike<number>} */ positions) => {
+      gram(positions, corners, f, metric);
+      const [aa, ab, bb] = metric;
+      const a = (aa * v2 * v2 - 2 * ab * v1 * v2 + bb * v1 * v1) / (area * area);
+      const b = (ab * (u1 * v2 + u2 * v1) - aa * u2 * v2 - bb * u1 * v1) / (area * area);
+      const c = (bb * u1 * u1 - 2 * ab * u1 * u2 + aa * u2 * u2) / (area * area);
+      return Math.sqrt((a + c + Math.hypot(a - c, 2 * b)) / 2);
+    };
+    const old = Math.abs(area) > 2e-9 ? largest(before) : 0;
+    values[f] = old > 0 ? largest(after) / old : NaN;
+  }
+  return values;
+}
+
+/**
  * Gram matrix of a face's two edges from its first corner: (|a|², a·b, |b|²).
  * @param {ArrayLike<number>} positions
  * @param {ArrayLike<number>} corners

@@ -5,7 +5,10 @@ import { disposeAsset, parseAsset } from "./loading.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { boundsOf, dress, Stage } from "./stage.js";
 
-/** @typedef {{ width?: number, height?: number, background?: string }} SnapshotOptions `background` is a CSS colour */
+/**
+ * @typedef {{ width?: number, height?: number, background?: string, type?: string, quality?: number }} SnapshotOptions
+ *   `background` is a CSS colour, `type` the media type of the picture
+ */
 
 /**
  * Draw a scene once.
@@ -13,9 +16,9 @@ import { boundsOf, dress, Stage } from "./stage.js";
  * @param {Stage} stage
  * @param {import("three").PerspectiveCamera} camera
  * @param {SnapshotOptions} options without a background the picture is transparent around the mesh
- * @returns {Promise<Blob>} PNG
+ * @returns {Promise<Blob>} PNG, also if the browser cannot write `type`
  */
-export async function drawSnapshot(renderer, stage, camera, { width = 512, height = 512, background } = {}) {
+export async function drawSnapshot(renderer, stage, camera, { width = 512, height = 512, background, type = "image/png", quality } = {}) {
   const limit = renderer.maxSize;
   if (!(width >= 1 && height >= 1 && width <= limit && height <= limit)) {
     throw new Error(`A picture can be 1 to ${limit} pixels wide and high, not ${width} × ${height}.`);
@@ -37,7 +40,7 @@ export async function drawSnapshot(renderer, stage, camera, { width = 512, heigh
   camera.aspect = aspect;
   camera.updateProjectionMatrix();
   return new Promise((resolve, reject) => {
-    canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The picture could not be written."))), "image/png");
+    canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The picture could not be written."))), type, quality);
   });
 }
 

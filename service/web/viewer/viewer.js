@@ -10,13 +10,15 @@
  * The container sets the size. Its CSS may set --viewer-background and --viewer-background-edge (colours); otherwise
  * they follow `color-scheme`. Draws only when something changed.
  */
-import { AnimationMixer, Box3 } from "../vendor/three/three.module.js";
+import { Box3 } from "../vendor/three/three.module.js";
 import { CameraRig, linkCameras } from "./cameras.js";
 import { Deformation } from "./deformation.js";
+import { FrontArrow } from "./front-arrow.js";
 import { withoutMaterials } from "./glb.js";
 import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, parseAsset, triangleCount } from "./loading.js";
+import { Playback } from "./playback.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
@@ -40,14 +42,12 @@ export class MeshViewer extends EventTarget {
   /** @type {Deformation | null} */ #deformation = null;
   /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
-  /** @type {AnimationMixer | null} */ #mixer = null;
-  /** @type {import("three").AnimationClip[]} */ #animations = [];
+  /** @type {Playback | null} */ #playback = null;
+  /** @type {FrontArrow | null} */ #front = null;
   #converted = false;
-  #playing = false;
   #grounded = true; // the ground lies under the shape that is shown
   #disposed = false;
   #turn = 0;
-  #last = 0;
 
   /**
    * @param {HTMLElement} container
@@ -101,7 +101,7 @@ export class MeshViewer extends EventTarget {
       this.#clear();
       dress(root, renderer.gl);
       this.#root = root;
-      this.#animations = animations;
+      this.#playback = new Playback(root, animations);
       this.#converted = meshesOf(root).length > 0 && !["glb", "gltf"].includes(format);
       this.stage.scene.environment = renderer.environment.texture;
       this.stage.scene.add(root);
@@ -123,7 +123,7 @@ export class MeshViewer extends EventTarget {
       vertices: meshes.reduce((sum, mesh) => sum + vertices(mesh), 0),
       triangles: meshes.reduce((sum, mesh) => sum + triangleCount(mesh), 0),
       meshes: meshes.length,
-      animations: this.#animations.map(({ name }, i) => name || `Animation ${i + 1}`),
+      animations: this.#playback?.names ?? [],
     };
   }
 
@@ -158,7 +158,24 @@ export class MeshViewer extends EventTarget {
     });
   }
 
-  /** @param {number} t 0 shows the source, 1 the result */
+  /**
+   * Let the way to the result lead through a shape; without any, vertices move on straight lines.
+   * @param {ArrayBuffer} buffer a GLB with the same meshes, vertices and faces
+   * @param {number} t the share of the way: between 0 and 1, or beyond the result
+   * @throws {TopologyError} it has others
+   */
+  async addWaypoint(buffer, t) {
+    const deformation = this.#deformation;
+    const { root } = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
+    try {
+      if (!this.#root || !deformation || deformation !== this.#deformation) return;
+      deformation.pass(t, pairMeshes(this.#root, root, this.#converted));
+    } finally {
+      disposeAsset(root);
+    }
+  }
+
+  /** @param {number} t 0 shows the source, 1 the result, more a waypoint beyond it */
   setMorph(t) {
     this.#deformation?.setMorph(t);
     this.#grounded = false;
@@ -168,7 +185,7 @@ export class MeshViewer extends EventTarget {
 
   /**
    * Colour the mesh by what the deformation does to it.
-   * @param {"none" | "displacement" | "stretch"} kind
+   * @param {"none" | import("./deformation.js").Measure} kind
    * @returns {import("./heatmap.js").Legend | null} null for "none", or where there is no deformation
    */
   setHeatmap(kind) {
@@ -191,16 +208,29 @@ export class MeshViewer extends EventTarget {
    * @param {number | null} index
    */
   playAnimation(index) {
-    this.#mixer?.stopAllAction();
-    this.#playing = false;
-    const clip = index === null ? undefined : this.#animations[index];
-    if (clip && this.#root) {
-      this.#mixer ??= new AnimationMixer(this.#root);
-      this.#mixer.clipAction(clip).reset().play();
-      this.#playing = true;
-      this.#last = 0;
-    }
+    this.#playback?.play(index);
     this.stage.refreshShadow();
+    this.invalidate();
+  }
+
+  /**
+   * Show which side is taken as the front. The event `frontchange` says where the pointer turned it.
+   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing
+   * @param {boolean} faint whether it is only a guess
+   */
+  setFront(degrees, faint = false) {
+    const shown = this.#front?.mesh.visible ?? false;
+    if (degrees === null) this.#front?.hide();
+    else {
+      const turned = (/** @type {number} */ to, /** @type {boolean} */ done) => this.dispatchEvent(new CustomEvent("frontchange", { detail: { degrees: to, done } }));
+      this.#front ??= new FrontArrow(this.stage, this.rig, this.surface.canvas, turned);
+      this.#front.show(degrees, faint);
+    }
+    // The camera makes room for it once.
+    if (shown !== (degrees !== null)) {
+      this.#frame();
+      if (this.#root && !this.rig.touched) this.resetView();
+    }
     this.invalidate();
   }
 
@@ -246,6 +276,19 @@ export class MeshViewer extends EventTarget {
     return drawSnapshot(this.#start(), this.stage, this.rig.camera, { width, height, background });
   }
 
+  /**
+   * One turn around what is shown, from where the camera is.
+   * @param {import("./turntable.js").TurntableOptions} options
+   * @returns {Promise<Blob>} an animated WebP
+   */
+  async turntable(options = {}) {
+    if (!this.#root) throw new Error("Nothing is loaded.");
+    const { drawTurntable } = await import("./turntable.js");
+    this.#ground();
+    const { camera, controls } = this.rig;
+    return drawTurntable(this.#start(), this.stage, boundsOf(this.#root), camera.position.clone().sub(controls.target), options);
+  }
+
   /** Draw again, soon. */
   invalidate() {
     if (this.#root && this.surface.visible) this.#renderer?.request(this.#draw);
@@ -258,6 +301,7 @@ export class MeshViewer extends EventTarget {
     this.#turn++;
     this.#clear();
     this.stopKeys();
+    this.#front?.dispose();
     this.rig.dispose();
     this.stage.dispose();
     this.surface.dispose();
@@ -294,14 +338,11 @@ export class MeshViewer extends EventTarget {
     if (!this.surface.fit(this.#renderer.maxSize)) return false;
     const moving = this.rig.update();
     this.#ground();
-    if (this.#playing) {
-      this.#mixer?.update(this.#last ? Math.min((now - this.#last) / 1000, 0.1) : 0);
-      this.#last = now;
-      this.stage.refreshShadow();
-    }
+    const playing = this.#playback?.advance(now) ?? false;
+    if (playing) this.stage.refreshShadow();
     context.clearRect(0, 0, canvas.width, canvas.height);
     this.#renderer.draw(this.stage, this.rig.camera, context, canvas.width, canvas.height);
-    return (moving || this.#playing) && this.surface.visible;
+    return (moving || playing) && this.surface.visible;
   };
 
   /** Put the ground under the shape that is shown. */
@@ -321,15 +362,15 @@ export class MeshViewer extends EventTarget {
     }
     for (const blend of blends) blend.set(morph);
     this.#grounded = false;
+    this.#front?.enclose(this.ownBox);
     this.rig.setBox(this.ownBox);
   }
 
   #clear() {
     this.clearDeformed();
     this.#wireframe?.detach();
-    this.#mixer?.stopAllAction();
-    this.#mixer = null;
-    this.#playing = false;
+    this.#playback?.play(null);
+    this.#playback = null;
     if (this.#root) {
       this.#root.removeFromParent();
       disposeAsset(this.#root);

@@ -30,11 +30,12 @@ export class AssetPanel {
     this.box.tag.hidden = true;
     this.input = h("input", {
       type: "file", class: "visually-hidden", id: "asset-file", tabindex: "-1", "aria-label": "Asset file",
-      accept: [...FORMATS.map((format) => "." + format), "model/gltf-binary"].join(","),
+      accept: [...FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
     });
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
+    this.below = h("div", null);
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.element = this._build();
     this._wire();
@@ -57,11 +58,12 @@ export class AssetPanel {
         h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
         button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "stage-reset" }),
       ),
+      this.below,
       this.problem,
       h(
         "div",
         { class: "asset-bar" },
-        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop a GLB, OBJ, PLY or STL anywhere on this page."), h("span", { class: "without-mouse" }, "GLB, OBJ, PLY or STL"))),
+        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop a GLB, OBJ, PLY, STL or a ZIP anywhere on this page."), h("span", { class: "without-mouse" }, "GLB, OBJ, PLY, STL or ZIP"))),
         h("div", { class: "row" }, choose, this.input),
       ),
       h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
@@ -97,6 +99,11 @@ export class AssetPanel {
     });
   }
 
+  /** Put a control below the view. @param {HTMLElement} control */
+  addBelow(control) {
+    this.below.append(control);
+  }
+
   /** @param {string} name */
   async example(name) {
     const choice = ++this.choices;
@@ -114,11 +121,11 @@ export class AssetPanel {
   async take(file) {
     this.choices += 1;
     if (!formatOf(file.name)) {
-      this.refuse(`${file.name} isn't supported.`, "Use GLB, OBJ, PLY or STL.");
+      this.refuse(`${file.name} isn't supported.`, "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files.");
       return;
     }
     if (formatOf(file.name) === "gltf") {
-      this.refuse(`${file.name} refers to other files.`, "Export it as a single .glb.");
+      this.refuse(`${file.name} refers to other files.`, "Export it as a single .glb, or pack it and its files into a ZIP.");
       return;
     }
     await this.use(new Asset(file, file.name));

@@ -23,6 +23,7 @@ export class SettingsPanel {
     this.variations.input.value = "1";
     this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
     this.usd = h("input", { id: "usd", type: "checkbox", on: { change: onChange } });
+    this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
     /** @type {import("../params.js").Field[]} */
@@ -38,7 +39,12 @@ export class SettingsPanel {
 
   _build() {
     const also = (/** @type {HTMLInputElement} */ input, /** @type {string} */ text) => h("label", { class: "check", for: input.id }, input, h("span", null, text));
-    this.advanced.append(this.advancedGrid, also(this.morph, "Also make an animated GLB, from before to after"), also(this.usd, "Also make a USDZ, for AR and USD pipelines"));
+    this.advanced.append(
+      this.advancedGrid,
+      also(this.morph, "Also make an animated GLB, from before to after"),
+      also(this.usd, "Also make a USDZ, for AR and USD pipelines"),
+      also(this.subdivide, "Split long edges first, so that large triangles can bend; the result has more triangles"),
+    );
     const random = button("Random variation", () => {
       this.seed.input.value = String(randomSeed());
       this.onChange();
@@ -213,15 +219,33 @@ export class SettingsPanel {
       variations: this.variationCount,
       morph: this.morph.checked,
       usd: this.usd.checked,
+      subdivide: this.subdivide.checked,
       advanced: Object.fromEntries([...this.fields].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
     };
   }
 
+  /** What was typed for a parameter; empty where the quality decides. @param {string} name */
+  value(name) {
+    return this.fields.get(name)?.input.value ?? "";
+  }
+
+  /** @param {string} name @param {string} value */
+  setValue(name, value) {
+    const input = this.fields.get(name)?.input;
+    if (!input) return;
+    input.value = value;
+    // A value that is not among the choices, such as an angle.
+    if (input.value !== value && input instanceof HTMLSelectElement) {
+      input.append(h("option", { value }, value));
+      input.value = value;
+    }
+  }
+
   /** Set everything as at the beginning. */
   reset() {
     const fresh = { model: this.catalogue.default, preset: PRESETS[0][0], seed: randomSeed(), variations: 1 };
-    this.restore({ ...fresh, prompt: "", morph: false, usd: false, advanced: {}, kept: nothingKept() });
+    this.restore({ ...fresh, prompt: "", morph: false, usd: false, subdivide: false, advanced: {}, kept: nothingKept() });
   }
 
   /** The settings as they were typed, right or wrong, for `restore`. @param {string} prompt */
@@ -239,16 +263,9 @@ export class SettingsPanel {
     this.variations.input.value = String(wish.variations);
     this.morph.checked = wish.morph;
     this.usd.checked = wish.usd;
+    this.subdivide.checked = Boolean(wish.subdivide);
     this._keep(wish.kept ?? nothingKept());
-    for (const [name, field] of this.fields) {
-      const value = wish.advanced[name] ?? "";
-      field.input.value = value;
-      // A value that another client sent and that is not among the choices, such as an angle.
-      if (field.input.value !== value && field.input instanceof HTMLSelectElement) {
-        field.input.append(h("option", { value }, value));
-        field.input.value = value;
-      }
-    }
+    for (const name of this.fields.keys()) this.setValue(name, wish.advanced[name] ?? "");
     this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
   }
 }

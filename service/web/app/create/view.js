@@ -14,6 +14,7 @@ import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
 
@@ -33,8 +34,14 @@ export class CreateView {
     this.checks = 0;
     /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
     this.fields = Promise.resolve([]);
+    this.outputDefaults = /** @type {Record<string, any>} */ ({});
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
+    this.front = new FrontControl(this.assets.box, (value) => {
+      this.settings.setValue("orientation", value);
+      this._changed();
+    });
+    this.assets.addBelow(this.front.element);
     this.prompt = new PromptField(() => this._changed());
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
@@ -77,6 +84,9 @@ export class CreateView {
     // The draft of another job is not the one that is asked for.
     const draft = last && (!from || last.from === from) ? last : null;
     this.from = from ?? draft?.from ?? null;
+    // With nothing to restore, what is typed counts at once: the first asset may take as long as it likes.
+    this.begun = !draft && !from;
+    if (this.begun && this.prompt.value) this._changed();
     if (draft?.wish.prompt && !this.prompt.value) this.prompt.set(draft.wish.prompt);
     const first = this._firstAsset(draft, from);
     const found = catalogue(await models);
@@ -85,6 +95,7 @@ export class CreateView {
     if (found.models.length) this.settings.offer(found);
     else this.settings.modelRow.hidden = true;
     if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value });
+    this.begun ||= draft !== null; // its asset may take longer, and what is typed meanwhile counts
     this.restored.hidden = !(draft?.stored && draft.wish.prompt);
     const wish = await first;
     if (this.scope.over) return;
@@ -127,7 +138,9 @@ export class CreateView {
   async _learnFields() {
     const schema = await requestJson("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
     const fields = fieldsOf(schema);
+    this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(fields);
+    if (fields.some((field) => field.name === "orientation")) this.front.offer();
     return fields;
   }
 
@@ -144,7 +157,7 @@ export class CreateView {
       const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
       const asset = new Asset(await response.blob(), job.asset.filename);
       if (this.assets.choices === before) await this.assets.use(asset);
-      return wishOf(job, await this.fields);
+      return wishOf(job, await this.fields, this.outputDefaults);
     } catch (error) {
       if (isAbort(error)) return null;
       fill(this.problem, problemBox(error));
@@ -160,6 +173,7 @@ export class CreateView {
   }
 
   _changed() {
+    this.front.show(this.settings.value("orientation"));
     if (this.begun) keepDraft({ from: this.from, wish: this.settings.draft(this.prompt.input.value), asset: this.assets.asset });
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
@@ -218,6 +232,7 @@ export class CreateView {
     this.prompt.refuse(null);
     fill(this.problem);
     this.settings.resolved(found.params);
+    this.front.resolve(found.params.orientation);
     const { triangles, vertices, meshes, skipped, warnings } = found.asset;
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
     this.assets.describe(triangles, vertices, more, warnings);

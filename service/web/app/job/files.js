@@ -1,9 +1,10 @@
 // @ts-check
 /** Save files to the user's disk, and copy text. */
-import { toast } from "../announce.js";
+import { announce, toast } from "../announce.js";
 import { address, isAbort, request, requestJson } from "../api.js";
 import { h } from "../dom.js";
 import { currentKey } from "../key.js";
+import { artifactName } from "../names.js";
 import { described } from "../problem-box.js";
 
 // Smaller files go through the page, which names them; larger ones are streamed to the disk under the server's name.
@@ -30,6 +31,24 @@ export async function download(path, name, size, signable, scope) {
     save(/^https?:/.test(url) ? url : address(url), name);
   } catch (error) {
     if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
+  }
+}
+
+/**
+ * Let the service make an artifact of a finished job, and save it.
+ *
+ * @param {any} job
+ * @param {string} name
+ * @param {import("../scope.js").Scope} scope
+ */
+export async function downloadMade(job, name, scope) {
+  const path = `v1/jobs/${job.id}/artifacts/${name}`;
+  announce(`Making ${name}`);
+  try {
+    const { size } = await requestJson(path, { method: "POST", signal: scope.signal });
+    await download(path, artifactName(job, name), size, true, scope);
+  } catch (error) {
+    if (!isAbort(error)) toast(`Not made. ${described(error).detail || described(error).title}`);
   }
 }
 

@@ -1,14 +1,14 @@
 // @ts-check
 /** What a job produced: its quality in words, its files, its settings, its log. */
 import { button, h, icon } from "../dom.js";
-import { forgetDraftOf } from "../drafts.js";
 import { bytes, count, counted } from "../format.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
-import { routeHash } from "../router.js";
-import { copyCurl, download } from "./files.js";
+import { copyCurl, download, downloadMade } from "./files.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
+// What the service can make of a finished job that was not asked for it.
+const AFTERWARDS = ["morph.glb", "result.usdz"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
@@ -55,6 +55,15 @@ export function filesPanel(job, artifacts, scope) {
         button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
     );
+  const makeRow = (/** @type {string} */ name) => {
+    const make = button(`Make and download ${name}`, async () => {
+      make.disabled = true;
+      await downloadMade(job, name, scope);
+      make.disabled = false;
+    }, { icon: "download", quiet: true });
+    const words = h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${FILES[name]} · made when you download it`));
+    return h("li", { class: "file" }, words, h("div", { class: "row" }, make));
+  };
   return h(
     "section",
     { class: "panel", "aria-labelledby": "files-title" },
@@ -65,24 +74,10 @@ export function filesPanel(job, artifacts, scope) {
       sorted.map((found) =>
         row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
+      job.state === "succeeded" ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
     ),
-    alsoWanted(job, sorted),
   );
-}
-
-/**
- * How to get the files that a job was not asked for.
- *
- * @param {any} job
- * @param {any[]} artifacts
- */
-function alsoWanted(job, artifacts) {
-  const lacks = (/** @type {string} */ name) => !artifacts.some((found) => found.name === name);
-  const wanted = [lacks("morph.glb") ? "an animated GLB" : "", lacks("result.usdz") ? "USDZ" : ""].filter(Boolean).join(" or ");
-  if (job.state !== "succeeded" || !wanted) return null;
-  const again = h("a", { href: routeHash({ name: "create", from: job.id }), on: { click: () => forgetDraftOf(job.id) } }, "Run it again");
-  return h("p", { class: "small muted files-note" }, `Need ${wanted}? `, again, " with the box ticked under Advanced.");
 }
 
 /**

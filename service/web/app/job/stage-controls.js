@@ -60,6 +60,10 @@ export function slider(id, label, max, onInput, between = null) {
 export function showLegend(legend, scale) {
   legend.hidden = !scale;
   if (!scale) return;
+  if (scale.problem) {
+    fill(legend, h("span", null, scale.problem));
+    return;
+  }
   const ramp = h("div", { class: "ramp", "aria-hidden": "true" });
   ramp.style.backgroundImage = scale.gradient;
   const ticks = h("div", { class: "ramp-ticks", "aria-hidden": "true" }, scale.ticks.map(({ text, at }) => {

@@ -1,25 +1,28 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
-import { toast } from "../announce.js";
+import { announce, toast } from "../announce.js";
 import { isAbort, OfflineError, ProblemError, requestBytes } from "../api.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";
 import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
+import { unpacked } from "../../viewer/zip.js";
 import { linkViews, ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
 import { segmented, showLegend, slider, toggle } from "./stage-controls.js";
+import { Way } from "./way.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
 const PLAY_MS = 450;
 const AGAIN_MS = 3000;
-const HEATMAPS = /** @type {[("none" | "displacement" | "stretch"), string][]} */ ([
+const HEATMAPS = /** @type {[("none" | "displacement" | "stretch" | "texture"), string][]} */ ([
   ["none", "Material"],
   ["displacement", "Displacement"],
   ["stretch", "Stretch"],
+  ["texture", "Texture"],
 ]);
 
 export class JobStage {
@@ -45,7 +48,7 @@ export class JobStage {
     this.loaded = false;
     this.comparable = false;
     this.flat = false; // nothing can be drawn here
-    this.kind = /** @type {"none" | "displacement" | "stretch"} */ ("none");
+    this.kind = /** @type {"none" | "displacement" | "stretch" | "texture"} */ ("none");
     this.playing = 0;
     this.before = new ViewerBox("Before", scope);
     this.after = new ViewerBox("After", scope);
@@ -54,10 +57,14 @@ export class JobStage {
     this.step = slider("scrubber", "Step", 0, () => this._scrub(), this.play);
     this.morph = slider("morph-slider", "Morph", 100, () => this._morph());
     this.morph.input.value = "100";
+    this.morph.input.addEventListener("change", () => this.way?.reach(this._share()));
+    /** The way to the shape that is shown; null where straight lines lead there. @type {Way | null} */
+    this.way = null;
     this.heatmaps = segmented("Colour", HEATMAPS, "none", (kind) => this._heatmap(/** @type {any} */ (kind)));
     this.save = button("Download this shape", () => this._download(), { icon: "download" });
     this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
-    this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture);
+    this.turntable = button("Save turntable", () => this._turntable(), { icon: "turn", class: "button-quiet" });
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture, this.turntable);
     this.element = this._build();
     // Until its own shape is there, the source must not pass for it.
     if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);
@@ -93,6 +100,9 @@ export class JobStage {
     linkViews(this.before, this.after);
     try {
       this.source = await requestBytes(`v1/jobs/${this.job.id}/asset`, this.scope.signal);
+      // Where it cannot be unpacked, the views say so.
+      const asReceived = { buffer: this.source, format: this.format };
+      ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));
       // Each viewer has a copy: what it reads it may keep.
       const load = (/** @type {ViewerBox} */ box) => box.load(this.source.slice(0), this.format);
       const [found] = await Promise.all([load(this.before), load(this.after)]);
@@ -126,6 +136,14 @@ export class JobStage {
     this._next();
   }
 
+  /** Show which side of the asset was its front, if it was chosen. @param {any} orientation As the report has it. */
+  async front(orientation) {
+    const turn = orientation?.turn_deg;
+    if (typeof turn !== "number" || !["found", "given", "continued"].includes(orientation.source)) return;
+    await this.before.ready;
+    this.before.front(turn);
+  }
+
   /** The step that the slider is at; null at the source and at the result. */
   get chosenStep() {
     const shape = this.shapes[this.chosen];
@@ -148,9 +166,9 @@ export class JobStage {
   /** Name what the second view shows. */
   _tag() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
-    const share = Number(this.morph.input.value);
+    const share = this._share();
     const none = this.shapes.length || isTerminal(this.job.state) ? "Source" : "Source, no new shape yet";
-    const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share < 100 ? `morph ${share}%` : ""] : [none];
+    const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share === 100 ? "" : `${this.way?.on ? "strength" : "morph"} ${share}%`] : [none];
     fill(this.after.tag, parts.filter(Boolean).join(" · "));
     this.keep.hidden = !shape || this.flat;
   }
@@ -223,6 +241,8 @@ export class JobStage {
       if (this.scope.over) return;
       this.after.say("");
       this.shown = shape.path;
+      this.way = this.comparable && !shape.name ? new Way(shape.path, this.cache, this.after, () => this._morph()) : null;
+      this.morph.input.max = this.way ? "150" : "100";
       this.morph.row.hidden = !this.comparable;
       this.heatmaps.hidden = !this.comparable;
       this._morph();
@@ -253,15 +273,22 @@ export class JobStage {
     await this.scope.sleep(AGAIN_MS);
   }
 
+  /** Percent of the way from the source to the shape. */
+  _share() {
+    return Number(this.morph.input.value);
+  }
+
   _morph() {
-    const share = Number(this.morph.input.value);
+    if (this.way && !this.way.on) this.morph.input.max = "100";
+    const share = this._share();
+    if (share !== 100) this.way?.open(share);
     this.morph.value.textContent = percent(share / 100);
     this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
     if (this.shown) this.after.morph(share / 100);
     this._tag();
   }
 
-  /** @param {"none" | "displacement" | "stretch"} kind */
+  /** @param {"none" | "displacement" | "stretch" | "texture"} kind */
   _heatmap(kind) {
     this.kind = kind;
     this._legend();
@@ -275,10 +302,11 @@ export class JobStage {
   async _download() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
     if (!shape) return;
-    const share = this.comparable ? Number(this.morph.input.value) : 100;
+    const share = this.comparable ? this._share() : 100;
     try {
       const mesh = await this.cache.get(shape.path);
-      const bytes = share === 100 ? mesh : await this.after.blended(this.source, this.format, mesh, share / 100);
+      const straight = () => this.after.blended(this.source, this.format, mesh, share / 100);
+      const bytes = share === 100 ? mesh : ((await this.way?.reach(share)) ?? (await straight()));
       saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
     } catch (error) {
       if (!isAbort(error)) toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
@@ -289,9 +317,24 @@ export class JobStage {
   async _picture() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
     try {
-      saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", Number(this.morph.input.value), "png"));
+      saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png"));
     } catch (error) {
       toast(`No picture. ${error instanceof Error ? error.message : ""}`);
+    }
+  }
+
+  /** Save an animated picture that goes around the second view's shape once. */
+  async _turntable() {
+    const shape = this.shapes.find(({ path }) => path === this.shown);
+    const name = shapeName(this.job, ["turntable", shape?.name].filter(Boolean).join("-"), Number(this.morph.input.value), "webp");
+    this.turntable.disabled = true;
+    announce("Making the turntable");
+    try {
+      saveBytes(await this.after.turntable(), name);
+    } catch (error) {
+      if (!isAbort(error)) toast(`No turntable. ${error instanceof Error ? error.message : ""} The command meshdeform animate makes one too.`);
+    } finally {
+      this.turntable.disabled = false;
     }
   }
 }

@@ -29,17 +29,10 @@ export class JobCard {
     this.badge = h("span", null);
     this.meta = h("span", { class: "small muted" });
     this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || (job.prompt || "Target mesh"));
-    this.name = `${job.prompt || "Target mesh"} ${job.asset?.filename ?? ""}`;
     this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || job.prompt || "target mesh"}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
     this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
-  }
-
-  /** Return whether the prompt and the file's name contain all words. @param {string} text */
-  matches(text) {
-    const name = this.name.toLowerCase();
-    return text.toLowerCase().split(/\s+/).every((word) => name.includes(word));
   }
 
   /** @param {any} job */

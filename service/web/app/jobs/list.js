@@ -8,27 +8,25 @@ import { button, fill, h } from "../dom.js";
 import { counted, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 import { problemBox } from "../problem-box.js";
-import { routeHash, STATES } from "../router.js";
+import { MAX_SEARCH, routeHash, STATES } from "../router.js";
 import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
 
 const PAGE = 24;
 const POLL_MS = 1500;
-// A search reads older pages until it has found this many jobs, or read this many.
-const FOUND = 24;
-const SEARCHED = 500;
 
 export class ListView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
-   * @param {{state?: string | null, group?: string}} wanted
+   * @param {{state?: string | null, group?: string, search?: string}} wanted
    */
-  constructor(root, scope, { state = null, group = "" }) {
+  constructor(root, scope, { state = null, group = "", search = "" }) {
     this.scope = scope;
     this.group = group;
     this.query = new URLSearchParams({ limit: String(group ? 200 : PAGE) });
     if (state) this.query.set("state", state);
+    if (search.trim()) this.query.set("q", search.trim());
     if (group) this.query.set("metadata[group]", group);
     /** @type {Map<string, JobCard>} */
     this.cards = new Map();
@@ -41,8 +39,8 @@ export class ListView {
     this.title = h("h1", null, group ? "Variations" : "Jobs");
     this.more = button("Older jobs", () => this._older(), { class: "more" });
     this.more.hidden = true;
-    this.search = h("input", { type: "search", id: "job-search", placeholder: "Prompt or file name", "aria-label": "Search jobs" });
-    const find = debounced(() => this._search(), 250, scope);
+    this.search = h("input", { type: "search", id: "job-search", placeholder: "Prompt, file or label", "aria-label": "Search jobs", maxlength: MAX_SEARCH, value: search });
+    const find = debounced(() => this._search(state), 250, scope);
     this.search.addEventListener("input", find);
     this.selecting = false;
     this.select = button("Select", () => this._selectMode(!this.selecting), {});
@@ -51,7 +49,7 @@ export class ListView {
     this.cancelAll.hidden = true;
     const tools = group
       ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
-      : h("div", { class: "row" }, this.search, filter(state), this.select);
+      : h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
     const head = h("div", { class: "section-head" }, this.title, tools);
     fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
     scope.listen(document, CHANGED, () => this._deletionsChanged());
@@ -79,9 +77,13 @@ export class ListView {
   }
 
   async _newest() {
-    const page = await requestJson(`v1/jobs?${this.query}`, { signal: this.scope.signal });
-    if (this.scope.over) return;
+    const query = String(this.query);
+    const page = await requestJson(`v1/jobs?${query}`, { signal: this.scope.signal });
+    // An answer to an earlier search is not shown.
+    if (this.scope.over || query !== String(this.query)) return;
     if (this.problem.childElementCount) fill(this.problem);
+    if (query !== this.shownQuery) for (const id of [...this.cards.keys()]) this._forget(id);
+    this.shownQuery = query;
     const first = !this.jobs.size;
     if (first) this.cursor = page.next_cursor;
     this._drop(page.jobs);
@@ -89,15 +91,15 @@ export class ListView {
     this._words(page.jobs.length === 0);
   }
 
-  /** @param {boolean} [focus] Move the focus to the first of them. */
-  async _older(focus = true) {
-    if (!this.cursor) return;
+  async _older() {
+    const query = String(this.query);
+    if (!this.cursor || query !== this.shownQuery) return;
     try {
-      const page = await requestJson(`v1/jobs?${this.query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
+      const page = await requestJson(`v1/jobs?${query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
+      if (query !== this.shownQuery) return;
       this.cursor = page.next_cursor;
       this._take(page.jobs, false);
       this._words(false);
-      if (!focus) return;
       this.cards.get(page.jobs[0]?.id)?.title.focus();
       announce(`${counted(page.jobs.length, "older job")} shown`);
     } catch (error) {
@@ -105,28 +107,23 @@ export class ListView {
     }
   }
 
-  /** Show only the jobs that were searched for, and read older ones while there are few. */
-  async _search() {
+  /** Show the jobs that were searched for; the address remembers the search. @param {string | null} state */
+  async _search(state) {
     const text = this.search.value.trim();
-    this._match();
-    this._selection();
-    while (text && text === this.search.value.trim() && this.cursor && this.jobs.size < SEARCHED && this._shown().length < FOUND) {
-      const before = this.jobs.size;
-      await this._older(false);
-      if (this.jobs.size === before) break;
+    if (text === (this.query.get("q") ?? "")) return;
+    if (text) this.query.set("q", text);
+    else this.query.delete("q");
+    history.replaceState(null, "", routeHash({ name: "jobs", state, search: text }));
+    try {
+      await this._newest();
+      if (text === this.query.get("q")) announce(this._searchWords());
+    } catch (error) {
+      if (!isAbort(error) && !this.scope.over) fill(this.problem, problemBox(error));
     }
-    this._words(false);
-    if (text) announce(this._searchWords());
-  }
-
-  /** Show the cards that were searched for, without those that are being deleted. */
-  _match() {
-    const text = this.search.value.trim();
-    for (const card of this.cards.values()) card.element.hidden = isDeleted(card.id) || !card.matches(text);
   }
 
   _deletionsChanged() {
-    this._match();
+    for (const card of this.cards.values()) card.element.hidden = isDeleted(card.id);
     this._selection();
     this._words(!this._shown().length);
   }
@@ -137,9 +134,9 @@ export class ListView {
   }
 
   _searchWords() {
-    const text = this.search.value.trim();
-    if (!text) return "";
-    return `${counted(this._shown().length, "job")} found among the newest ${this.jobs.size}.`;
+    if (!this.query.has("q")) return "";
+    const found = counted(this._shown().length, "job");
+    return this.cursor ? `The newest ${found} that match.` : `${found} found.`;
   }
 
   /** @param {boolean} on */
@@ -224,7 +221,7 @@ export class ListView {
       }
       const heading = this.group ? `Variation ${job.params?.seed ?? 0}` : undefined;
       const card = new JobCard(job, this.scope, { heading, onSelect: () => this._selection() });
-      card.element.hidden = isDeleted(job.id) || !card.matches(this.search.value.trim());
+      card.element.hidden = isDeleted(job.id);
       this.cards.set(job.id, card);
       if (this.group || (atFront && this.grid.childElementCount)) this.grid.prepend(card.element);
       else this.grid.append(card.element);
@@ -235,6 +232,7 @@ export class ListView {
   _words(none) {
     this.more.hidden = !this.cursor;
     const jobs = [...this.jobs.values()].filter((job) => !isDeleted(job.id));
+    if (none && !jobs.length && this.query.has("q")) return void fill(this.summary, this._searchWords());
     if (none && !jobs.length) {
       fill(this.summary, this.query.has("state") ? "No jobs in this state." : "No jobs yet. ", this.query.has("state") ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
@@ -253,11 +251,14 @@ export class ListView {
   }
 }
 
-/** @param {string | null} chosen */
-function filter(chosen) {
+/**
+ * @param {string | null} chosen
+ * @param {() => string} search
+ */
+function filter(chosen, search) {
   const select = h(
     "select",
-    { id: "state-filter", on: { change: () => (location.hash = routeHash({ name: "jobs", state: select.value || null })) } },
+    { id: "state-filter", on: { change: () => (location.hash = routeHash({ name: "jobs", state: select.value || null, search: search() })) } },
     h("option", { value: "" }, "All states"),
     STATES.map((state) => h("option", { value: state }, STATE_WORDS[state])),
   );

@@ -1,0 +1,91 @@
+"""Make artifacts of a finished job that its request did not ask for, outside this process."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from datetime import UTC, datetime
+from pathlib import Path
+
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import DependencyError, MeshdeformError
+from meshdeform.record.models import Artifact, Job
+from meshdeform.runs import kind_of
+from meshdeform.runs.base import ArtifactKind
+from meshdeform.runs.derive import DERIVED, DerivedInput, derive, require_package
+from service.state import AppState
+
+__all__ = ["made", "makeable"]
+
+_RESULT = "result.glb"
+
+
+def makeable(job: Job) -> list[str]:
+    """Return the names of the artifacts that can be made of a job that has succeeded."""
+    return [kind.name for kind in kind_of(job.kind).artifacts if kind.afterwards and kind.name in DERIVED]
+
+
+def made(app: AppState, job: Job, name: str) -> Artifact:
+    """Make an artifact and add it to its job. If another request has added it meanwhile, that one is returned.
+
+    Parameters
+    ----------
+    app : AppState
+    job : Job
+        It has succeeded.
+    name : str
+        One of `makeable`.
+
+    Raises
+    ------
+    AssetError
+        It cannot be made of these files.
+    DependencyError
+        This deployment does not write the format.
+    TooMuchStoredError
+        The owner's jobs would keep more bytes than allowed.
+    NotFoundError, StoredFileError, UnavailableError
+        The job or one of its files is gone or damaged, or the store or the record does not answer.
+    """
+    kind = next(kind for kind in kind_of(job.kind).artifacts if kind.name == name)
+    _require(app, name)
+    result = next(artifact for artifact in job.artifacts if artifact.name == _RESULT)
+    with app.workspace.temporary_folder() as folder:
+        source, shape, target = folder / "source", folder / "result", folder / "target"
+        app.store.fetch(job.source.key, source, sha256=job.source.sha256)
+        app.store.fetch(result.key, shape, sha256=result.sha256)
+        request = job.request
+        given = DerivedInput(source, shape, job.source.filename, request.output, request.params.exclude)
+        derive(name, given, target, Limits.from_settings(app.settings))
+        app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
+        return _added(app, job, kind, target)
+
+
+def _require(app: AppState, name: str) -> None:
+    if name == "result.usdz" and app.settings.usd == "off":
+        raise DependencyError(
+            "This deployment does not write USDZ.", advice="Its operator can allow it with MESHDEFORM_USD."
+        )
+    require_package(name)
+
+
+def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path) -> Artifact:
+    """Store a file and record it as an artifact; remove it if the job has one of that name, or is gone."""
+    key = f"jobs/{job.id}/made/{secrets.token_hex(8)}-{kind.name}"  # removed with the job
+    stored = app.store.put_verified(key, file, kind.media_type)
+    new = Artifact(
+        name=kind.name,
+        content_type=kind.media_type,
+        size=stored.size,
+        sha256=stored.sha256,
+        key=key,
+        created_at=datetime.now(UTC),
+    )
+    recorded = None
+    try:
+        recorded = app.record.add_artifact(job.id, new, job.owner_id)
+    finally:
+        if recorded != new:
+            with contextlib.suppress(MeshdeformError):
+                app.store.delete(key)
+    return recorded

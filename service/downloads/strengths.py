@@ -1,0 +1,123 @@
+"""Make other strengths of a result, each once, and keep the latest of them beside the job's artifacts."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING
+
+from anyio import CapacityLimiter, to_thread
+
+from meshdeform.errors import NotFoundError, ParameterError
+from meshdeform.record.models import Artifact, Job
+from meshdeform.runs import kind_of
+from meshdeform.runs.strength_process import apply_strength
+from meshdeform.storage import StoredObject
+from service.http.slots import FairSlots
+
+if TYPE_CHECKING:
+    from service.state import AppState
+
+__all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths"]
+
+MAX_STRENGTH, STRENGTH_STEP = 1.5, 0.01
+_AT_ONCE, _PER_OWNER, _WAIT_S = 2, 1, 120.0
+_TIMEOUT_S = 120.0
+_KEPT_PER_JOB = 16
+_REMEMBERED = 512
+
+
+class Strengths:
+    """The strengths that this process has made or found in the store."""
+
+    def __init__(self) -> None:
+        self._slots = FairSlots(_AT_ONCE, _PER_OWNER, wait_s=_WAIT_S, purpose="strengths are being applied")
+        self._threads: CapacityLimiter | None = None
+        self._known: OrderedDict[str, StoredObject] = OrderedDict()
+        self._lock = Lock()
+
+    async def get(self, app: AppState, job: Job, artifact: Artifact, strength: float) -> tuple[str, StoredObject]:
+        """Return the key, size and SHA-256 of an artifact at another strength, after making it if necessary.
+
+        Raises
+        ------
+        ParameterError
+            The artifact has only one strength.
+        DependencyError, UnavailableError
+            This server cannot make it, or cannot make it now.
+        """
+        kinds = {kind.name: kind for kind in kind_of(job.kind).artifacts}
+        if artifact.name not in kinds or not kinds[artifact.name].strengths:
+            having = [name for name, kind in kinds.items() if kind.strengths]
+            detail = f"{artifact.name} has only one strength."
+            advice = f"Ask for another strength of {', '.join(having)}." if having else "Omit the strength."
+            raise ParameterError(
+                detail, advice=advice, errors=[{"loc": ["query", "strength"], "msg": detail, "type": "value_error"}]
+            )
+        self._threads = self._threads or CapacityLimiter(_AT_ONCE)
+        key = f"{_prefix(job)}{artifact.sha256[:16]}-{round(100 * strength):03d}.glb"
+        if (known := await to_thread.run_sync(self._find, app, key)) is not None:
+            return key, known
+        async with self._slots.slot(job.owner_id):
+            made = await to_thread.run_sync(self._make, app, job, artifact, strength, key, limiter=self._threads)
+        return key, made
+
+    def _find(self, app: AppState, key: str) -> StoredObject | None:
+        """Return the size and SHA-256 of a stored object; None if there is none."""
+        with self._lock:
+            known = self._known.get(key)
+        if known is not None and app.store.exists(key):
+            return known
+        try:
+            found = app.store.measure(key)
+        except NotFoundError:
+            return None
+        self._remember(key, found)
+        return found
+
+    def _make(self, app: AppState, job: Job, artifact: Artifact, strength: float, key: str) -> StoredObject:
+        if (known := self._find(app, key)) is not None:  # another request has made it meanwhile
+            return known
+        with app.workspace.temporary_folder() as folder:
+            source, result, output = (folder / name for name in ("source", "result", "output"))
+            app.store.fetch(job.source.key, source, sha256=job.source.sha256)
+            app.store.fetch(artifact.key, result, sha256=artifact.sha256)
+            apply_strength(
+                source,
+                result,
+                output,
+                strength,
+                filename=job.source.filename,
+                exclude=getattr(job.request.params, "exclude", ()),
+                compact=job.request.output.compact,
+                limits=app.assets.limits,
+                timeout_s=_TIMEOUT_S,
+            )
+            made = self._keep(app, job, artifact, output, key)
+        self._remember(key, made)
+        return made
+
+    def _keep(self, app: AppState, job: Job, artifact: Artifact, made: Path, key: str) -> StoredObject:
+        others = [other for other, _ in app.store.list(_prefix(job)) if other != key]
+        for other in others[: max(0, len(others) + 1 - _KEPT_PER_JOB)]:
+            app.store.delete(other)
+        stored = app.store.put_verified(key, made, artifact.content_type)
+        try:
+            app.record.get(job.id)
+        except NotFoundError:  # deleted meanwhile, with its other objects
+            app.store.delete(key)
+            raise
+        return stored
+
+    def _remember(self, key: str, found: StoredObject) -> None:
+        with self._lock:
+            self._known[key] = found
+            self._known.move_to_end(key)
+            if len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+
+
+def _prefix(job: Job) -> str:
+    """Return where a job's strengths are stored: deleting the job removes them with its other objects."""
+    return f"jobs/{job.id}/strengths/"

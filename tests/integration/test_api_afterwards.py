@@ -1,0 +1,147 @@
+"""Artifacts that a job was not asked for are made of its files later on."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.assets import Asset, build_glb, load_asset
+from meshdeform.cli.app import app
+from meshdeform.client import AsyncClient, Client
+from meshdeform.errors import NotFoundError
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
+from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.morph import MorphPath
+from meshdeform.runs import derive
+from meshdeform.runs.strength import AssetPath, write_morph
+from tests.cases import each_case
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import check_document, check_problem
+
+ORIGIN = {"prompt": "a tall ball", "seed": 7}
+STRETCH = [1.0, 3.0, 1.0]
+
+
+def source() -> Asset:
+    mesh = icosphere(1)
+    return load_asset(build_glb(mesh.verts.numpy(), mesh.faces.numpy(), material="clay"), "ball.glb")
+
+
+def finished(api: Api, result: bytes, **output: bool) -> str:
+    """A job that has succeeded with a result."""
+    asset = source().to_bytes()
+    kept = api.store.put(f"assets/{new_job(api.record).id}", asset)
+    file = StoredFile(key=f"assets/{kept.sha256}", filename="ball.glb", size=kept.size, sha256=kept.sha256)
+    api.store.put(file.key, asset)
+    job = api.record.create(NewJob(JobRequest.model_validate({"prompt": "x", "output": output}), {"asset": file}))
+    assert api.record.leases.claim(job.id, "worker", 60.0)
+    key = f"jobs/{job.id}/1/result.glb"
+    stored = api.store.put(key, result)
+    made = Artifact(
+        name="result.glb", content_type="model/gltf-binary", size=stored.size, sha256=stored.sha256, key=key,
+        created_at=datetime.now(UTC),
+    )  # fmt: skip
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    return job.id
+
+
+@pytest.fixture
+def stretched() -> bytes:
+    asset = source()
+    return asset.replace(asset.surface.positions * STRETCH, asset.surface.normals, provenance=ORIGIN)
+
+
+def test_a_morph_is_made_once_and_is_that_of_a_run(
+    api: Api, stretched: bytes, openapi: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job_id = finished(api, stretched, provenance=True, compact=True)
+    url, version = f"/v1/jobs/{job_id}/artifacts/morph.glb", api.http.get(f"/v1/jobs/{job_id}").headers["etag"]
+    problem = check_problem(api.http.get(url), 404, "not_found")
+    assert f"POST {url}" in problem["advice"]
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: api.http.post(url), range(2))
+    assert (first.status_code, first.json()) == (200, second.json())
+    check_document(first.json(), "ArtifactView", openapi)
+    assert api.http.get(f"/v1/jobs/{job_id}").headers["etag"] != version
+    names = {each["name"] for each in api.http.get(f"/v1/jobs/{job_id}").json()["artifacts"]}
+    assert names == {"result.glb", "morph.glb"}
+    objects = [key for key, _ in api.store.list(f"jobs/{job_id}/")]
+    assert len(objects) == 2, objects
+    assert sum(api.store.size(key) for key in objects) == _stored_bytes(api, job_id)
+
+    answer = api.http.get(url)
+    assert answer.headers["etag"] == f'"{first.json()["sha256"]}"'
+    assert answer.headers["content-disposition"] == 'attachment; filename="ball-x-seed0.morph.glb"'
+    assert api.http.get(url, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+    asset = source()
+    path = AssetPath(asset, load_asset(stretched).surface.positions)
+    assert answer.content == write_morph(asset, path, path.at(1), MorphPath(), compact=True, provenance=ORIGIN)
+    document = json.loads(answer.content[20 : 20 + int.from_bytes(answer.content[12:16], "little")])
+    assert [animation["name"] for animation in document["animations"]] == ["deform"]
+    np.testing.assert_allclose(load_asset(answer.content).surface.positions, asset.surface.positions)
+    # It is there now: nothing is made any more.
+    monkeypatch.setattr(derive, "run_child", None)
+    assert api.http.post(url).json() == first.json()
+
+
+def _stored_bytes(api: Api, job_id: str) -> int:
+    return sum(artifact.size for artifact in api.record.artifacts(job_id))
+
+
+def test_clients_and_the_command_line_make_what_is_missing(api: Api, stretched: bytes, tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="needs usd-core (the extra usd)")
+    job_id = finished(api, stretched)
+    with Client(api.url) as client:
+        (path,) = client.fetch(job_id, tmp_path, ["result.usdz"])
+        assert zipfile.ZipFile(io.BytesIO(path.read_bytes())).namelist() == ["result.usdc"]
+        with pytest.raises(NotFoundError, match="has no artifact"):
+            client.make(job_id, "other.glb")
+    assert asyncio.run(_made(api.url, job_id)) == "morph.glb"
+    again = finished(api, stretched)
+    command = ["fetch", again, "-o", str(tmp_path / "cli"), "--name", "morph.glb", "--url", api.url]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "cli" / "morph.glb").read_bytes()[:4] == b"glTF"
+
+
+async def _made(url: str, job_id: str) -> str:
+    async with AsyncClient(url) as client:
+        return (await client.make(job_id, "morph.glb")).name
+
+
+def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    waiting = new_job(api.record).id
+    check_problem(api.http.post(f"/v1/jobs/{waiting}/artifacts/morph.glb"), 409, "job_not_finished")
+    check_problem(api.http.post("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6/artifacts/morph.glb"), 404, "not_found")
+    job_id = finished(api, stretched)
+    check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/preview.png"), 404, "not_found")
+    mesh = icosphere(2)
+    other = finished(api, build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    problem = check_problem(api.http.post(f"/v1/jobs/{other}/artifacts/morph.glb"), 422, "asset_unsupported")
+    assert "other triangles" in problem["detail"]
+    monkeypatch.setattr(derive, "find_spec", lambda _name: None)
+    problem = check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/result.usdz"), 500, "dependency_missing")
+    assert "meshdeform[usd]" in problem["advice"]
+    assert [artifact.name for artifact in api.record.artifacts(job_id)] == ["result.glb"]
+
+
+@each_case("arguments", [{"max_check_s": 0.01}, {"max_memory_bytes": 2**24 - 8 * 2**30}])
+def test_a_child_that_exceeds_its_limits_is_an_error(arguments: dict[str, Any], tmp_path: Path) -> None:
+    paths = tmp_path / "source", tmp_path / "result", tmp_path / "target"
+    for path in paths[:2]:
+        path.write_bytes(source().to_bytes())
+    given = derive.DerivedInput(paths[0], paths[1], "ball.glb", OutputOptions())
+    with pytest.raises(derive.AssetTooLargeError, match="could not be made"):
+        derive.derive("morph.glb", given, paths[2], derive.Limits(**arguments))
+    assert not paths[2].exists()

@@ -1,0 +1,108 @@
+"""`result.glb?strength=`: made by a real child process, stored once, validated, and read by both clients."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from meshdeform.assets import load_asset
+from meshdeform.client import AsyncClient, Client
+from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
+from meshdeform.requests.document import JobRequest
+from service.downloads import strengths
+from tests.integration.conftest import Api
+from tests.integration.http_calls import check_problem
+
+REPORT = b"{}"
+
+
+@pytest.fixture
+def job_id(api: Api, sphere: bytes) -> str:
+    """A finished job that has made an ellipsoid of the sphere."""
+    digest = hashlib.sha256(sphere).hexdigest()
+    api.store.put(f"assets/{digest}", sphere)
+    file = StoredFile(key=f"assets/{digest}", filename="sphere.glb", size=len(sphere), sha256=digest)
+    job = api.record.create(NewJob(JobRequest(prompt="an egg"), {"asset": file}))
+    assert api.record.leases.claim(job.id, "worker", 60.0)
+    source = load_asset(sphere)
+    made = {"result.glb": source.replace(source.surface.positions * [1.0, 2.0, 1.0]), "report.json": REPORT}
+    results = []
+    for name, data in made.items():
+        stored = api.store.put(f"jobs/{job.id}/1/{name}", data)
+        kind = "model/gltf-binary" if name.endswith("glb") else "application/json"
+        key, now = f"jobs/{job.id}/1/{name}", datetime.now(UTC)
+        results.append(
+            Artifact(name=name, content_type=kind, size=stored.size, sha256=stored.sha256, key=key, created_at=now)
+        )
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=results)
+    return job.id
+
+
+def positions(data: bytes) -> NDArray[np.float64]:
+    return load_asset(data).surface.positions
+
+
+def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
+    api: Api, job_id: str, sphere: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = f"/v1/jobs/{job_id}/artifacts/result.glb"
+    half = api.http.get(url, params={"strength": 0.5})
+    assert half.status_code == 200, half.text
+    np.testing.assert_allclose(positions(half.content), positions(sphere) * [1.0, 1.5, 1.0], atol=0.02)
+    assert half.headers["content-disposition"] == 'attachment; filename="sphere-an-egg-seed0-strength50.glb"'
+    assert half.headers["etag"] == f'"{hashlib.sha256(half.content).hexdigest()}"'
+    monkeypatch.setattr(strengths, "apply_strength", None)  # from here on nothing is made
+    again = {"If-None-Match": half.headers["etag"]}
+    assert api.http.get(url, params={"strength": 0.5}, headers=again).status_code == 304
+    part = api.http.get(url, params={"strength": 0.5}, headers={"Range": "bytes=100-199"})
+    assert (part.status_code, part.content) == (206, half.content[100:200])
+    assert api.http.get(url, params={"strength": 1}).content == api.http.get(url).content
+    with Client(api.url) as client:
+        assert client.read(job_id, "result.glb", strength=0.5) == half.content
+    # Deleting the job removes them, too.
+    assert len(list(api.store.list(f"jobs/{job_id}/strengths/"))) == 1
+    assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
+    assert not list(api.store.list(f"jobs/{job_id}/"))
+
+
+def test_the_ends_and_the_clients(api: Api, job_id: str, sphere: bytes, tmp_path: Path) -> None:
+    async def read() -> bytes:
+        async with AsyncClient(api.url) as client:
+            await client.download(job_id, "result.glb", tmp_path / "more.glb", strength=1.5)
+            return await client.read(job_id, "result.glb", strength=0)
+
+    assert positions(asyncio.run(read())).tobytes() == positions(sphere).tobytes()
+    more = positions((tmp_path / "more.glb").read_bytes())
+    np.testing.assert_allclose(more, positions(sphere) * [1.0, 2.5, 1.0], atol=0.05)
+
+
+def test_only_a_few_strengths_of_a_job_are_kept(api: Api, job_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fake(_source: Path, _result: Path, output: Path, strength: float, **_more: Any) -> None:
+        output.write_bytes(f"{strength}".encode())
+
+    monkeypatch.setattr(strengths, "apply_strength", fake)
+    monkeypatch.setattr(strengths, "_KEPT_PER_JOB", 2)
+    for strength in ("0.1", "0.2", "0.3", "0.1"):
+        answer = api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb", params={"strength": strength})
+        assert (answer.status_code, answer.text) == (200, strength)
+    assert len(list(api.store.list(f"jobs/{job_id}/strengths/"))) == 2
+
+
+def test_what_cannot_be_is_refused(api: Api, job_id: str) -> None:
+    url = f"/v1/jobs/{job_id}/artifacts"
+    for value in ("1.51", "-0.01", "0.123", "half", "nan"):
+        check_problem(api.http.get(f"{url}/result.glb?strength={value}"), 422, "parameter_invalid")
+    problem = check_problem(api.http.get(f"{url}/report.json?strength=0.5"), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == ["query", "strength"]
+    assert "result.glb" in problem["advice"]
+    check_problem(api.http.get(f"{url}/other.glb?strength=0.5"), 404, "not_found")
+    # A signature covers the query: a signed URL of the result opens no other strength.
+    signed = api.http.post(f"{url}/result.glb/url").json()["url"]
+    check_problem(api.http.get(f"{signed}&strength=0.5"), 403, "forbidden")
