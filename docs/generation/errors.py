@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from docs.generation.between import renewed
+from meshdeform import errors
 from meshdeform.errors import MeshdeformError
 
-SOURCE = "meshdeform/errors.py"
+SOURCE = "meshdeform/errors/"
 
 
 def page(text: str) -> str:
@@ -23,10 +24,10 @@ def table() -> str:
 
 
 def _below(kind: type[MeshdeformError]) -> set[type[MeshdeformError]]:
-    """Return the class and all its subclasses that the errors module defines."""
+    """Return the class and all its subclasses that the package of errors defines."""
     found = {kind}
     for child in kind.__subclasses__():
-        if child.__module__ == MeshdeformError.__module__:
+        if child.__module__.startswith(f"{errors.__name__}."):
             found |= _below(child)
     return found
 

@@ -8,9 +8,11 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from meshdeform.requests.control import Handle, LengthLimits, LengthRange, Region
 from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
 from meshdeform.requests.parameters import FROM_PRESET
 from meshdeform.requests.rigid import RigidSelector
+from meshdeform.requests.selection import Box, Capsule, ColorRange, JointWeight, Selection, Sphere
 
 FAMILIES = {
     "builtin": {"guidance": GuidanceKind.SDS, "model": "builtin"},
@@ -29,7 +31,7 @@ _BOUNDS = {
 }
 # Parameters without a meaning for a target mesh.
 _OF_SDS = (
-    *("guidance_scale", "guidance_rescale"),
+    *("appearance", "guidance_scale", "guidance_rescale"),
     *("timestep_min", "timestep_max", "timestep_max_end"),
 )
 
@@ -55,6 +57,13 @@ guidance scale.
 """
 
 
+SELECTION = """\
+The members of an entry of `params.rigid` or `params.regions` that say where; exactly one is set. Coordinates are those
+of the file in world space, with +Y up, as `meshdeform inspect` lists them. A triangle is within a shape if all its
+corners are.
+"""
+
+
 def wrapped(text: str) -> str:
     """Wrap a text to lines of at most 118 characters."""
     return textwrap.fill(text, 118, break_on_hyphens=False, break_long_words=False)
@@ -68,7 +77,11 @@ def bounds(schema: dict[str, Any]) -> str:
 
 def default(field: FieldInfo) -> str:
     """Return a field's default in words."""
+    if field.is_required():
+        return "none, it is required"
     value: Any = field.get_default(call_default_factory=True) if field.default_factory is None else None
+    if isinstance(value, BaseModel):
+        return f"`{value.model_dump_json()}`"
     if value is None or value == ():
         return "none" if field.default_factory is None else "empty"
     return "empty" if value == "" else f"`{str(value).lower() if isinstance(value, bool) else value}`"
@@ -123,9 +136,26 @@ def page() -> str:
             section(JobRequest, prefix="", without=("params", "output")),
             "## params\n",
             section(DeformParams, prefix="params."),
+            "## A selection\n",
+            SELECTION,
+            section(Selection, prefix=""),
+            section(JointWeight, prefix="joint."),
+            section(ColorRange, prefix="color."),
+            section(Box, prefix="box."),
+            section(Sphere, prefix="sphere."),
+            section(Capsule, prefix="capsule."),
             "## A rigid part\n",
-            "The members of an entry of `params.rigid`; exactly one of `node`, `material` and `component` is set.\n",
-            section(RigidSelector, prefix="params.rigid[]."),
+            "The other members of an entry of `params.rigid`.\n",
+            section(RigidSelector, prefix="params.rigid[].", without=tuple(Selection.model_fields)),
+            "## A region\n",
+            "The other member of an entry of `params.regions`.\n",
+            section(Region, prefix="params.regions[].", without=tuple(Selection.model_fields)),
+            "## A handle\n",
+            section(Handle, prefix="params.handles[]."),
+            "## Limits on lengths\n",
+            "The members of `params.length`: each is `keep`, or an object with `min`, `max` or both.\n",
+            section(LengthLimits, prefix="params.length."),
+            section(LengthRange, prefix="params.length.x."),
             "## output\n",
             section(OutputOptions, prefix="output."),
         ]
