@@ -43,7 +43,15 @@ SHARING = {
         "tests/toolchain/test_blender_client.py",
         "tests/toolchain/test_recipes.py",
     ),
-    "the browser": ("tests/browser/",),
+    "the page": ("tests/browser/test_",),
+    "the S3 server": (
+        "tests/acceptance/test_storage_faults.py",
+        "tests/acceptance/test_worker_outages.py",
+        "tests/integration/test_api_uploads.py",
+        "tests/integration/test_doctor_servers.py",
+        "tests/integration/test_downloads.py",
+        "tests/integration/test_s3.py",
+    ),
 }
 """Files that one worker runs, because they share what takes seconds to start. They come first, as they take longest."""
 
@@ -171,26 +179,36 @@ def postgres_url(postgres_port: int, request: pytest.FixtureRequest) -> Iterator
 def service(server_folder: Path) -> Iterator[Service]:
     """A `meshdeform serve` with a real worker that many files share, because it takes seconds to start.
 
-    A test looks only at jobs of its own. Webhooks on loopback are allowed.
+    A test looks only at jobs of its own. Webhooks on loopback are allowed. Leases are long: a busy machine may be slow
+    to renew one.
     """
-    with serving(server_folder / "service", MESHDEFORM_WEBHOOK_NETWORKS='["127.0.0.0/8"]') as service:
+    settings = {"MESHDEFORM_WEBHOOK_NETWORKS": '["127.0.0.0/8"]', "MESHDEFORM_LEASE_S": "60"}
+    with serving(server_folder / "service", **settings) as service:
         yield service
 
 
 @pytest.fixture(scope="session")
-def validate_glb(repository: Path) -> Callable[[bytes], dict[str, Any]]:
+def validate_glb(repository: Path) -> Iterator[Callable[[bytes], dict[str, Any]]]:
     """The Khronos glTF validator: GLB bytes to its report, `report["issues"]["messages"]` and the rest."""
     node, script = shutil.which("node"), repository / "tests/node/validate.cjs"
     if node is None:
         pytest.skip("Node.js is not installed (apt install nodejs npm, then scripts/test)")
     if not (script.parent / "node_modules/gltf-validator").is_dir():
         pytest.skip("the glTF validator is not installed (npm install --prefix tests/node)")
+    # One process for all files: starting it takes more than a hundred times as long as a file.
+    with subprocess.Popen([node, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        requests, reports = process.stdin, process.stdout
+        assert requests is not None
+        assert reports is not None
 
-    def validate(glb: bytes) -> dict[str, Any]:
-        done = subprocess.run([node, str(script)], input=glb, capture_output=True, check=True, timeout=120)
-        return dict(json.loads(done.stdout))
+        def validate(glb: bytes) -> dict[str, Any]:
+            requests.write(len(glb).to_bytes(4, "little") + glb)
+            requests.flush()
+            report = dict(json.loads(reports.readline()))
+            assert "failed" not in report, report
+            return report
 
-    return validate
+        yield validate
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

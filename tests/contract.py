@@ -17,6 +17,8 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
+import httpx
+
 import service.http.auth
 from meshdeform.errors import MeshdeformError
 from meshdeform.record.models import Artifact, Job, JobState
@@ -97,9 +99,11 @@ def run(
     url: str, key: str, *, examples: int, chains: int = 60, phases: str = PHASES
 ) -> subprocess.CompletedProcess[str]:
     """Run Schemathesis with every check and so many chains of requests; the same requests each time."""
+    # Fetched here, because Schemathesis waits ten seconds at most, whatever the machine is busy with.
+    description = httpx.get(f"{url}/openapi.json", timeout=120).raise_for_status()
     command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
-    command += ["--no-color", "run", f"{url}/openapi.json"]
-    command += ["--checks", "all", "--phases", phases, "--max-examples", str(examples), "--request-timeout", "20"]
+    command += ["--no-color", "run", "openapi.json", "--url", url]
+    command += ["--checks", "all", "--phases", phases, "--max-examples", str(examples), "--request-timeout", "120"]
     command += ["--generation-deterministic", "--continue-on-failure", "--suppress-health-check", "all"]
     environment = {
         **os.environ,
@@ -110,6 +114,7 @@ def run(
     settings = (ROOT / "tests/schemathesis.toml").read_text().replace("${CHAINS}", str(chains))
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "schemathesis.toml").write_text(settings)
+        (Path(folder) / "openapi.json").write_bytes(description.content)
         return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 

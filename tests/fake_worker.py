@@ -10,11 +10,13 @@ from __future__ import annotations
 import os
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import NumericalError
 from meshdeform.runs.base import RunInput
+from meshdeform.serving import processes
 from meshdeform.settings import Settings
 from tests.fake_kind import FakeKind, OutOfMemoryError
 from worker.__main__ import main as supervise
@@ -64,6 +66,8 @@ def engine(settings: Settings) -> Engine:
 
 if __name__ == "__main__":
     if "--supervised" in sys.argv[1:]:
+        # Workers are killed on purpose here, and nothing is learned from waiting between two of them.
+        processes.Backoff = partial(processes.Backoff, 0.05, 0.05)  # type: ignore[assignment, misc]
         supervise("tests.fake_worker")
     else:
         sys.exit(work(engine))

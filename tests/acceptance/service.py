@@ -25,10 +25,12 @@ TERMINAL = {"succeeded", "failed", "canceled", "expired"}
 
 def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADLINE_S) -> T:
     """Return the first true value, or fail saying what did not happen."""
-    deadline = time.monotonic() + deadline_s
+    deadline, pause_s = time.monotonic() + deadline_s, 0.02
     while not (result := value()):
         assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
-        time.sleep(0.05)
+        time.sleep(pause_s)
+        # A request or a picture of the page each time: what is waited for needs the processor more.
+        pause_s = min(1.5 * pause_s, 0.25)
     return result
 
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # WebGL by software: the machines that test have no GPU. Without the sandbox, which root may not use.
 CHROMIUM_ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-gpu-sandbox"]
+# Only WebGL: the page itself is drawn without a GPU, in a third of the time. Debian's Chromium asks for one by itself.
+CHROMIUM_ARGUMENTS += ["--disable-gpu-rasterization", "--disable-gpu-compositing"]
 DEADLINE_MS = 60_000
 _VIOLATIONS = """
 window.__violations = [];
@@ -134,7 +136,9 @@ def watched(
     browser: Browser, base_url: str, request: pytest.FixtureRequest, folder: Path, **options: Any
 ) -> Iterator[tuple[Page, Watch]]:
     """A page in a profile of its own, which fails the test for whatever it does wrong."""
-    context = browser.new_context(base_url=base_url, **{"viewport": {"width": 1280, "height": 800}, **options})
+    # Without motion: drawing the bar of a waiting job again and again would take the processor from its worker.
+    usual = {"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce"}
+    context = browser.new_context(base_url=base_url, **{**usual, **options})
     context.set_default_timeout(DEADLINE_MS)
     watch = Watch(base_url)
     watch.attach(context)

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
+from PIL import Image
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
 from meshdeform.record.database import Database  # noqa: E402
 from meshdeform.record.keys import KeyRing  # noqa: E402
+from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
-from tests.acceptance.service import Service, serving  # noqa: E402
+from tests.acceptance.service import Service  # noqa: E402
 from tests.browser.conftest import watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
+from tests.fake_kind import FakeKind  # noqa: E402
+from tests.integration.conftest import serving  # noqa: E402
+from tests.worker_world import working  # noqa: E402
 
 Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
@@ -74,21 +81,33 @@ def views(page: Page, finished: str) -> Iterator[str]:
     yield "group"
 
 
+class PicturedKind(FakeKind):
+    """A fake kind whose results have a picture, which the list of jobs shows."""
+
+    def start(self, given: RunInput) -> Any:
+        """Start a run."""
+        run = super().start(given)
+        result, picture = run.finish, io.BytesIO()
+        Image.new("RGB", (8, 8)).save(picture, "PNG")
+        run.finish = lambda: {**result(), "preview.png": ArtifactData(picture.getvalue(), "image/png")}  # type: ignore[method-assign]
+        return run
+
+
 @pytest.mark.without_3d
 def test_a_server_that_wants_a_key_is_given_one(
-    browser: Browser, request: pytest.FixtureRequest, server_folder: Path, small_sphere: Path, tmp_path: Path
+    browser: Browser, request: pytest.FixtureRequest, redis_url: str, small_sphere: Path, tmp_path: Path
 ) -> None:
-    folder = server_folder / f"keys-{tmp_path.name}"
-    database = Database(Settings(data_dir=folder).resolved_database_url)
+    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue=f"test-{tmp_path.name}", auth="on")
+    database = Database(settings.resolved_database_url)
     try:
         key = KeyRing(database).create("browser")[1]
     finally:
         database.close()
     with (
-        serving(folder, MESHDEFORM_AUTH="on") as guarded,
-        watched(browser, str(guarded.http.base_url).rstrip("/"), request, tmp_path) as (page, watch),
+        serving(settings) as home,
+        working(settings, PicturedKind().start),
+        watched(browser, home, request, tmp_path) as (page, watch),
     ):
-        guarded.http.headers["Authorization"] = f"Bearer {key}"
         watch.allow(r"status of 401 ")
         page.goto("/")
         dialog = page.get_by_role("dialog", name="API key")
@@ -109,7 +128,8 @@ def test_a_server_that_wants_a_key_is_given_one(
         with page.expect_download() as download:
             page.get_by_role("button", name="Download result.glb").click()
         download.value.save_as(tmp_path / "result.glb")
-        assert (tmp_path / "result.glb").read_bytes() == guarded.artifact(job_id, "result.glb")
+        stored = httpx.get(f"{home}/v1/jobs/{job_id}/artifacts/result.glb", headers={"Authorization": f"Bearer {key}"})
+        assert (tmp_path / "result.glb").read_bytes() == stored.raise_for_status().content
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()

@@ -8,7 +8,10 @@ import re
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -56,15 +59,15 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     assert service.job(job_id)["state"] == "succeeded"
 
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
-    expect(page.get_by_label("Morph")).to_be_visible()
+    expect(page.get_by_label("Morph", exact=True)).to_be_visible()
     expect(after.locator(".viewer-tag")).to_have_text("After")  # the result, no step on the way
     until_drawn(before)
     deformed = until_drawn(after)
     assert difference(picture(before), deformed) > 0.02
-    page.get_by_label("Morph").fill("0")
+    page.get_by_label("Morph", exact=True).fill("0")
     # But for the ground, which lies below the lower of both shapes: the upper half is compared.
     until("both sides are alike", lambda: difference(upper_half(before), upper_half(after)) < 0.002, deadline_s=60)
-    page.get_by_label("Morph").fill("100")
+    page.get_by_label("Morph", exact=True).fill("100")
     until("the deformation is back", lambda: difference(deformed, picture(after)) < 0.002)
 
     page.get_by_text("Displacement", exact=True).click()
@@ -86,7 +89,27 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     download.value.save_as(tmp_path / "sphere.obj")
     assert (tmp_path / "sphere.obj").read_bytes() == small_sphere.read_bytes()
     assert (tmp_path / "result.glb").read_bytes()[:4] == b"glTF"
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save turntable").click()
+    download.value.save_as(tmp_path / "turntable.webp")
+    assert download.value.suggested_filename == f"{stem}-turntable.webp"
+    with Image.open(tmp_path / "turntable.webp") as turntable:
+        assert (turntable.n_frames, turntable.size) == (36, (420, 420))
+        frames = [_pixels(turntable, frame) for frame in (0, 1, 18)]
+    assert all(frame.std() > 5 for frame in frames)
+    assert difference(frames[0], frames[2]) > difference(frames[0], frames[1])
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Make and download morph.glb").click()
+    download.value.save_as(tmp_path / "morph.glb")
+    assert download.value.suggested_filename == f"{stem}-animated.glb"
+    assert (tmp_path / "morph.glb").read_bytes() == service.artifact(job_id, "morph.glb")
     assert json.loads((tmp_path / "report.json").read_text())["params"]["steps"] == 12
+
+
+def _pixels(picture: Image.Image, frame: int) -> NDArray[np.int16]:
+    """A frame of an animated picture."""
+    picture.seek(frame)
+    return np.asarray(picture.convert("RGB"), dtype=np.int16)
 
 
 def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) -> None:
@@ -180,6 +203,7 @@ def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Servic
         assert better["asset"]["sha256"] == service.job(job_id)["asset"]["sha256"]
 
 
+@pytest.mark.without_3d
 def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service, small_sphere: Path) -> None:
     params = {"preset": "preview", "steps": 2}
     other = small_sphere.with_name("crate.obj")
@@ -193,9 +217,18 @@ def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service,
     page.goto("/#/jobs")
     search, shown = page.get_by_label("Search jobs"), page.locator(".card:visible")
     expect(page.get_by_role("link", name="a bell")).to_be_visible()
-    search.fill("turtle crate")
+    search.fill("TURTLE crate")
     expect(shown).to_have_count(1)
     expect(shown).to_contain_text("crate.obj")
+    expect(page.get_by_role("paragraph").filter(has_text="1 job found.")).to_be_visible()
+    # Back from the job, the search is still there.
+    shown.get_by_role("link").click()
+    expect(badge(page)).to_be_visible()
+    page.go_back()
+    expect(search).to_have_value("TURTLE crate")
+    expect(shown).to_have_count(1)
+    search.fill("no such job")
+    expect(page.get_by_role("paragraph").filter(has_text="0 jobs found.")).to_be_visible()
     search.fill("crate")
     expect(shown).to_have_count(2)
     page.get_by_role("button", name="Select", exact=True).click()
@@ -221,6 +254,7 @@ def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service,
     assert [service.http.get(f"/v1/jobs/{job}").status_code for job in jobs] == [200, 404, 404]
 
 
+@pytest.mark.without_3d
 def test_variations_are_compared_on_one_sheet(page: Page, service: Service, small_sphere: Path) -> None:
     open_form(page)
     choose(page, small_sphere)

@@ -55,9 +55,9 @@ def test_a_file_of_another_format_is_refused_by_its_name(page: Page, watch: Watc
     open_form(page)
     alert = page.get_by_label("Asset", exact=True).get_by_role("alert")
     page.set_input_files("#asset-file", text)
-    expect(alert).to_contain_text("notes.txt isn't supported. Use GLB, OBJ, PLY or STL.")
+    expect(alert).to_contain_text("notes.txt isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP")
     page.set_input_files("#asset-file", gltf)
-    expect(alert).to_contain_text("Export it as a single .glb.")
+    expect(alert).to_contain_text("Export it as a single .glb, or pack it and its files into a ZIP.")
     assert watch.posted() == []
 
 

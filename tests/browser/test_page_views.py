@@ -61,7 +61,7 @@ def test_a_shape_on_the_way_is_downloaded_continued_and_retried(
     # What is on the screen is what is saved, under a name that says so; also half the way.
     mesh = service.http.get(f"/v1/jobs/{first}/checkpoints/{steps[0]}/mesh.glb").content
     for share, name in ((100, f"step{steps[0]}"), (50, f"step{steps[0]}-morph50")):
-        page.get_by_label("Morph").fill(str(share))
+        page.get_by_label("Morph", exact=True).fill(str(share))
         with page.expect_download() as download:
             page.get_by_role("button", name="Download this shape").click()
         download.value.save_as(tmp_path / f"{share}.glb")
@@ -92,7 +92,7 @@ def test_a_shape_on_the_way_is_downloaded_continued_and_retried(
     page.keyboard.press("Escape")
 
     # A retry shows the shape that it starts from, not the source.
-    page.get_by_label("Morph").fill("100")
+    page.get_by_label("Morph", exact=True).fill("100")
     with service.held_jobs():
         page.get_by_role("button", name="Retry").click()
         page.wait_for_url(lambda url: first not in url)
@@ -132,3 +132,23 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
     expect(page.locator(".waiting")).to_be_hidden()
     until("the result differs", lambda: difference(picture(page.locator(".viewer").nth(0)), picture(after)) > 0.005)
     assert len(asked) == 3
+
+
+def test_the_way_to_a_result_is_bent_exaggerated_and_downloaded(
+    page: Page, service: Service, small_sphere: Path, tmp_path: Path
+) -> None:
+    done = service.submit(small_sphere, {"prompt": "a fat penguin", "params": {"preset": "preview", "steps": 6}})
+    assert service.finished(done)["state"] == "succeeded"
+    page.goto(f"/#/jobs/{done}")
+    after = page.locator(".viewer").nth(1)
+    expect(after.locator(".viewer-tag")).to_have_text("After")
+    until_drawn(after)
+    for share in (60, 130):
+        page.get_by_label("Morph", exact=True).fill(str(share))
+        expect(after.locator(".viewer-tag")).to_have_text(f"After · strength {share}%")
+        with page.expect_download(timeout=240_000) as download:  # a process that imports torch, several times
+            page.get_by_role("button", name="Download this shape").click()
+        download.value.save_as(tmp_path / f"{share}.glb")
+        assert download.value.suggested_filename == f"sphere-a-fat-penguin-seed0-strength{share}.glb"
+        made = service.http.get(f"/v1/jobs/{done}/artifacts/result.glb", params={"strength": share / 100})
+        assert (tmp_path / f"{share}.glb").read_bytes() == made.content

@@ -44,6 +44,7 @@ def test_the_published_numbers() -> None:
         "dirichlet_weight": 0.0,
         "safeguard": "none",
         "orientation": "keep",
+        "appearance": "clay",
     }
     assert {name: getattr(PAPER, name) for name in published} == published
 

@@ -9,6 +9,7 @@ import {
   doubleAreas,
   stretch,
   summarize,
+  textureStretch,
 } from "../../service/web/viewer/measures.js";
 import { tornApart, weld } from "../../service/web/viewer/weld.js";
 
@@ -82,4 +83,18 @@ test("another order tears places apart", () => {
   const before = Float32Array.of(0, 0, 0, 1, 0, 0, 0, 0, 0, 2, 0, 0);
   assert.deepEqual(tornApart(before, [7, 7, 7, 1, 0, 0, 7, 7, 7, 2, 0, 0], 1e-6), { torn: 0, shared: 1 });
   assert.deepEqual(tornApart(before, [7, 7, 7, 7, 7, 7, 1, 0, 0, 2, 0, 0], 1e-6), { torn: 1, shared: 1 });
+});
+
+test("texture stretch is the ratio of the larger singular values from texture to surface", () => {
+  const texels = [0, 0, 256, 0, 0, 128];
+  const ratio = (matrix, uvs = texels) => textureStretch(TRIANGLE, mapped(matrix), [0, 1, 2], uvs)[0];
+  near(ratio([1, 0, 0, 1]), 1);
+  near(ratio([3, 0, 0, 3]), 3);
+  // A texel is 1/256 wide and 1/128 high: it has to become more than twice as wide before that is the worst direction.
+  near(ratio([6, 0, 0, 1]), 3);
+  near(ratio([1, 0, 0, 6]), 6);
+  near(ratio([1.5, 0, 0, 1]), 1);
+  const square = [0, 0, 1, 0, 0, 1];
+  near(ratio([1, 1, 0, 1], square), (1 + Math.sqrt(5)) / 2);
+  assert.ok(Number.isNaN(ratio([1, 0, 0, 1], [0, 0, 0, 0, 0, 0])));
 });

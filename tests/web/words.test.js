@@ -33,7 +33,16 @@ test("what a result looks like, and whether that was asked for", () => {
   const [front] = findings({ orientation: { turn_deg: 180, source: "found", margin: 0.44 } });
   assert.deepEqual([front.tone, front.text], ["plain", "Front: the side at 180°"]);
   assert.match(front.note, /44\s?%/);
-  assert.deepEqual(findings({ orientation: { turn_deg: 0, source: "undecided", margin: 0.01 } }), []);
+  const [undecided] = findings({ orientation: { turn_deg: 0, source: "undecided", margin: 0.01 } });
+  assert.deepEqual([undecided.text, undecided.note], ["Front: +Z", "No side fits the prompt clearly better."]);
+  const [given] = findings({ orientation: { turn_deg: 45, source: "given", margin: null } });
+  assert.equal(given.text, "Front: the side at 45°");
+  assert.deepEqual(findings({ orientation: { turn_deg: 0, source: "kept", margin: null } }), []);
+  assert.deepEqual(findings({ appearance: { notice: "It has no colours." } }).map(({ text, note }) => [text, note]), [["Seen as clay", "It has no colours."]]);
+  assert.deepEqual(findings({ appearance: { notice: "" } }), []);
+  const [drawn] = findings({ texture_stretch: { p50: 1, p95: 2.5, above_2: 0.1 } });
+  assert.deepEqual([drawn.tone, drawn.text], ["warn", "Texture stretched 2.5×"]);
+  assert.deepEqual(findings({ texture_stretch: null }), []);
   const [still] = findings({ movement: { stalled_by: "safeguard" }, warnings: ["The mesh hardly moved."] });
   assert.deepEqual([still.tone, still.text, still.note], ["warn", "Hardly moved", "The mesh hardly moved."]);
   const [coarse] = findings({ movement: { stalled_by: null }, warnings: ["90% of the surface is in large triangles."] });
@@ -47,7 +56,7 @@ test("files are named after what is in them", () => {
   assert.equal(artifactName(job, "result.glb"), "duck-2-a-tall-vase-seed7.glb");
   assert.equal(artifactName(job, "report.json"), "duck-2-a-tall-vase-seed7-report.json");
   assert.equal(shapeName(job, "step120", 100), "duck-2-a-tall-vase-seed7-step120.glb");
-  assert.equal(shapeName(job, "", 50), "duck-2-a-tall-vase-seed7-morph50.glb");
+  assert.equal(shapeName(job, "", 50), "duck-2-a-tall-vase-seed7-strength50.glb");
   assert.equal(artifactName({ asset: { filename: ".obj" }, prompt: "" }, "result.glb"), "asset-target-seed0.glb");
 });
 

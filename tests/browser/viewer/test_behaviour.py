@@ -1,4 +1,4 @@
-"""How the viewer behaves, in a real browser under the page's own policy: steered, resized, animated, freed."""
+"""How the viewer behaves, in a real browser under the page's own policy: steered, resized, freed."""
 
 from __future__ import annotations
 
@@ -155,25 +155,6 @@ def test_a_cleared_viewer_shows_nothing_and_can_show_another_file(page: Page) ->
     )
     assert found["full"] == found["again"] > 1000
     assert (found["empty"], found["ready"]) == (False, True)
-
-
-def test_an_animation_plays_when_asked_and_stops(page: Page, site: ViewerSite) -> None:
-    site.files["turning.glb"] = KINDS["morphing"]().data
-    found = page.evaluate(
-        """async () => {
-          const viewer = await show("turning.glb");
-          const still = pixels(viewer);
-          viewer.playAnimation(0);
-          let moved = 0;
-          for (let i = 0; i < 200 && !moved; i++) { await drawn(); moved = difference(still, pixels(viewer)); }
-          viewer.playAnimation(null);
-          await drawn();
-          return { names: viewer.facts.animations, moved, back: difference(still, pixels(viewer)) };
-        }"""
-    )
-    assert found["names"] == ["turn"]
-    assert found["moved"] > 20
-    assert found["back"] < 10
 
 
 def test_the_wireframe_lies_over_the_mesh_and_follows_the_blend(page: Page) -> None:

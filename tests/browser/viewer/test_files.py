@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
+from meshdeform.assets import load_asset
 from tests.browser.viewer.assets import GROWTH, KINDS, VERTS
 from tests.browser.viewer.site import ViewerSite
+from tests.unit.rendering.test_painted import encoded, textured
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -106,6 +109,36 @@ def test_a_known_deformation_has_its_known_heat(page: Page) -> None:
     assert found["heated"] > 500
     assert found["none"] is None
     assert found["back"] == 0
+
+
+def test_the_texture_heat_map_shows_where_texels_became_longer(page: Page, site: ViewerSite) -> None:
+    """Draw a square of two strips, of which the right one becomes nine times as wide."""
+    at = np.array([[0, 0], [0.5, 0], [1, 0], [0, 1], [0.5, 1], [1, 1]], np.float32)
+    source = textured(
+        encoded(np.zeros((4, 4, 3))),
+        uvs=at,
+        verts=np.column_stack([at, 0 * at[:, 0]]),
+        faces=np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]], np.uint16),
+        material={"extensions": {}},
+    )
+    asset = load_asset(source)
+    positions = asset.surface.positions.copy()
+    positions[:, 0] = np.where(positions[:, 0] > 0.5, 0.5 + 9 * (positions[:, 0] - 0.5), positions[:, 0])
+    site.files |= {"strips.glb": source, "wide.glb": asset.replace(positions)}
+    found: dict[str, Any] = page.evaluate(
+        """async () => {
+          const viewer = await show("strips.glb", "glb", "wide.glb");
+          viewer.setMorph(1);
+          const texture = viewer.setHeatmap("texture");
+          await drawn();
+          const plain = await show("source.glb", "glb", "bent.glb");
+          return { texture, none: plain.setHeatmap("texture") };
+        }"""
+    )
+    scale = 5**0.5
+    assert (found["texture"]["min"], found["texture"]["max"]) == pytest.approx((1 / scale, 9 / scale), rel=1e-4)
+    assert found["texture"]["problem"] == ""
+    assert found["none"]["problem"] == "Nothing here has a texture."
 
 
 def test_without_a_result_there_is_no_heat_map(page: Page) -> None:

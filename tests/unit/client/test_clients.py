@@ -22,7 +22,7 @@ KEY = "md_secret"
 
 
 def methods(kind: type) -> dict[str, Any]:
-    return {name: value for name, value in vars(kind).items() if not name.startswith("_") and callable(value)}
+    return {name: value for name, value in inspect.getmembers(kind, callable) if not name.startswith("_")}
 
 
 @pytest.mark.parametrize(("one", "other"), [(Client, AsyncClient), (Result, AsyncResult)])

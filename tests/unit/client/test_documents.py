@@ -30,12 +30,20 @@ JOB: dict[str, Any] = {
     "created_at": "2026-01-31T12:00:00Z",
     "progress": {},
 }
+MORPH_PATH = {"frames": 12, "easing": "smooth", "ping_pong": True, "seconds": 2.0}
 FUTURE = {
     **JOB,
     "kind": "image_deform",
     "state": "paused",
     "params": {"preset": "ultra", "seed": 7, "wobble": 3},
-    "output": {"morph": True, "usd": True, "compact": False, "provenance": False},
+    "output": {
+        "morph": True,
+        "morph_path": MORPH_PATH,
+        "usd": True,
+        "compact": False,
+        "subdivide": False,
+        "provenance": False,
+    },
     "asset": {**JOB["asset"], "license": "CC0"},
     "progress": {"gpu": 3},
     "team": "a",

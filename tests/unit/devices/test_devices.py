@@ -7,17 +7,21 @@ compared with itself through the code that other devices use.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.assets.appearance import Appearance, Paint, Texture, plain_appearance
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, torus
+from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.target import TargetGuidance, place_target
+from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors import load_prior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
@@ -61,7 +65,15 @@ def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
     assert float(depth.max()) == rasterizer.EMPTY_DEPTH
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
+def painted(mesh: TriangleMesh) -> Appearance:
+    """Return the look of a mesh with a texture that is laid on from the front and has holes."""
+    pixels = np.random.default_rng(0).integers(0, 256, (16, 16, 4), np.uint8)
+    look = plain_appearance(len(mesh.verts), mesh.faces.numpy())
+    paint = Paint((1.0, 1.0, 1.0, 1.0), Texture(pixels), "MASK")
+    return replace(look, texcoords=mesh.verts[:, :2].numpy().astype(np.float32), paints=(paint,))
+
+
+@pytest.mark.parametrize("shading", ["normals", "lambert", "textured"])
 @pytest.mark.parametrize("name", ["sphere", "torus", "small faces"])
 def test_pictures_and_their_gradients_agree(
     device: str, name: str, shading: str, request: pytest.FixtureRequest
@@ -73,7 +85,8 @@ def test_pictures_and_their_gradients_agree(
 
     def drawn(where: str) -> tuple[Tensor, Tensor]:
         verts = mesh.verts.clone().to(where).requires_grad_()
-        image = Renderer(mesh.faces, len(mesh.verts), style, where).render(verts, cameras.to(where))
+        renderer = Renderer(mesh.faces, len(mesh.verts), style, where, appearance=painted(mesh))
+        image = renderer.render(verts, cameras.to(where))
         (image * weights.to(where)).sum().backward()
         assert verts.grad is not None
         return image.detach().cpu(), verts.grad.cpu()
@@ -114,7 +127,7 @@ def with_prior(mesh: TriangleMesh, device: str) -> object:
 
 
 def with_target(mesh: TriangleMesh, device: str) -> object:
-    return TargetGuidance(place_target(torus(), mesh), device=device)
+    return TargetGuidance(aligned(torus(), mesh).place_mesh(torus()), device=device)
 
 
 @pytest.mark.parametrize("guidance", [with_prior, with_target])

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from meshdeform.assets import build_glb
 from meshdeform.errors import ParameterError
+from meshdeform.evaluation.measures import measures
+from meshdeform.evaluation.mesh_file import read_texels, write_texels
 from meshdeform.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
-from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh
+from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh, source_texels
 from meshdeform.evaluation.suite import SUITES, find_suite
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
@@ -18,6 +21,7 @@ from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
 from tests.cases import each_case
+from tests.unit.rendering.test_painted import encoded, textured
 
 SINGLE = [name for name in SOURCES if name != "toy"]
 
@@ -128,6 +132,19 @@ def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:
     assert {item.seed for item in SUITES["small"].with_seeds((3, 4)).items()} == {3, 4}
     with pytest.raises(ParameterError, match="no suite 'large'"):
         find_suite("large")
+
+
+def test_the_texture_of_a_file_stays_with_its_faces(tmp_path: Path) -> None:
+    (tmp_path / "square.glb").write_bytes(textured(encoded(np.zeros((64, 32, 3)))))
+    name = str(tmp_path / "square.glb")
+    mesh, texels = source_mesh(name), source_texels(name)
+    assert texels is not None
+    assert np.array_equal(read_texels(write_texels(texels)), texels)
+    corners = mesh.verts.numpy()[mesh.faces.numpy()]
+    np.testing.assert_allclose(texels, [16, 32] + corners[..., :2] / 0.7 * [16, -32], atol=1e-4)
+    found = measures(mesh, TriangleMesh(2 * mesh.verts, mesh.faces), texels)
+    assert (found["texture_stretch_p95"], found["texture_stretch_above_2"]) == (pytest.approx(1), 0)
+    assert source_texels("sphere") is None
 
 
 def test_a_mesh_of_ones_own_takes_the_place_of_the_sources(tmp_path: Path) -> None:

@@ -61,13 +61,21 @@ def test_states_are_those_of_the_step_asked_for() -> None:
     assert len(states_of(records, 10)) == 2
 
 
+def test_texture_stretch_is_the_mean_of_the_results_that_have_a_texture() -> None:
+    records = [record("a fish", hit=True, texture_stretch_p95=value) for value in (1.0, 2.0)]
+    row = summarise(states_of([*records, record("a tree", hit=True)], 10))
+    assert row["texture_stretch_p95_mean"] == 1.5
+    assert table("prompt", [("a fish", row)]).splitlines()[2].endswith(" 1.50    |")
+    assert summarise(states_of([record("a tree", hit=True)], 10))["texture_stretch_p95_mean"] is None
+
+
 def test_nothing_done_and_nothing_judged_have_rows_as_well() -> None:
     assert summarise([]) == {"count": 0}
     row = summarise(states_of([record("a fish", hit=None)], 10))
     assert row["retrieval"] is row["probability_mean"] is None
     text = table("prompt", [("a fish", row), ("a tree", summarise([]))], "By prompt")
     assert text.startswith("## By prompt\n\n| prompt")
-    assert [line.count("|") for line in text.splitlines()[2:]] == [21] * 4
+    assert [line.count("|") for line in text.splitlines()[2:]] == [22] * 4
 
 
 def test_a_comparison_has_a_row_for_each_run_and_step() -> None:

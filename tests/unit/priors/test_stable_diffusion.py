@@ -11,6 +11,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.orientation import OrientationSource
 from meshdeform.errors import ModelError, PromptError, ShapeError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import StepContext
@@ -20,6 +22,7 @@ from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
+from meshdeform.requests.document import DeformParams, resolve
 from tests.unit.priors.combined import guided, text_rows
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -177,6 +180,22 @@ def test_score_distillation_reaches_the_picture(prior: StableDiffusionPrior) -> 
     assert torch.equal(results[0][2], results[1][2])
     assert all(parameter.grad is None for parameter in prior._unet.parameters())
     assert all(parameter.grad is None for parameter in prior._vae.parameters())
+
+
+def test_one_prompt_serves_all_four_views_and_no_orientation_is_better(prior: StableDiffusionPrior) -> None:
+    """A picture shows four sides at once, so no word names its side: the cameras' azimuths have no effect."""
+    guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=100.0)
+    poses = [fixed_cameras(azimuth, elevation) for azimuth, elevation in ((0.0, 15.0), (180.0, 15.0), (90.0, 80.0))]
+    values = [
+        guidance.loss(picture(), StepContext(0, 10, cameras, torch.Generator().manual_seed(4)))[0].item()
+        for cameras in poses
+    ]
+    assert len(set(values)) == 1
+    ball = icosphere(1)
+    settings = resolve(DeformParams.model_validate({"model": "sd", "steps": 1, "orientation": "auto"}))
+    found = Deformation(ball, guidance, settings).orientation
+    assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNCONDITIONED)
+    assert "changes nothing" in found.to_dict()["notice"]
 
 
 def test_descent_through_the_encoder_reaches_latents_that_the_network_knows(

@@ -42,4 +42,4 @@ def test_what_belongs_to_a_job_goes_with_it() -> None:
         for key in table.foreign_keys
         if key.column.table.name == "jobs" and key.ondelete == "CASCADE"
     }
-    assert belonging == {"labels", "events", "outbox", "artifacts", "checkpoints", "job_files"}
+    assert belonging == {"labels", "events", "outbox", "artifacts", "checkpoints", "job_files", "job_texts"}

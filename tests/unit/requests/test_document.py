@@ -48,6 +48,19 @@ def test_the_front_is_a_word_or_an_angle() -> None:
     assert (orientation(orientation=-45), orientation(orientation="90")) == (-45.0, 90.0)
 
 
+def test_only_stable_diffusion_sees_colours() -> None:
+    def appearance(**params: object) -> str:
+        return resolve(DeformParams.model_validate(params)).appearance.value
+
+    assert (appearance(), appearance(guidance="target")) == ("normals", "normals")
+    assert (appearance(model="a/b"), appearance(model="a/b", preset="paper")) == ("mixed", "clay")
+    assert (appearance(model="a/b", appearance="textured"), appearance(appearance="normals")) == ("textured", "normals")
+    for params in ({"appearance": "textured"}, {"appearance": "clay", "guidance": "target"}):
+        with pytest.raises(ParameterError, match="pictures of normals") as caught:
+            appearance(**params)
+        assert caught.value.extra["errors"][0]["loc"] == ["params", "appearance"]
+
+
 def test_the_preview_has_the_steps_that_it_promises() -> None:
     assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 80
 
@@ -67,6 +80,7 @@ def test_the_preview_has_the_steps_that_it_promises() -> None:
         {"preset": "fast"},
         {"orientation": "left"},
         {"orientation": 400},
+        {"appearance": "shiny"},
     ],
 )
 def test_bad_values_and_unknown_names_are_refused(bad: dict[str, object]) -> None:

@@ -1,0 +1,121 @@
+"""An asset with its files in a ZIP is shown, turned and deformed."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+from meshdeform.geometry.shapes import icosphere  # noqa: E402
+from tests.acceptance.service import Service, until  # noqa: E402
+from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.steps import badge, choose, difference, open_form, picture, set_steps, start, until_drawn  # noqa: E402
+
+Page, expect = playwright_api.Page, playwright_api.expect
+expect.set_options(timeout=60_000)
+ARROW = np.array([217, 98, 43])  # as `front-arrow.js` has it
+
+
+def packed_ball(path: Path) -> Path:
+    """A ball with a blue texture, as a .gltf with its files."""
+    mesh = icosphere(2)
+    vertices, faces = mesh.verts.numpy().astype("<f4"), mesh.faces.numpy().astype("<u2")
+    uvs = np.full((len(vertices), 2), 0.5, "<f4")
+    parts = [vertices.tobytes(), uvs.tobytes(), faces.tobytes()]
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    kinds = [("VEC3", 5126, len(vertices)), ("VEC2", 5126, len(vertices)), ("SCALAR", 5123, faces.size)]
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}],
+        "textures": [{"source": 0}],
+        "images": [{"uri": "textures/skin.png"}],
+        "buffers": [{"uri": "ball%20data.bin", "byteLength": starts[-1]}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": len(part)}
+            for start, part in zip(starts, parts, strict=False)
+        ],
+        "accessors": [
+            {"bufferView": number, "type": kind, "componentType": component, "count": count}
+            | ({"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()} if number == 0 else {})
+            for number, (kind, component, count) in enumerate(kinds)
+        ],
+    }
+    skin = io.BytesIO()
+    Image.new("RGB", (4, 4), (20, 40, 230)).save(skin, "PNG")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("ball/ball.gltf", json.dumps(gltf))
+        archive.writestr("ball/ball data.bin", b"".join(parts))
+        archive.writestr("ball/textures/skin.png", skin.getvalue())
+    return path
+
+
+def test_a_zip_is_shown_its_front_turned_and_deformed(page: Page, service: Service, tmp_path: Path) -> None:
+    open_form(page)
+    choose(page, packed_ball(tmp_path / "ball.zip"))
+    expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
+    viewer = page.locator(".asset-panel .viewer")
+    seen = until_drawn(viewer)
+    assert (seen[..., 2] - seen[..., 0] > 60).mean() > 0.05  # the texture is there
+
+    # The arrow follows the pointer, the slider and the form.
+    slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
+    expect(said).to_have_text("Automatic")
+    slider.fill("0")
+    expect(said).to_have_text("0°")
+    expect(page.locator("#param-orientation")).to_have_value("0")
+
+    def arrow() -> tuple[float, float]:
+        """Return where the arrow is in the viewer."""
+        shown = np.asarray(Image.open(io.BytesIO(viewer.screenshot())).convert("RGB"), dtype=int)
+        rows, columns = np.nonzero(np.abs(shown - ARROW).max(2) < 24)
+        return (float(np.median(columns)), float(np.median(rows))) if len(rows) > 20 else (0.0, 0.0)
+
+    # The camera makes room for the arrow, and a picture may scroll the page: measure once both are at rest.
+    until("the arrow is seen and at rest", lambda: arrow() == arrow() != (0.0, 0.0))
+    (x, y), box = arrow(), viewer.bounding_box()
+    assert box is not None
+    middle = box["width"] / 2
+    assert x < middle
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 2 * middle - x, box["y"] + y, steps=4)
+    page.mouse.up()
+    expect(said).not_to_have_text("0°")
+    turned = int(said.inner_text().removesuffix("°"))
+    assert 20 < turned < 110
+    until("the arrow has turned", lambda: arrow()[0] > middle)
+
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    set_steps(page, 4)
+    expect(page.locator("#estimate")).to_contain_text("4 steps")
+    job = start(page)
+    expect(badge(page)).to_have_text("Succeeded")
+    assert service.job(job)["params"]["orientation"] == turned
+    expect(page.get_by_text(f"Front: the side at {turned}°")).to_be_visible()
+    before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
+    expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same vertices
+    until_drawn(before)
+    assert difference(picture(before), until_drawn(after)) > 0.005
+
+
+def test_a_zip_that_cannot_be_used_says_why(page: Page, watch: Watch, tmp_path: Path) -> None:
+    watch.allow(r"status of 422 .*/v1/jobs:validate")
+    path = tmp_path / "notes.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("notes.txt", "x")
+    open_form(page)
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    choose(page, path)
+    expect(page.locator(".asset-panel .viewer-note")).to_contain_text("The ZIP holds no GLB, glTF, OBJ, PLY or STL.")
+    expect(page.get_by_role("alert").filter(has_text="The ZIP holds no asset.")).to_contain_text("Pack a .gltf, .glb,")

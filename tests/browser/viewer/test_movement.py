@@ -1,0 +1,93 @@
+"""What moves in the viewer: animations, and the way to a result."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from meshdeform.assets import load_asset
+from meshdeform.assets.build import build_glb
+from meshdeform.requests.morph import MorphPath
+from meshdeform.runs.strength import AssetPath, write_morph
+from tests.browser.viewer.assets import FACES, KINDS, NORMALS, VERTS
+from tests.browser.viewer.site import ViewerSite
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+
+def test_an_animation_plays_when_asked_and_stops(page: Page, site: ViewerSite) -> None:
+    site.files["turning.glb"] = KINDS["morphing"]().data
+    found = page.evaluate(
+        """async () => {
+          const viewer = await show("turning.glb");
+          const still = pixels(viewer);
+          viewer.playAnimation(0);
+          let moved = 0;
+          for (let i = 0; i < 200 && !moved; i++) { await drawn(); moved = difference(still, pixels(viewer)); }
+          viewer.playAnimation(null);
+          await drawn();
+          return { names: viewer.facts.animations, moved, back: difference(still, pixels(viewer)) };
+        }"""
+    )
+    assert found["names"] == ["turn"]
+    assert found["moved"] > 20
+    assert found["back"] < 10
+
+
+def turned(degrees: float) -> NDArray[np.float64]:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return VERTS.astype(np.float64) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+
+def test_the_blend_passes_through_waypoints_and_beyond_the_result(page: Page, site: ViewerSite) -> None:
+    for degrees in (0, 30, 60, 90, 120, 180):
+        site.files[f"turned{degrees}.glb"] = build_glb(turned(degrees), FACES, normals=NORMALS)
+    shown = """(t) => { v.setMorph(t); return [...meshOf(v).geometry.attributes.position.array]; }"""
+    page.evaluate("async () => { window.v = await show('turned0.glb', 'glb', 'turned120.glb'); }")
+    half = np.reshape(page.evaluate(shown, 0.4), (-1, 3))
+    assert np.abs(half - turned(48)).max() > 0.2
+    page.evaluate(
+        """async () => {
+          const file = (t) => fetchBytes(`/files/turned${120 * t}.glb`);
+          for (const t of [0.5, 0.25, 0.75, 1.5]) await v.addWaypoint(await file(t), t);
+        }"""
+    )
+    for share, off in ((0.0, 0.0), (0.25, 1e-6), (0.4, 0.005), (0.6, 0.005), (1.0, 1e-6), (1.5, 1e-6), (1.7, None)):
+        found = np.reshape(page.evaluate(shown, share), (-1, 3))
+        expected = turned(120 * min(share, 1.5))
+        assert np.abs(found - expected).max() <= (1e-6 if off is None else off + 1e-7), share
+
+
+def test_three_plays_a_morph_through_its_frames(page: Page, site: ViewerSite) -> None:
+    source = load_asset(build_glb(VERTS, FACES, normals=NORMALS))
+    path = AssetPath(source, turned(120))
+    site.files["morph.glb"] = write_morph(source, path, path.at(1), MorphPath(frames=8, seconds=2.0, ping_pong=True))
+    found = page.evaluate(
+        """async () => {
+          const [{ parseAsset, meshesOf }, { AnimationMixer, Vector3 }] = await Promise.all([
+            import("/web/viewer/loading.js"), import("/web/vendor/three/three.module.js"),
+          ]);
+          const file = await fetchBytes("/files/morph.glb");
+          const { root, animations } = await parseAsset(file, "glb", acquireRenderer().gl);
+          const [mesh] = meshesOf(root);
+          const at = () => Array.from({ length: mesh.geometry.attributes.position.count }, (_, i) =>
+            mesh.getVertexPosition(i, new Vector3()).toArray());
+          const mixer = new AnimationMixer(root);
+          const [still, clip] = [at(), animations[0]];
+          mixer.clipAction(clip).play();
+          const shapes = [0, 0.5, 1, 1.9999, 3].map((time) => { mixer.setTime(time); return at(); });
+          releaseRenderer();
+          const targets = Object.keys(mesh.morphTargetDictionary);
+          return { still, shapes, name: clip.name, duration: clip.duration, targets };
+        }"""
+    )
+    assert (found["name"], found["duration"]) == ("deform", pytest.approx(4.0))
+    assert found["targets"] == [*(f"deform {k}/8" for k in range(1, 8)), "deform"]
+    np.testing.assert_allclose(found["still"], turned(120), atol=1e-5)
+    for shape, degrees in zip(found["shapes"], (0, 30, 60, 120, 60), strict=True):
+        np.testing.assert_allclose(shape, turned(degrees), atol=1e-3)
