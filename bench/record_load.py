@@ -31,7 +31,7 @@ from meshdeform.record.estimates import estimate
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.reconciler import RECONCILE_EVERY_S
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.schema import files, jobs, labels
+from meshdeform.record.schema import files, job_files, job_texts, jobs, labels
 from meshdeform.requests.document import JobRequest
 from tests.servers import PostgresServer
 
@@ -40,19 +40,19 @@ REPEATS = 15
 OWNERS, POSTED, POSTERS, WORKERS = 5, 500, 20, 4
 _PREFIX = "job_01kg9zqk2xf3v8c5m7n"
 _REQUEST = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview"}})
-_TABLES = "jobs|events|labels|files"
+_TABLES = "jobs|events|labels|files|job_files|job_texts"
 
 Question = Callable[[JobRecord], object]
 
 
-def stored_file(name: str = "a") -> StoredFile:
-    """Return the description of an asset that is not really stored."""
-    return StoredFile(key=f"assets/{name}", filename="a.glb", size=1, sha256="a" * 64)
+def stored_files(name: str = "a") -> dict[str, StoredFile]:
+    """Return the files of a job; nothing is really stored."""
+    return {"asset": StoredFile(key=f"assets/{name}", filename="a.glb", size=1, sha256="a" * 64)}
 
 
 def fill(record: JobRecord, count: int) -> None:
     """Write jobs as copies of one, 1 in 100 queued and the others over, each with a label and a file of its own."""
-    record.create(NewJob(_REQUEST, stored_file("first"), owner_id="owner-0"))
+    record.create(NewJob(_REQUEST, stored_files("first"), owner_id="owner-0"))
     numbers = sa.select(sa.literal(0).label("n")).cte("numbers", recursive=True)
     numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < count - 1))
     n, now, later = numbers.c.n, record.database.now(), record.database.now(86_400.0)
@@ -65,7 +65,6 @@ def fill(record: JobRecord, count: int) -> None:
         "state": sa.case((queued, "queued"), else_="succeeded"),
         "step_s": sa.case((queued, None), else_=0.5),
         "retain_until": sa.case((queued, None), else_=later),
-        "asset_key": sa.literal("assets/") + text,
     }
 
     def put(table: sa.Table, values: dict[str, Any], source: Any) -> None:
@@ -77,6 +76,10 @@ def fill(record: JobRecord, count: int) -> None:
         put(jobs, every, numbers.join(first, sa.true()))
         label = {"job_id": changed["id"], "name": "batch", "value": sa.cast(n % 100, sa.String)}
         put(labels, label, numbers)
+        job_file = {"job_id": changed["id"], "part": "asset", "owner_id": changed["owner_id"]}
+        put(job_files, {**job_file, "key": sa.literal("assets/") + text, "size": 1}, numbers)
+        words = sa.case((n % 100 == 7, "a vase"), else_="a mushroom") + sa.literal("\na.glb\n") + text
+        put(job_texts, {"job_id": changed["id"], "text": words}, numbers)
         put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now}, numbers)
     if not record.database.is_sqlite:
         # As the server does by itself after a while; SQLite never does.
@@ -99,8 +102,12 @@ QUESTIONS: dict[str, Question] = {
     "list an owner's page": lambda record: record.list_jobs(owner="owner-7"),
     "list a state": lambda record: record.list_jobs(JobState.QUEUED),
     "list a label": lambda record: record.list_jobs(metadata={"batch": "7"}),
+    "search 1 % of all": lambda record: record.list_jobs(words="VASE glb"),
+    "search 1 % of an owner": lambda record: record.list_jobs(owner="owner-7", words="VASE glb"),
+    "search in vain": lambda record: record.list_jobs(words="giraffe"),
+    "search a state in vain": lambda record: record.list_jobs(JobState.QUEUED, words="giraffe"),
     "claim and release": claim_and_release,
-    "post": lambda record: record.create(NewJob(_REQUEST, stored_file(), owner_id="owner-7", max_active=10**6)),
+    "post": lambda record: record.create(NewJob(_REQUEST, stored_files(), owner_id="owner-7", max_active=10**6)),
     "estimate": lambda record: estimate(
         record.database, record.leases, _REQUEST, default_model="builtin", queue="q", owner_id="owner-7"
     ),
@@ -154,7 +161,7 @@ def seconds(question: Question, record: JobRecord) -> float:
 
 def ask(small: JobRecord, large: JobRecord) -> None:
     """Print what each question costs."""
-    print(f"{'':22}{'statements':>11}{'large / small':>15}  read from end to end")
+    print(f"{'':24}{'statements':>11}{'large / small':>15}  read from end to end")
     counts = {}
     for name, question in QUESTIONS.items():
         ratio = seconds(question, large) / seconds(question, small)
@@ -162,7 +169,7 @@ def ask(small: JobRecord, large: JobRecord) -> None:
             question(large)
         counts[name] = len(statements)
         tables = ", ".join(sorted(scanned(large, statements))) or "nothing"
-        print(f"{name:22}{len(statements):>11}{ratio:>15.1f}  {tables}")
+        print(f"{name:24}{len(statements):>11}{ratio:>15.1f}  {tables}")
     rate = sum(counts[name] for name in PERIODIC) / RECONCILE_EVERY_S
     print(f"the four periodic ones, every {RECONCILE_EVERY_S:g} s: {rate:.1f} statements a second")
 
@@ -194,7 +201,7 @@ def post_and_claim(record: JobRecord) -> None:
 
 
 def _post(record: JobRecord, owner: str) -> str:
-    return record.create(NewJob(_REQUEST, stored_file(), owner_id=owner, max_active=POSTED)).id
+    return record.create(NewJob(_REQUEST, stored_files(), owner_id=owner, max_active=POSTED)).id
 
 
 def main() -> None:
