@@ -12,6 +12,7 @@ from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.fit import fit_line
+from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import (
     ExcludeOption,
@@ -24,7 +25,10 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    StageOption,
     SymmetryOption,
+    TargetModelOption,
+    TargetPromptOption,
 )
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
@@ -32,6 +36,7 @@ from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
+from meshdeform.requests.stages import generated_targets
 
 __all__ = ["run"]
 
@@ -49,7 +54,8 @@ def run(
         typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False, readable=True),
     ],
     prompt: Annotated[
-        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
+        str,
+        typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target or --stage.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -124,6 +130,9 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    target_prompt: TargetPromptOption = None,
+    target_model: TargetModelOption = None,
+    stage: StageOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -151,10 +160,11 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
+    goals = parse_goals(target, target_prompt, target_model, stage)
     params = merge_params(
         param or [],
         preset=preset,
-        guidance="target" if target else None,
+        **goals.params,
         model=model,
         steps=steps,
         seed=seed,
@@ -167,7 +177,7 @@ def run(
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
-    morph = morph or bool(morph_path)
+    morph = morph or bool(morph_path) or bool(params.get("stages"))
     written = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
     written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance}
     request = make_request(prompt, params, output=written)
@@ -180,7 +190,7 @@ def run(
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
-        check_outputs({**paths, **drawn}, [path for path in (asset, target, resume) if path])
+        check_outputs({**paths, **drawn}, [path for path in (asset, *goals.files.values(), resume) if path])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     if usd:
@@ -190,18 +200,19 @@ def run(
     from meshdeform.runs import text_deform_kind
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
+    target_models = [target.model for target in generated_targets(request.params)]
     text_deform_kind.check(
         request,
         default_model=settings.model,
-        allowed_models=[request.params.model] if request.params.model else [],
+        allowed_models=[name for name in (request.params.model, *target_models) if name],
         revision=settings.model_revision,
-        has_target=target is not None,
+        targets=goals.files,
     )
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, target=target, resume=resume)
+    job = LocalJob(asset, request, settings, outputs, targets=goals.files, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:

@@ -12,6 +12,7 @@ from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
+from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.options import (
     ApiKeyFileOption,
     ApiKeyOption,
@@ -25,7 +26,10 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    StageOption,
     SymmetryOption,
+    TargetModelOption,
+    TargetPromptOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
@@ -52,7 +56,8 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
-        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
+        str,
+        typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target or --stage.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -94,6 +99,9 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    target_prompt: TargetPromptOption = None,
+    target_model: TargetModelOption = None,
+    stage: StageOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -158,10 +166,11 @@ def submit(
 
     meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
     """
+    goals = parse_goals(target, target_prompt, target_model, stage)
     params = merge_params(
         settings or [],
         preset=preset,
-        guidance="target" if target else None,
+        **goals.params,
         model=model,
         steps=steps,
         seed=seed,
@@ -193,7 +202,7 @@ def submit(
             params=request.params,
             output=request.output,
             metadata=request.metadata,
-            target=target,
+            files=goals.files,
             priority=request.priority,
             deadline_s=request.deadline_s,
             idempotency_key=idempotency_key,

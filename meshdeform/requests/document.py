@@ -30,6 +30,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.resolve import resolve
+from meshdeform.requests.stages import goal_guidance
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -124,7 +125,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required unless `params.guidance` is `target`.",
+        description="What the asset should become. Required unless there is a target, or there are `params.stages`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -179,7 +180,8 @@ class JobRequest(StrictModel):
     def workload(self) -> str:
         """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
-        return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
+        guidance = goal_guidance(params) if isinstance(params, DeformParams) else getattr(params, "guidance", "")
+        return f"{self.kind}/{guidance}/{getattr(params, 'model', '') or ''}"
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

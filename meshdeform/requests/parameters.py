@@ -39,6 +39,7 @@ from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
+from meshdeform.requests.stages import MAX_STAGES, GeneratedTarget, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -290,6 +291,19 @@ class DeformParams(StrictModel):
         "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates; or "
         "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
         examples=["auto"],
+    )
+    target: GeneratedTarget | None = Field(
+        None,
+        description="With `target`: a target mesh that a text-to-3D model makes, instead of a file "
+        "([Control](control.md)).",
+        examples=[{"prompt": "a shark", "model": "/models/shap-e"}],
+    )
+    stages: tuple[Stage, ...] = Field(
+        (),
+        max_length=MAX_STAGES,
+        description="Several prompts or targets in a row, each beginning where the last one ended, with `steps` steps "
+        "each. They replace the prompt and `guidance`, and the job also writes `morph.glb` ([Control](control.md)).",
+        examples=[[{"prompt": "a pear"}, {"prompt": "a mushroom"}]],
     )
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),

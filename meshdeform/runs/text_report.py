@@ -56,6 +56,7 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
     return {
         "version": meshdeform.__version__,
         "prompt": facts.request.prompt,
+        **({"stages": [stage.title for stage in facts.params.stages]} if facts.params.stages else {}),
         "seed": facts.params.seed,
         "preset": facts.params.preset.value,
         "step": step,
@@ -85,6 +86,7 @@ def build_report(
     look: Appearance,
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
+    stages: list[dict[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
     control: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -126,6 +128,8 @@ def build_report(
         How much the result looks like its prompt.
     fit : dict, optional
         How well the result fits its target.
+    stages : list of dict, optional
+        What came of each stage (`goals.stage_reports`); `likeness` and `fit` are those of the last one.
     bodies : sequence of Body
         What kept its shape.
     control : mapping, optional
@@ -189,6 +193,8 @@ def build_report(
         report["likeness"] = likeness
     if fit is not None:
         report["fit"] = fit
+    if stages is not None:
+        report["stages"] = stages
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
     if usdz is not None:
