@@ -146,6 +146,7 @@ def _goal(
     except AlignmentError as error:
         if number is not None:
             error.detail = f"Stage {number}: {error.detail}"
+            error.args = (error.detail,)
         raise
     guidance = fit.guidance(given.rest, params, given.device, sha256_hex(data))
     return Goal(name or title, "", params, guidance, fit)

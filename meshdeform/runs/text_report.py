@@ -28,6 +28,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -148,7 +149,8 @@ def build_report(
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
         # Clients read the report: a model in a folder is named as the service names it.
-        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
+        "params": with_target_models(facts.params, public_name).model_dump(mode="json")
+        | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {
