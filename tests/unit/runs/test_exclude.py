@@ -1,4 +1,4 @@
-"""Ground planes: a small object stays on a large ground; a backdrop and what `params.exclude` names stay as they are."""
+"""Ground planes: a small object stays on a large ground; what is left out, or is a backdrop, stays as it is."""
 
 from __future__ import annotations
 
