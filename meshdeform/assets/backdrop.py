@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
@@ -81,15 +79,15 @@ def find_backdrop(document: Document, surface: Surface, blocks: Sequence[Block])
         return None
     starts = [block.rows.start for block in blocks]
     block = np.searchsorted(starts, surface.triangles[:, 0], side="right") - 1
-    for of_blocks in (True, False):
-        group = block if of_blocks else _components(surface)
-        for left, flat, small in ((True, _SHEET, _TINY), (False, _FLAT, _SMALL)):
-            planes, share = _planes(surface, group, flat, small)
-            if planes.any():
-                nodes = [blocks[at].node for at in np.unique(block[planes])]
-                others = {blocks[at].node for at in np.unique(block[~planes])}
-                names = ", ".join(_name(document, node) for node in list(dict.fromkeys(nodes))[:3])
-                return Backdrop(planes, share, left, names, others.isdisjoint(nodes))
+    for left, flat, small in ((True, _SHEET, _TINY), (False, _FLAT, _SMALL)):
+        planes, share = _planes(surface, block, flat, small)
+        if left and not planes.any() and _may_have_sheet(surface):
+            planes, share = _planes(surface, _components(surface), flat, small)
+        if planes.any():
+            nodes = [blocks[at].node for at in np.unique(block[planes])]
+            others = {blocks[at].node for at in np.unique(block[~planes])}
+            names = ", ".join(_name(document, node) for node in list(dict.fromkeys(nodes))[:3])
+            return Backdrop(planes, share, left, names, others.isdisjoint(nodes))
     return None
 
 
@@ -117,17 +115,17 @@ def _planes(surface: Surface, group: _Index, flat: float, small: float) -> tuple
     return found, share
 
 
+def _may_have_sheet(surface: Surface) -> bool:
+    """Return whether a connected part may be a sheet beside which the rest, on it or near it, is tiny."""
+    extent = np.ptp(surface.positions, axis=0)
+    return bool(extent.min() < (_TINY + _SHEET) * np.linalg.norm(extent))
+
+
 def _components(surface: Surface) -> _Index:
-    """Return the connected component (T,) of each triangle; vertices at exactly the same place are one."""
-    order = np.lexsort(surface.positions.T)
-    place = np.empty(len(order), np.int64)
-    place[order] = np.cumsum((np.diff(surface.positions[order], axis=0, prepend=np.nan) != 0).any(1)) - 1
-    corners = place[surface.triangles]
-    count = len(place)
-    ends = np.concatenate([corners[:, :2], corners[:, 1:]])
-    graph = sparse.csr_matrix((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    labels: _Index = csgraph.connected_components(graph, directed=False)[1].astype(np.int64)[corners[:, 0]]
-    return labels
+    """Return the connected component (T,) of each triangle."""
+    from meshdeform.geometry.coincidence import connected_triangles  # scipy takes a moment to load
+
+    return connected_triangles(surface.positions, surface.triangles)
 
 
 def _percent(share: float) -> str:
