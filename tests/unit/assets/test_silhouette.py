@@ -71,7 +71,7 @@ def test_a_large_picture_is_reduced_and_turned_upright() -> None:
         (encoded(np.dstack([np.full((64, 64, 3), 9), np.zeros((64, 64, 1))])), "no object"),
         (b"not a picture", "cannot be read"),
         (b"", "cannot be read"),
-        (encoded(np.where(disk(), 255, 0))[:200], "damaged|cannot be read"),
+        (encoded(np.where(disk(), 255, 0))[:200], r"damaged|cannot be read"),
     ],
 )
 def test_what_has_no_silhouette_is_refused_with_its_reason(data: bytes, message: str) -> None:
@@ -82,7 +82,7 @@ def test_what_has_no_silhouette_is_refused_with_its_reason(data: bytes, message:
 def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded() -> None:
     data = bytearray(encoded(np.zeros((8, 8))))
     data[16:24] = (60_000).to_bytes(4, "big") * 2
-    with pytest.raises((AssetTooLargeError, SilhouetteError), match="60000 x 60000|cannot be read"):
+    with pytest.raises((AssetTooLargeError, SilhouetteError), match=r"60000 x 60000|cannot be read"):
         read_silhouette(bytes(data))
 
 
