@@ -7,7 +7,7 @@ import shlex
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +60,8 @@ class LocalJob:
         The mesh of `params.guidance = target`.
     targets : mapping of str to Path
         Target meshes by part, for stages.
+    pictures : sequence of Path
+        The pictures of `params.silhouettes`.
     resume : Path, optional
         A checkpoint of the same request to continue from.
     load : callable
@@ -75,12 +77,13 @@ class LocalJob:
         *,
         target: Path | None = None,
         targets: Mapping[str, Path] | None = None,
+        pictures: Sequence[Path] = (),
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
         self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
         self._targets = {**({"target": target} if target else {}), **(targets or {})}
-        self._resume, self._load = resume, load
+        self._pictures, self._resume, self._load = pictures, resume, load
         self._shown: list[Path] = []
         self._last_losses: dict[str, float] = {}
         self._last_step: tuple[int, int] | None = None
@@ -133,6 +136,7 @@ class LocalJob:
             "likeness": report.get("likeness"),
             "texture_stretch": report["texture_stretch"],
             "stages": report.get("stages"),
+            "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),
@@ -201,6 +205,7 @@ class LocalJob:
             prior=prior,
             targets=given.files,
             generate=lambda wanted, name: generated_target(wanted, name, seed, given),
+            pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,
             default_model=given.default_model,
             limits=given.limits,

@@ -27,6 +27,7 @@ __all__ = [
     "QuietOption",
     "RigidOption",
     "SetOption",
+    "SilhouetteOption",
     "StageOption",
     "SymmetryOption",
     "TargetModelOption",
@@ -234,6 +235,16 @@ StageOption = Annotated[
         metavar="PROMPT|FILE",
         help="Instead of PROMPT: one of several goals in a row, a prompt or a target mesh; repeatable. "
         "Also writes the morph through all of them.",
+        rich_help_panel="Method",
+        show_default=False,
+    ),
+]
+SilhouetteOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="FILE@AZIMUTH",
+        help="A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 from "
+        "+X; a mask, or an object in front of a plain background; up to four. With a prompt, both guide.",
         rich_help_panel="Method",
         show_default=False,
     ),

@@ -25,6 +25,7 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    SilhouetteOption,
     StageOption,
     SymmetryOption,
     TargetModelOption,
@@ -34,6 +35,7 @@ from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
+from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
 from meshdeform.requests.stages import generated_targets
@@ -55,7 +57,7 @@ def run(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target or --stage.'),
+        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -133,6 +135,7 @@ def run(
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
     stage: StageOption = None,
+    silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -161,10 +164,14 @@ def run(
     if animate is not None:
         check_animation(animate, "--animate")
     goals = parse_goals(target, target_prompt, target_model, stage)
+    pictures = parse_pictures(silhouette)
+    if silhouette and not prompt and not goals.params:
+        goals.params["guidance"] = "silhouettes"
     params = merge_params(
         param or [],
         preset=preset,
         **goals.params,
+        silhouettes=pictures.views or None,
         model=model,
         steps=steps,
         seed=seed,
@@ -190,7 +197,9 @@ def run(
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
-        check_outputs({**paths, **drawn}, [path for path in (asset, *goals.files.values(), resume) if path])
+        check_outputs(
+            {**paths, **drawn}, [path for path in (asset, *goals.files.values(), resume, *pictures.paths) if path]
+        )
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     if usd:
@@ -207,12 +216,13 @@ def run(
         allowed_models=[name for name in (request.params.model, *target_models) if name],
         revision=settings.model_revision,
         targets=goals.files,
+        pictures=pictures.parts,
     )
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, targets=goals.files, resume=resume)
+    job = LocalJob(asset, request, settings, outputs, targets=goals.files, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:
@@ -238,5 +248,7 @@ def run(
         typer.echo(stretch_line(summary["texture_stretch"]))
     if summary["fit"] is not None:
         typer.echo(fit_line(summary["fit"]))
+    if summary["silhouettes"] is not None:
+        typer.echo(silhouettes_line(summary["silhouettes"]))
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)

@@ -26,6 +26,7 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    SilhouetteOption,
     StageOption,
     SymmetryOption,
     TargetModelOption,
@@ -41,6 +42,7 @@ from meshdeform.cli.request import (
     parse_labels,
     parse_morph_path,
 )
+from meshdeform.cli.silhouettes import parse_pictures
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -57,7 +59,7 @@ def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target or --stage.'),
+        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -102,6 +104,7 @@ def submit(
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
     stage: StageOption = None,
+    silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -167,10 +170,14 @@ def submit(
     meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
     """
     goals = parse_goals(target, target_prompt, target_model, stage)
+    pictures = parse_pictures(silhouette)
+    if silhouette and not prompt and not goals.params:
+        goals.params["guidance"] = "silhouettes"
     params = merge_params(
         settings or [],
         preset=preset,
         **goals.params,
+        silhouettes=pictures.views or None,
         model=model,
         steps=steps,
         seed=seed,
@@ -202,7 +209,7 @@ def submit(
             params=request.params,
             output=request.output,
             metadata=request.metadata,
-            files=goals.files,
+            files={**goals.files, **pictures.parts},
             priority=request.priority,
             deadline_s=request.deadline_s,
             idempotency_key=idempotency_key,

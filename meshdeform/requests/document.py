@@ -125,7 +125,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required unless there is a target, or there are `params.stages`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(

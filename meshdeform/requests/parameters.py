@@ -27,6 +27,7 @@ from meshdeform.requests.bounds import contradiction
 from meshdeform.requests.choices import (
     AlignMode,
     AppearanceMode,
+    BackdropMode,
     Carrier,
     GuidanceKind,
     OrientationMode,
@@ -39,7 +40,8 @@ from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
-from meshdeform.requests.stages import MAX_STAGES, GeneratedTarget, Stage
+from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
+from meshdeform.requests.stages import STAGES, TARGET, GeneratedTarget, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -72,8 +74,8 @@ class DeformParams(StrictModel):
     )
     guidance: GuidanceKind = Field(
         GuidanceKind.SDS,
-        description="What guides the deformation: `sds` (a diffusion model and the prompt) or `target` "
-        "(a second mesh, sent as the part `target`).",
+        description="What guides the deformation: `sds` (a diffusion model and the prompt), `target` (a second mesh, "
+        "sent as the part `target`) or `silhouettes` (pictures alone).",
         examples=["sds"],
     )
     model: str | None = Field(
@@ -165,6 +167,13 @@ class DeformParams(StrictModel):
         "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
         "are.",
         examples=[["Ground"]],
+    )
+    backdrop: BackdropMode = Field(
+        BackdropMode.LEAVE,
+        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
+        "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
+        "The asset's `warnings` name it.",
+        examples=["leave"],
     )
     rigid: tuple[RigidSelector, ...] = Field(
         (),
@@ -292,19 +301,8 @@ class DeformParams(StrictModel):
         "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
         examples=["auto"],
     )
-    target: GeneratedTarget | None = Field(
-        None,
-        description="With `target`: a target mesh that a text-to-3D model makes, instead of a file "
-        "([Control](control.md)).",
-        examples=[{"prompt": "a shark", "model": "/models/shap-e"}],
-    )
-    stages: tuple[Stage, ...] = Field(
-        (),
-        max_length=MAX_STAGES,
-        description="Several prompts or targets in a row, each beginning where the last one ended, with `steps` steps "
-        "each. They replace the prompt and `guidance`, and the job also writes `morph.glb` ([Control](control.md)).",
-        examples=[[{"prompt": "a pear"}, {"prompt": "a mushroom"}]],
-    )
+    target: GeneratedTarget | None = TARGET
+    stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,
@@ -319,6 +317,8 @@ class DeformParams(StrictModel):
         le=_MAX_WEIGHT,
         examples=[1.0],
     )
+    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
+    silhouette_weight: float = SILHOUETTE_WEIGHT
     stiffness: float = of_preset(
         1.0,
         "Multiple of the weights that hold the shape together (identity, bending, barrier) at the first step; it falls "

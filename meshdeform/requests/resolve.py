@@ -31,9 +31,9 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     """
     params = _with_goal(params)
     model = params.model or default_model
-    family: Family = (
-        "target" if params.guidance is GuidanceKind.TARGET else "builtin" if model == BUILTIN_MODEL else "sd"
-    )
+    family: Family = "builtin" if model == BUILTIN_MODEL else "sd"
+    if params.guidance is not GuidanceKind.SDS:
+        family = "target" if params.guidance is GuidanceKind.TARGET else "silhouettes"
     paper = {name: field.default for name, field in DeformParams.model_fields.items()}
     written = {name: getattr(params, name) for name in params.model_fields_set}
     values = {**paper, **OVERRIDES[family, params.preset], **written, "model": model}
@@ -48,7 +48,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
         raise _refused("rigid", detail, "Set params.carrier to auto or lattice.")
     if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
-        whose = "The built-in model was trained on" if family == "builtin" else "A target is compared by"
+        whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
     if values["rigid"] and values["length"] != LengthLimits():
@@ -66,9 +66,11 @@ def _with_goal(params: DeformParams) -> DeformParams:
         They contradict each other.
     """
     guidance = goal_guidance(params)
-    for other in ("target", "landmarks"):
+    if params.target is not None and params.silhouettes:
+        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
+    for other in ("target", "landmarks", "silhouettes"):
         if params.stages and getattr(params, other):
-            raise _refused(other, f"`{other}` belongs to one target, and there are stages.", f"Leave out {other}.")
+            raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
         detail = f"guidance is `{params.guidance}`, and `{'stages' if params.stages else 'target'}` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAX_STAGES",
+    "STAGES",
+    "TARGET",
     "TARGET_PARTS",
     "GeneratedTarget",
     "Stage",
@@ -95,6 +97,21 @@ class StageProgress(BaseModel):
     number: int = Field(ge=1, description="From 1.", examples=[2])
     count: int = Field(ge=1, description="Number of stages.", examples=[3])
     name: str = Field(description="Its name.", examples=["a mushroom"])
+
+
+TARGET: Any = Field(
+    None,
+    description="With `target`: a target mesh that a text-to-3D model makes, instead of a file "
+    "([Control](control.md)).",
+    examples=[{"prompt": "a shark", "model": "/models/shap-e"}],
+)
+STAGES: Any = Field(
+    (),
+    max_length=MAX_STAGES,
+    description="Several prompts or targets in a row, each beginning where the last one ended, with `steps` steps "
+    "each. They replace the prompt and `guidance`, and the job also writes `morph.glb` ([Control](control.md)).",
+    examples=[[{"prompt": "a pear"}, {"prompt": "a mushroom"}]],
+)
 
 
 def stage_at(stages: Sequence[Stage], step: int, total_steps: int) -> StageProgress | None:

@@ -24,6 +24,7 @@ from meshdeform.runs.base import InputFile
 from meshdeform.runs.generated_target import GenerateTarget
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.report import sha256_hex
+from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.target_fit import TargetFit
 from meshdeform.runs.text_guidance import score_distillation
 
@@ -70,6 +71,8 @@ class GoalSource:
         Target meshes by part.
     generate : callable
         Returns the GLB of a generated target and shows it.
+    silhouettes : SilhouetteFit, optional
+        Pictures as targets, alone or beside the prompt.
     limits : Limits, optional
     device : str
     """
@@ -80,6 +83,7 @@ class GoalSource:
     prior: Prior | None
     targets: Mapping[str, InputFile]
     generate: GenerateTarget
+    silhouettes: SilhouetteFit | None
     limits: Limits | None
     device: str
 
@@ -129,7 +133,7 @@ def _goal(
     number: int | None = None,
 ) -> Goal:
     if target is None:
-        return Goal(name or prompt, prompt, params, _prompted(prompt, params, given.prior))
+        return Goal(name or prompt, prompt, params, _pictured(prompt, params, given))
     if isinstance(target, GeneratedTarget):
         artifact = f"target-{number}.glb" if number else "target.glb"
         data, filename, title = given.generate(target, artifact), artifact, target.prompt
@@ -150,6 +154,15 @@ def _goal(
         raise
     guidance = fit.guidance(given.rest, params, given.device, sha256_hex(data))
     return Goal(name or title, "", params, guidance, fit)
+
+
+def _pictured(prompt: str, params: ResolvedParams, given: GoalSource) -> Guidance:
+    """Return the guidance of a prompt, of pictures, or of both."""
+    pictures = given.silhouettes
+    if params.guidance is GuidanceKind.SILHOUETTES and pictures is not None:
+        return pictures.guidance(given.device)
+    guidance = _prompted(prompt, params, given.prior)
+    return guidance if pictures is None else pictures.beside(guidance, given.device)
 
 
 def _prompted(prompt: str, params: ResolvedParams, prior: Prior | None) -> Guidance:

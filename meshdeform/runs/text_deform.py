@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -24,7 +24,7 @@ from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
@@ -37,9 +37,10 @@ from meshdeform.runs.control_report import control_report
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
-from meshdeform.runs.preparation import prepared, shape_id
+from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
 from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
@@ -60,6 +61,7 @@ def start(
     target_filename: str = "",
     targets: Mapping[str, InputFile] | None = None,
     generate: GenerateTarget = cannot_generate,
+    pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
     default_model: str = BUILTIN_MODEL,
@@ -79,6 +81,8 @@ def start(
         Further target meshes by part, for stages.
     generate : callable
         Returns the GLB of a target that a text-to-3D model makes.
+    pictures : sequence of bytes
+        One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
     prior : Prior, optional
         Required by `params.guidance = sds`; loaded by the caller so that it can be kept between jobs.
@@ -112,17 +116,17 @@ def start(
         loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
         if request.output.usd:
             loaded.scene()  # detect unreadable materials now, not after the last step
-        surface = loaded.surface
-        welded = weld(surface.positions, surface.triangles)
+        welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
-    shape = shape_id(asset_sha256, params, request.output)
+    shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
         meshes = dict(targets or {})
         if target is not None:
             meshes["target"] = InputFile(target, target_filename)
-        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, limits, device)
+        silhouettes = SilhouetteFit.of(params, pictures)
+        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device)
         goals = read_goals(request, params, given)
         identities = [goal.guidance.identity for goal in goals]
         run = fingerprint(
@@ -138,7 +142,7 @@ def start(
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
     facts = RunFacts(request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division)
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes)
 
 
 def _begin(
@@ -170,10 +174,13 @@ class TextDeformRun:
         clock: PhaseClock,
         control: Control,
         goals: list[Goal],
+        silhouettes: SilhouetteFit | None = None,
     ) -> None:
         self._control = control
         self._goals = goals
+        self._silhouettes = silhouettes
         self._asset = asset
+        self._drawn = drawn_triangles(asset, facts.params.backdrop)
         self._welded = welded
         self._frame = frame
         self._deformation = deformation
@@ -250,7 +257,7 @@ class TextDeformRun:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
-            appearance = self._asset.appearance()
+            appearance = self._asset.appearance().of_triangles(self._drawn)
             artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
         stages = self._stages(verts)
         report = build_report(
@@ -271,9 +278,11 @@ class TextDeformRun:
             first_step=self._first_step,
             clock=self._clock,
             look=appearance,
+            drawn=self._drawn,
             stages=stages,
             likeness=self._likeness(self._goals[-1], verts) if stages is None else stages[-1].get("likeness"),
             fit=self._fitted(self._goals[-1], verts) if stages is None else stages[-1].get("fit"),
+            silhouettes=self._overlaps(verts),
             bodies=self._control.bodies,
             control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
         )
@@ -334,6 +343,13 @@ class TextDeformRun:
             return None
         with self._clock.phase("measure"):
             return goal.fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
+
+    def _overlaps(self, verts: Tensor) -> list[dict[str, Any]] | None:
+        """Compare the result with the pictures, if there are any."""
+        if self._silhouettes is None:
+            return None
+        with self._clock.phase("measure"):
+            return self._silhouettes.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
 
     def _surface(self, verts: Tensor) -> DeformedSurface:
         found = deformed_surface(self._asset.surface, self._welded, verts)

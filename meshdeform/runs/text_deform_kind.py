@@ -21,6 +21,7 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.selection import check_selections, find_excluded
+from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.stages import (
     TARGET_PARTS,
     Stage,
@@ -30,6 +31,7 @@ from meshdeform.requests.stages import (
     with_target_models,
 )
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.picture_parts import check_pictures
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
@@ -40,6 +42,7 @@ __all__ = ["TEXT_DEFORM", "check"]
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
+_PICTURES = ("image/png", "image/jpeg", "image/webp")
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
@@ -51,6 +54,7 @@ def check(
     revision: str = "",
     has_target: bool = False,
     targets: Collection[str] = (),
+    pictures: Collection[str] = (),
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
@@ -67,12 +71,14 @@ def check(
         Whether the second mesh for `target` guidance is present.
     targets : collection of str
         The parts that are target meshes, for stages.
+    pictures : collection of str
+        The names of the parts with pictures that are present.
 
     Raises
     ------
     ParameterError
-        `target` guidance without a target, a target without `target` guidance, or parameters that contradict the preset
-        or each other.
+        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
+        reverse, or parameters that contradict the preset or each other.
     PromptError, VocabularyError
         The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
     ModelError
@@ -80,6 +86,7 @@ def check(
     """
     params = request.params
     resolved = resolve(params, default_model=default_model)
+    check_pictures(request, pictures)
     _check_targets(resolved, {*targets, *(["target"] if has_target else [])})
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     for generated in generated_targets(resolved):
@@ -117,7 +124,7 @@ def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
             raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
         raise _refusal(
             "guidance",
-            "A target was sent, but the guidance is `sds`, which does not use it.",
+            f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
             f"Set params.guidance to `target`, or omit the part `{part}`.",
         )
 
@@ -178,6 +185,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             allowed_models=settings.allowed_models,
             revision=settings.model_revision,
             targets=files & set(TARGET_PARTS),
+            pictures=files.intersection(SILHOUETTE_PARTS),
         )
 
 
@@ -193,8 +201,8 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
-    """Return the branch's request with `subdivide` and `exclude` of its job, whose checkpoint fits one mesh only."""
-    for group, name in (("output", "subdivide"), ("params", "exclude")):
+    """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
+    for group, name in (("output", "subdivide"), ("params", "exclude"), ("params", "backdrop")):
         wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
         if name in own.model_fields_set and getattr(own, name) != wanted:
             raise ParameterError(
@@ -231,15 +239,15 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 
 def _uses(request: JobRequest) -> list[str]:
-    return ["asset", *named_targets(request.params)]
+    return ["asset", *named_targets(request.params), *SILHOUETTE_PARTS[: len(request.params.silhouettes)]]
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     if request.params.stages:
         return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
-    if request.prompt or "target" not in filenames:
-        return request.prompt or (request.params.target.prompt if request.params.target else "")
-    return f"like {PurePath(filenames['target']).stem}"
+    like = filenames.get("target") or filenames.get(SILHOUETTE_PARTS[0])
+    generated = request.params.target.prompt if request.params.target else ""
+    return request.prompt or generated or (f"like {PurePath(like).stem}" if like else "")
 
 
 def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
@@ -265,6 +273,7 @@ def _load() -> StartRun:
             prior=prior,
             targets={part: file for part, file in given.files.items() if part in TARGET_PARTS},
             generate=lambda wanted, name: generated_target(wanted, name, params.seed, given),
+            pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
             default_model=given.default_model,
@@ -279,13 +288,23 @@ def _load() -> StartRun:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
-    summary="Deforms an asset until its pictures match a prompt, or until it looks like a second mesh.",
+    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
     reads=(
         FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
             FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
             for part in TARGET_PARTS[1:]
+        ),
+        *(
+            FilePart(
+                name,
+                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
+                required=False,
+                media_types=_PICTURES,
+                content="silhouette",
+            )
+            for number, name in enumerate(SILHOUETTE_PARTS, 1)
         ),
     ),
     params=DeformParams,

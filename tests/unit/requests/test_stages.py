@@ -66,7 +66,7 @@ def test_a_request_needs_the_files_that_its_stages_name() -> None:
         ),
         (
             of(PEAR, landmarks=[{"source": 0, "target": 0}]),
-            "`landmarks` belongs to one target, and there are stages.",
+            "`landmarks` belongs to a single goal, and there are stages.",
         ),
         (of(PEAR, guidance="target"), "guidance is `target`, and `stages` needs `sds`."),
         (of(MADE), "This server does not run the model 'shap-e'."),
