@@ -60,7 +60,10 @@ def packed_ball(path: Path) -> Path:
     return path
 
 
-def test_a_zip_is_shown_its_front_turned_and_deformed(page: Page, service: Service, tmp_path: Path) -> None:
+def test_a_zip_is_shown_its_front_turned_and_deformed(
+    page: Page, watch: Watch, service: Service, tmp_path: Path
+) -> None:
+    watch.allow("503.*jobs:orient")
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")

@@ -64,7 +64,7 @@ def test_a_job_that_searches_no_front_is_told_so(api: Api, params: dict[str, Any
 def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(orientation_process, "run_child", lambda *_a, **_k: pytest.fail("searched"))
     answer = orient(api, b"no asset")
-    assert answer.status_code == 422
+    assert answer.status_code in (415, 422)
     assert answer.json()["code"].startswith("asset_")
 
 
