@@ -24,6 +24,7 @@ from meshdeform.cli.options import (
     OnlyOption,
     QuietOption,
     RigidOption,
+    RigOption,
     SetOption,
     SilhouetteOption,
     StageOption,
@@ -38,7 +39,6 @@ from meshdeform.cli.request import make_request, merge_params, parse_exclude, pa
 from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
-from meshdeform.requests.stages import generated_targets
 
 __all__ = ["run"]
 
@@ -142,6 +142,7 @@ def run(
     only: OnlyOption = None,
     handle: HandleOption = None,
     symmetry: SymmetryOption = None,
+    rig: RigOption = None,
     param: SetOption = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
     threads: Annotated[
@@ -185,8 +186,8 @@ def run(
         symmetry=symmetry,
     )
     morph = morph or bool(morph_path) or bool(params.get("stages"))
-    written = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
-    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance}
+    written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
+    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = make_request(prompt, params, output=written)
     paths = {
         "result": output,
@@ -206,6 +207,7 @@ def run(
         from meshdeform.assets.usd import require_usd
 
         require_usd()
+    from meshdeform.requests.stages import generated_targets
     from meshdeform.runs import text_deform_kind
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
