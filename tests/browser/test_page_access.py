@@ -65,6 +65,10 @@ def views(page: Page, finished: str) -> Iterator[str]:
     open_form(page)
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_text(re.compile(r"^All \d+ nouns")).click()
+    page.get_by_text("Control", exact=True).click()
+    for tool in ("Add a box", "Add triangles", "Add a handle"):
+        page.get_by_role("button", name=tool).click()
+    page.get_by_label("Length along x").select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
     page.goto(f"/#/jobs/{finished}")

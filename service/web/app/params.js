@@ -24,6 +24,8 @@
  * @property {boolean} usd
  * @property {boolean} subdivide
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
+ * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles, symmetry and lengths; `of` is the
+ *   file that they are for.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
  *
  * @typedef {object} Kept
@@ -31,6 +33,7 @@
  * @property {Record<string, any>} output
  */
 
+import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { count } from "./format.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -102,7 +105,7 @@ export function integerProblem(text, min, max) {
  */
 export function documents(wish, steps, group, fields) {
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, preset: wish.preset };
+  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), preset: wish.preset };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -171,7 +174,7 @@ export function keptText(kept) {
  */
 export function wishOf(job, fields, defaults = {}) {
   const params = job.params ?? {};
-  const asked = new Set([...ASKED, ...fields.map((field) => field.name)]);
+  const asked = new Set([...ASKED, ...CONTROL_PARAMS, ...fields.map((field) => field.name)]);
   const advanced = Object.fromEntries(
     fields.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),
   );
@@ -185,11 +188,17 @@ export function wishOf(job, fields, defaults = {}) {
     usd: Boolean(job.output?.usd),
     subdivide: Boolean(job.output?.subdivide),
     advanced,
+    control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
       output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd", "subdivide"].includes(name) && value && !same(value, defaults[name]))),
     },
   };
+}
+
+/** What tells one file from another on the form. @param {string} name @param {number} size */
+export function fileKey(name, size) {
+  return `${name} ${size}`;
 }
 
 /** Return whether two values are alike, in whatever order their members are. @param {any} a @param {any} b */

@@ -7,13 +7,14 @@ import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { duration, roughly } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
-import { documents, fieldsOf, wishOf } from "../params.js";
+import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { ControlPanel } from "./control/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
@@ -41,6 +42,8 @@ export class CreateView {
       this.settings.setValue("orientation", value);
       this._changed();
     });
+    this.control = new ControlPanel(this.assets.box, () => this._changed());
+    this.assets.addBelow(this.control.toolbar);
     this.assets.addBelow(this.front.element);
     this.prompt = new PromptField(() => this._changed());
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
@@ -59,6 +62,7 @@ export class CreateView {
       this.prompt.element,
       this.problem,
       this.settings.element,
+      this.control.element,
       h("div", { class: "start-bar" }, this.estimate, this.start),
     );
     fill(
@@ -122,6 +126,7 @@ export class CreateView {
     this.from = null;
     this.begun = false;
     this.settings.reset();
+    this.control.restore(null);
     this.prompt.set("");
     await this.assets.example(EXAMPLES[0].name);
     this.begun = true;
@@ -169,12 +174,16 @@ export class CreateView {
   /** @param {import("../params.js").Wish} wish */
   _restore(wish) {
     this.settings.restore(wish);
+    this.control.restore(wish.control);
     this.prompt.set(wish.prompt);
   }
 
   _changed() {
     this.front.show(this.settings.value("orientation"));
-    if (this.begun) keepDraft({ from: this.from, wish: this.settings.draft(this.prompt.input.value), asset: this.assets.asset });
+    const { asset } = this.assets;
+    if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
+    this.control.view.exclude(this.settings.kept.params.exclude ?? []);
+    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value() }, asset });
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
   }
@@ -189,14 +198,24 @@ export class CreateView {
     this.start.textContent = variations > 1 ? `Deform, ${variations} variations` : "Deform";
   }
 
+  _wish() {
+    return { ...this.settings.wish(this.prompt.value), control: this.control.value() };
+  }
+
+  /** Return whether all settings can be sent; what cannot is marked. */
+  _settle() {
+    const settings = this.settings.check();
+    return this.control.check(this.settings.subdivide.checked) && settings;
+  }
+
   async _check() {
     const asset = this.assets.asset;
-    const wish = this.settings.wish(this.prompt.value);
+    const wish = this._wish();
     this.checks += 1;
     const turn = this.checks;
     this.checking.abort();
     this.checking = new AbortController();
-    const good = this.settings.check();
+    const good = this._settle();
     const long = this.prompt.problemOfLength;
     this._block(!good || long !== "");
     if (long) this.prompt.refuse(long);
@@ -235,6 +254,7 @@ export class CreateView {
     this.front.resolve(found.params.orientation);
     const { triangles, vertices, meshes, skipped, warnings } = found.asset;
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
+    this.control.offer(found.asset);
     this.assets.describe(triangles, vertices, more, warnings);
     fill(this.estimate, estimateWords(found, wish.variations));
   }
@@ -255,7 +275,8 @@ export class CreateView {
       return void fill(this.problem);
     }
     if (error instanceof ProblemError && error.status === 404) this.assets.asset?.forgetUpload();
-    const placed = error instanceof ProblemError && Array.isArray(error.document.errors) && this.settings.refuse(error.document.errors);
+    const errors = error instanceof ProblemError && Array.isArray(error.document.errors) ? error.document.errors : null;
+    const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
 
@@ -264,14 +285,14 @@ export class CreateView {
     event.preventDefault();
     if (this.busy) return;
     const asset = this.assets.asset;
-    const wish = this.settings.wish(this.prompt.value);
+    const wish = this._wish();
     if (!wish.prompt) {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
       return;
     }
     if (!asset) return;
-    if (!this.settings.check()) return this.settings.focusProblem();
+    if (!this._settle()) return this.settings.check() ? this.control.focusProblem() : this.settings.focusProblem();
     if (this.prompt.problemOfLength) return this.prompt.input.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");

@@ -13,6 +13,7 @@ import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
+import { askedPanel } from "./asked.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { JobStage } from "./stage.js";
@@ -89,7 +90,7 @@ export class JobView {
         "div",
         { class: "job" },
         h("div", { class: "job-main" }, this.stage.element, this.chart.element),
-        h("div", { class: "job-side" }, this.error, this.progress.element, this.results, this.folds, this.log.element),
+        h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
     document.title = `${job.prompt || "Job"} · Meshdeform`;
