@@ -54,6 +54,7 @@ class GuidanceKind(StrEnum):
 
     SDS = "sds"
     TARGET = "target"
+    SILHOUETTES = "silhouettes"
 
 
 class AlignMode(StrEnum):
