@@ -148,7 +148,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     page.get_by_role("button", name="Add triangles").click()
     page.get_by_label("Triangles", exact=True).fill("0-3, 7-")
     page.get_by_label("Symmetry").select_option("auto")
-    page.get_by_label("Length along y").select_option("limits")
+    page.get_by_label("Length along y", exact=True).select_option("limits")
     page.get_by_label("Greatest length along y").fill("1.1")
     page.get_by_label("Fall-off").fill("0.2")
     begin = page.get_by_role("button", name="Deform")

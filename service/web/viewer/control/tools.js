@@ -7,7 +7,7 @@ import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, P
 import { Overlay, sides } from "./overlay.js";
 import { Neighbours } from "./selecting.js";
 
-/** @typedef {"turn" | "paint" | "box" | "part" | "handle"} Tool */
+/** @typedef {"turn" | "paint" | "box" | "part" | "handle" | "point"} Tool */
 /** @typedef {import("./overlay.js").Place} Place */
 /** @typedef {import("./overlay.js").Box} Box */
 /** @typedef {import("./overlay.js").Marks} Marks */
@@ -21,6 +21,7 @@ import { Neighbours } from "./selecting.js";
  * @property {(position: Place) => number} held a new handle; returns its number
  * @property {(handle: number, to: Place) => void} moved
  * @property {(handle: number) => void} chosen
+ * @property {(place: Place) => void} pointed where a point was clicked
  * @property {() => void} done the pointer let go of what it changed
  */
 
@@ -99,11 +100,11 @@ export class ControlTools {
     this.viewer.invalidate();
   }
 
-  /** @param {Box | null} box that is edited @param {Marks[]} handles @param {number} chosen of the handles; -1: none */
-  showMarks(box, handles, chosen) {
+  /** @param {Box | null} box that is edited @param {Marks[]} handles @param {number} chosen of the handles; -1: none @param {Place[]} points more */
+  showMarks(box, handles, chosen, points = []) {
     this.box = box;
     this.handles = handles;
-    this.overlay.setMarks(box, handles, chosen);
+    this.overlay.setMarks(box, [...handles, ...points.map((to) => ({ position: null, to }))], chosen);
     this.viewer.invalidate();
   }
 
@@ -169,7 +170,7 @@ export class ControlTools {
   /** @param {PointerEvent} event */
   #take(event) {
     if (this.tool === "turn" || event.button !== 0) return;
-    const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event) }[this.tool]();
+    const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event), point: () => this.#point(event) }[this.tool]();
     if (!drag) return;
     event.stopImmediatePropagation();
     event.preventDefault();
@@ -241,6 +242,13 @@ export class ControlTools {
     if (!hit || !this.surface) return null;
     this.listeners.picked(this.surface.partOf(hit.face));
     return () => {};
+  }
+
+  /** @param {PointerEvent} event */
+  #point(event) {
+    const hit = this.#hit(event);
+    if (hit) this.listeners.pointed(hit.place);
+    return hit && (() => {});
   }
 
   /** @param {PointerEvent} event */

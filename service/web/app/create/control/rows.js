@@ -42,7 +42,7 @@ export function numberField(label, get, set, { optional = false, placeholder = "
  * @param {() => number[]} get
  * @param {(place: number[]) => void} set
  */
-function placeFields(name, get, set) {
+export function placeFields(name, get, set) {
   const fields = AXES.map((axis, i) =>
     numberField(`${name} ${axis}`, () => get()[i], (value) => set(get().map((old, at) => (at === i ? Number(value) : old)))),
   );

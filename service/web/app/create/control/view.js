@@ -25,6 +25,12 @@ export class ControlView {
     this.flags = [];
     this.everything = false;
     this._brush = 0.05;
+    /** Points that are shown beside those of the handles. @type {number[][]} */
+    this.extra = [];
+    /** Who is told where the asset is clicked. @type {((place: number[]) => void) | null} */
+    this.pointing = null;
+    /** @type {() => void} */
+    this.stopped = () => {};
     box.ready.then(() => this._open());
   }
 
@@ -83,7 +89,8 @@ export class ControlView {
         this.panel.chosen = handle;
         this.draw();
       },
-      done: () => this.panel.changed(),
+      done: () => this.pointing || this.panel.changed(),
+      pointed: (place) => this.pointing?.(rounded(place, this.size)),
     });
     this.tools.brush = this._brush;
     scope.add(() => this.tools?.dispose());
@@ -102,7 +109,7 @@ export class ControlView {
     // Until the server has listed them.
     if (this.surface && !this.panel.parts.nodes.length) this.panel.offer(this.library.namedParts(root, this.surface));
     this.panel._show();
-    this.tools.use(this.panel.tool);
+    this.tools.use(this.pointing ? "point" : this.panel.tool);
   }
 
   /**
@@ -125,14 +132,31 @@ export class ControlView {
 
   _wanted() {
     const { regions, handles } = this.panel.control;
-    return this.panel.tool !== "turn" || regions.length + handles.length > 0;
+    return this.panel.tool !== "turn" || this.pointing !== null || regions.length + handles.length + this.extra.length > 0;
   }
 
   /** @param {import("../../../viewer/control/tools.js").Tool} tool */
   use(tool) {
+    if (this.pointing) {
+      this.pointing = null;
+      this.stopped();
+    }
     if (this.tools) this.tools.use(tool);
     else this._begin();
     this.draw();
+  }
+
+  /**
+   * Say where the asset is clicked, until another tool is taken.
+   *
+   * @param {((place: number[]) => void) | null} listener Null: the tool that was in hand is taken again.
+   * @param {() => void} stopped Called when another tool is taken.
+   */
+  point(listener, stopped) {
+    this.pointing = listener;
+    this.stopped = stopped;
+    if (this.tools) this.tools.use(listener ? "point" : this.panel.tool);
+    else if (listener) this._begin();
   }
 
   /** @returns {number} length of the asset's diagonal */
@@ -196,7 +220,7 @@ export class ControlView {
     this.tools.showKept(kept);
     const { boxed, tool } = this.panel;
     const box = tool === "box" ? (regions[boxed]?.box ?? null) : null;
-    this.tools.showMarks(box, handles.map(({ position, to }) => ({ position: /** @type {any} */ (position ?? null), to: /** @type {any} */ (to) })), this.panel.chosen);
+    this.tools.showMarks(box, handles.map(({ position, to }) => ({ position: /** @type {any} */ (position ?? null), to: /** @type {any} */ (to) })), this.panel.chosen, /** @type {any} */ (this.extra));
   }
 
   /** @param {number[]} faces */
