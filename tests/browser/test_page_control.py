@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -13,7 +14,7 @@ from meshdeform.assets import load_asset  # noqa: E402
 from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, open_form, set_steps, start, until_drawn  # noqa: E402
+from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn  # noqa: E402
 from tests.unit.assets.builders import Builder  # noqa: E402
 
 Locator, Page, expect = playwright_api.Locator, playwright_api.Page, playwright_api.expect
@@ -100,9 +101,9 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
 
     params = service.job(job)["params"]
     source = load_asset(asset.read_bytes())
-    numbers = [
-        n for item in params["regions"][0]["faces"] for n in (range(item[0], item[1] + 1) if isinstance(item, list) else [item])
-    ]
+    items = params["regions"][0]["faces"]
+    ranges = [range(item[0], item[1] + 1) if isinstance(item, list) else [item] for item in items]
+    numbers = [number for each in ranges for number in each]
     assert 1 < len(numbers) < 100
     names = {node["index"]: node["name"] for node in source.parts().nodes}
     assert {names[node] for node in source.parts().node_of_triangle[numbers]} == {"right"}
@@ -184,3 +185,80 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     expect(rows).to_have_count(0)
     page.get_by_role("button", name="Undo").first.click()
     expect(rows).to_have_count(3)
+
+
+def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
+    open_form(page)
+    until_drawn(page.locator(".asset-panel .viewer"))
+    Image.fromarray(np.pad(np.zeros((40, 20), np.uint8), 20, constant_values=255)).save(tmp_path / "front.png")
+    page.set_input_files("#picture-file", tmp_path / "front.png")
+    azimuth = page.get_by_label("Azimuth of picture 1")
+    expect(azimuth).to_have_value("0")
+    expect(page.locator(".picture-veil")).to_be_visible()
+    drag(page, page.locator(".asset-panel .viewer"), (0.5, 0.5), (0.4, 0.5))
+    expect(azimuth).not_to_have_value("0")
+    assert 5 < float(azimuth.input_value()) < 90, "dragged to the left, the asset shows its left side"
+    azimuth.fill("90")
+    set_steps(page, 2)
+    expect(page.locator("#estimate")).to_contain_text("2 steps")  # the server takes the picture, without a prompt
+    expect(page.get_by_role("button", name="Fit to another mesh")).to_be_hidden()
+    page.get_by_role("button", name="Remove picture 1").click()
+    expect(page.locator("#estimate")).to_contain_text("Enter a prompt")
+
+    page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
+    expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
+    source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
+    until_drawn(target)
+    page.get_by_role("button", name="Click pairs of points").click()
+    pairs = page.get_by_role("list", name="Pairs of points").get_by_role("listitem")
+
+    def paired() -> bool:
+        drag(page, source, (0.5, 0.5), (0.5, 0.5))
+        drag(page, target, (0.7, 0.5), (0.7, 0.5))
+        return pairs.count() > 0
+
+    until("the tools are loaded", paired)
+    number = pairs.count()
+    page.reload()  # a draft has both files
+    expect(pairs).to_have_count(number)
+    expect(target.locator(".viewer-tag")).to_have_text("Target")
+    expect(page.locator("#estimate")).to_contain_text("2 steps")
+    job = start(page)
+    document = service.job(job)
+    assert (document["params"]["guidance"], document["target"]["filename"]) == ("target", "balls.glb")
+    [pair, *_] = document["params"]["landmarks"]
+    radius = np.abs(load_asset(service.http.get(f"/v1/jobs/{job}/asset").content).surface.positions).max()
+    assert np.linalg.norm(pair["source"]) == pytest.approx(radius, rel=0.02)
+    assert np.linalg.norm(np.array(pair["target"]) - [1.2, 0, 0]) == pytest.approx(1, abs=0.06)
+    service.http.post(f"/v1/jobs/{job}/cancel")
+    service.finished(job)
+    expect(page.get_by_text("Target: balls.glb")).to_be_visible()
+    page.get_by_role("button", name="Edit and run again").click()
+    expect(pairs).to_have_count(number)
+    expect(target.locator(".viewer-tag")).to_have_text("Target")
+
+
+def test_variations_at_several_strengths_on_one_sheet(page: Page, service: Service, small_sphere: Path) -> None:
+    for seed, prompt in enumerate(("a tall vase", "a fat penguin")):
+        params = {"preset": "preview", "steps": 6, "seed": seed}
+        job = service.submit(small_sphere, {"prompt": prompt, "params": params, "metadata": {"group": "strengths"}})
+        assert service.finished(job)["state"] == "succeeded"
+    page.goto("/#/groups/strengths")
+    page.get_by_role("heading", name="Contact sheet").click()
+    make, strengths = page.get_by_role("button", name="Make the sheet"), page.get_by_label("Strengths in percent")
+    strengths.fill("50, 200")
+    make.click()
+    expect(page.get_by_role("alert").filter(has_text="from 0 to 150")).to_be_visible()
+    strengths.fill("0, 100")
+    make.click()
+    expect(page.get_by_role("img", name="2 variations, each at 0%, 100%")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the sheet").click()
+    assert download.value.suggested_filename.startswith("sphere-")
+    sheet = np.asarray(Image.open(download.value.path()).convert("RGB"), dtype=np.int16)
+    cell = round(sheet.shape[1] / 2.28)
+    edge = sheet.shape[1] - 2 * cell
+    cells = [[sheet[edge + y * cell :, edge + x * cell :][:cell, :cell] for x in range(2)] for y in range(2)]
+    assert min(each.std() for row in cells for each in row) > 5, "nothing is drawn"
+    assert difference(cells[0][0], cells[1][0]) == 0, "the same asset, at strength 0"
+    assert min(difference(row[0], row[1]) for row in cells) > 0.005

@@ -2,11 +2,12 @@
 /** What a job was asked to keep, to hold and to limit: in words, and over its first view. */
 import { controlOf, controlWords } from "../create/control/model.js";
 import { h } from "../dom.js";
+import { counted } from "../format.js";
 import { toggle } from "./stage-controls.js";
 
 /** @param {any} job @returns {HTMLElement | null} null where nothing was asked */
 export function askedPanel(job) {
-  const words = controlWords(controlOf(job.params ?? {}));
+  const words = [...guideWords(job), ...controlWords(controlOf(job.params ?? {}))];
   if (!words.length) return null;
   return h(
     "section",
@@ -14,6 +15,14 @@ export function askedPanel(job) {
     h("div", { class: "panel-head" }, h("h2", { id: "asked-title" }, "Control")),
     h("ul", { class: "asked" }, words.map((text) => h("li", null, text))),
   );
+}
+
+/** @param {any} job @returns {string[]} what guides it besides its prompt */
+function guideWords({ files = {}, params = {} }) {
+  const target = files.target ? [`Target: ${files.target.filename}`] : [];
+  const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
+  const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
+  return [...target, ...pairs, ...pictures];
 }
 
 /**

@@ -82,7 +82,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : "To a target mesh"),
+        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
