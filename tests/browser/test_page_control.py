@@ -148,7 +148,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     page.get_by_role("button", name="Add part").click()
     page.get_by_role("button", name="Add triangles").click()
     page.get_by_label("Triangles", exact=True).fill("0-3, 7-")
-    page.get_by_label("Symmetry").select_option("auto")
+    page.get_by_label("Symmetry").select_option("z")
     page.get_by_label("Length along y", exact=True).select_option("limits")
     page.get_by_label("Greatest length along y").fill("1.1")
     page.get_by_label("Fall-off").fill("0.2")
@@ -170,7 +170,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
         {"node": "left", "action": "keep"},
         {"faces": [[0, 3], 7], "action": "keep"},
     ]
-    assert (params["symmetry"], params["falloff"]) == ("auto", 0.2)
+    assert (params["symmetry"], params["falloff"]) == ("z", 0.2)
     assert params["length"]["y"]["max"] == 1.1
     assert service.finished(job)["state"] == "succeeded"
     expect(badge(page)).to_have_text("Succeeded")

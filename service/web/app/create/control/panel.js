@@ -306,7 +306,7 @@ export class ControlPanel {
     const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
     this.rows = [...regions.map(region), ...handles.map(handle)];
     fill(this.lists, this.rows.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, this.rows.map(({ element }) => element)) : null);
-    for (const row of this.lengths) row.update();
+    for (const row of this.lengths) row.update(true);
     this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
     this._words();

@@ -7,7 +7,7 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
 /**
  * @typedef {object} Row
  * @property {HTMLElement} element
- * @property {() => void} update Show the values again, but for the field that is being typed in.
+ * @property {(anew?: boolean) => void} update Show the values again, but for a field that is being typed in or is wrong; `anew`: all.
  */
 
 /**
@@ -20,8 +20,8 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
  */
 export function numberField(label, get, set, { optional = false, placeholder = "" } = {}) {
   const input = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off", "aria-label": label, placeholder: placeholder || null });
-  const show = () => {
-    if (document.activeElement === input) return;
+  const show = (anew = false) => {
+    if (!anew && (document.activeElement === input || input.hasAttribute("aria-invalid"))) return;
     const value = get();
     input.value = value === null || value === undefined ? "" : String(Number(value.toPrecision(6)));
     input.removeAttribute("aria-invalid");
@@ -103,9 +103,8 @@ export function regionRow(region, number, { changed, remove, edit, selected }) {
       changed();
     });
     const show = () => {
-      if (document.activeElement === input) return;
+      if (document.activeElement === input || input.hasAttribute("aria-invalid")) return;
       input.value = facesText(region.faces);
-      input.removeAttribute("aria-invalid");
     };
     show();
     shows.push(show);
@@ -170,14 +169,14 @@ export function lengthRow(axis, get, set) {
   const limits = h("div", { class: "limits" }, low.input, h("span", { class: "small muted", "aria-hidden": "true" }, "to"), high.input, h("span", { class: "small muted", "aria-hidden": "true" }, "×"));
   kind.addEventListener("change", () => {
     set(kind.value === "keep" ? "keep" : kind.value === "limits" ? { min: null, max: null } : undefined);
-    update();
+    update(true);
   });
-  const update = () => {
+  const update = (anew = false) => {
     const limit = get();
     kind.value = limit === "keep" ? "keep" : limit ? "limits" : "free";
     limits.hidden = kind.value !== "limits";
-    low.show();
-    high.show();
+    low.show(anew);
+    high.show(anew);
   };
   const element = h("div", { class: "length-row" }, h("span", null, axis), kind, limits);
   update();
