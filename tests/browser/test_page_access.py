@@ -167,7 +167,7 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     assert seen[-1] == "prompt", seen
     assert "Choose a file" in seen
     page.keyboard.type("a mushroom")
-    for _ in range(40):
+    for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
         if focused == "Advanced":
@@ -181,6 +181,7 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
+    assert service.finished(job_id)["state"] == "succeeded"
     expect(badge(page)).to_have_text("Succeeded")
     assert service.job(job_id)["params"]["steps"] == 8
     # The focus is at the new content, and the morph is moved by the arrows.
