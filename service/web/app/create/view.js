@@ -5,7 +5,6 @@ import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api
 import { Asset } from "../assets.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
-import { duration, roughly } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
@@ -15,6 +14,7 @@ import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { ControlPanel } from "./control/panel.js";
+import { estimateWords } from "./estimate.js";
 import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
@@ -41,10 +41,14 @@ export class CreateView {
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
-    this.front = new FrontControl(this.assets.box, (value) => {
-      this.settings.setValue("orientation", value);
-      this._changed();
-    });
+    this.front = new FrontControl(
+      this.assets.box,
+      (value) => {
+        this.settings.setValue("orientation", value);
+        this._changed();
+      },
+      (signal) => this._orientation(signal),
+    );
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.assets.addBelow(this.control.toolbar);
     this.assets.addBelow(this.front.element);
@@ -198,6 +202,7 @@ export class CreateView {
   }
 
   _changed() {
+    this.front.forget();
     this.front.show(this.settings.value("orientation"));
     const { asset } = this.assets;
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
@@ -206,6 +211,15 @@ export class CreateView {
     this.prompt.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
+  }
+
+  /** @param {AbortSignal} signal @returns {Promise<any>} The front that the job in the form would have. */
+  async _orientation(signal) {
+    const asset = this.assets.asset;
+    const wish = this.settings.wish(this.prompt.value);
+    if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
+    const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
+    return requestJson("v1/jobs:orient", { method: "POST", signal, ...sent });
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
@@ -373,17 +387,4 @@ export class CreateView {
 function aboutNegative(error, prompt) {
   const unknown = error.code === "prompt_unknown_words" ? (error.document.unknown ?? []) : [];
   return unknown.length > 0 && unknown.every((/** @type {string} */ word) => !prompt.toLowerCase().includes(word));
-}
-
-/**
- * @param {any} found What `POST /v1/jobs:validate` says.
- * @param {number} variations
- */
-function estimateWords(found, variations) {
-  const { queue_s: queue, run_s: run } = found.estimate;
-  const steps = `${found.params.steps.toLocaleString("en")} steps`;
-  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
-  const all = run * variations;
-  const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
-  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
 }
