@@ -49,11 +49,19 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
+SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
+"""File extensions of surfaces without triangles; points may also be in a PLY."""
+
 _REMEMBERED = 512
 
 
 def check_asset_subprocess(
-    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float | None = None
+    path: str | os.PathLike[str],
+    filename: str = "",
+    limits: Limits | None = None,
+    *,
+    timeout_s: float | None = None,
+    surfaces: bool = False,
 ) -> AssetSummary:
     """Check a stored file completely, in a child process.
 
@@ -67,6 +75,8 @@ def check_asset_subprocess(
         Upper bounds on the asset.
     timeout_s : float, optional
         Seconds after which the file counts as too large. Default: `limits.max_check_s`.
+    surfaces : bool
+        Accept surfaces without triangles, too (`surface_files`).
 
     Returns
     -------
@@ -87,7 +97,7 @@ def check_asset_subprocess(
     try:
         outcome = run_child(
             "meshdeform.assets.check",
-            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s)),
+            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), surfaces),
             timeout_s=timeout_s,
         )
     except TimeoutError as error:
@@ -101,11 +111,13 @@ def check_asset_subprocess(
     return _summary(outcome.verdict["summary"])
 
 
-def _arguments(path: Path, filename: str, limits: Limits) -> list[str]:
+def _arguments(path: Path, filename: str, limits: Limits, surfaces: bool) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    name = "asset" if ending is None else f"asset.{ending if ending in FORMATS else 'other'}"
-    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits))]
+    known = FORMATS | SURFACE_FORMATS if surfaces else FORMATS
+    name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
+    own = ["--surfaces"] if surfaces else []
+    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), *own]
 
 
 class CheckedAssets:
@@ -125,11 +137,13 @@ class CheckedAssets:
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
-        self._passed: OrderedDict[tuple[str, str, str], AssetSummary] = OrderedDict()
+        self._passed: OrderedDict[tuple[str, str, str, bool], AssetSummary] = OrderedDict()
         self._lock = threading.Lock()
 
-    def check(self, path: Path, filename: str, sha256: str, owner_id: str) -> AssetSummary:
+    def check(self, path: Path, filename: str, sha256: str, owner_id: str, *, surfaces: bool = False) -> AssetSummary:
         """Return the summary of a file of this owner that passed before, or check it completely.
+
+        `surfaces` accepts surfaces without triangles, too.
 
         Raises
         ------
@@ -137,12 +151,12 @@ class CheckedAssets:
             What is wrong with it.
         """
         # Some formats are recognised only by the file's extension.
-        known = (owner_id, sha256, PurePath(filename).suffix.lower())
+        known = (owner_id, sha256, PurePath(filename).suffix.lower(), surfaces)
         with self._lock:
             if known in self._passed:
                 self._passed.move_to_end(known)
                 return self._passed[known]
-        summary = check_asset_subprocess(path, filename, self.limits)
+        summary = check_asset_subprocess(path, filename, self.limits, surfaces=surfaces)
         with self._lock:
             self._passed[known] = summary
             if len(self._passed) > _REMEMBERED:
@@ -179,9 +193,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
+    parser.add_argument("--surfaces", action="store_true", help="accept surfaces without triangles, too")
     options = parser.parse_args(arguments)
     try:
-        verdict = {"ok": True, "summary": _decode(options.path, options.filename, Limits(**options.limits))}
+        found = _decode(options.path, options.filename, Limits(**options.limits), options.surfaces)
+        verdict = {"ok": True, "summary": found}
     except (AssetError, DependencyError) as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
@@ -190,10 +206,12 @@ def main(arguments: list[str] | None = None) -> int:
     return 0 if verdict["ok"] else 1
 
 
-def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+def _decode(path: Path, filename: str, limits: Limits, surfaces: bool) -> dict[str, Any]:
     with path.open("rb") as file:
         packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
     bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
+    if surfaces and (found := _surface_summary(path, filename or path.name, limits)) is not None:
+        return asdict(found)
     _inspect_file(path, filename or path.name, limits)
     from meshdeform.assets.asset import load_asset
 
@@ -206,6 +224,19 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     for name in ("nodes", "materials", "mesh_names", "joints"):
         summary[name] = summary[name][:MAX_PARTS]
     return summary
+
+
+def _surface_summary(path: Path, filename: str, limits: Limits) -> AssetSummary | None:
+    """Check a surface without triangles; return None if the file is a mesh."""
+    from meshdeform.assets.surface_files import read_surface_file, summary_of, surface_format
+
+    with path.open("rb") as file:
+        if surface_format(file.read(65_536), filename) is None:
+            return None
+    if path.stat().st_size > limits.max_bytes:
+        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    found = read_surface_file(path.read_bytes(), filename, limits)
+    return None if found is None else summary_of(found, filename)
 
 
 def has_area(surface: Surface) -> bool:

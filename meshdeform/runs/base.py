@@ -43,12 +43,15 @@ class FilePart:
         Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
         the request.
     media_types : tuple of str
+    surfaces : bool
+        Whether it may also describe a surface without triangles (`meshdeform.assets.surface_files`).
     """
 
     name: str
     summary: str
     required: bool
     media_types: tuple[str, ...]
+    surfaces: bool = False
 
 
 @dataclass(frozen=True)
@@ -231,6 +234,10 @@ class Kind:
     check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
+
+    def part(self, name: str) -> FilePart:
+        """Return the part of this name."""
+        return next(part for part in self.reads if part.name == name)
 
     @property
     def parts(self) -> tuple[str, ...]:

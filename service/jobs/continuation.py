@@ -87,7 +87,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             files = dict(inherited)
             for name, reference in document.references.items():
                 file = fetch(app, caller.owner_id, *reference, folder)
-                app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
+                surfaces = kind_of(request.kind).part(name).surfaces
+                app.assets.check(file.path, file.filename, file.sha256, caller.owner_id, surfaces=surfaces)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
             _lease(app, leases, inherited.values())

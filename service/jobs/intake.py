@@ -86,8 +86,12 @@ def _check(
     """
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
-    found = {name: app.assets.check(file.path, file.filename, file.sha256, owner_id) for name, file in files.items()}
-    kind_of(submission.document.kind).check_files(params, found)
+    kind = kind_of(submission.document.kind)
+    found = {
+        name: app.assets.check(file.path, file.filename, file.sha256, owner_id, surfaces=kind.part(name).surfaces)
+        for name, file in files.items()
+    }
+    kind.check_files(params, found)
     return params, files, found
 
 
