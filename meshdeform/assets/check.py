@@ -16,12 +16,13 @@ import threading
 from collections import OrderedDict
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -38,6 +39,7 @@ __all__ = [
     "MAX_PARTS",
     "MAX_SKIPPED",
     "CheckedAssets",
+    "FileContent",
     "check_asset_subprocess",
     "has_area",
     "main",
@@ -48,6 +50,9 @@ MAX_SKIPPED = 100
 
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
+
+FileContent = Literal["mesh", "silhouette", "surface"]
+"""What a file may be: an asset, a picture with a silhouette, or an asset or another description of a surface."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -61,8 +66,8 @@ def check_asset_subprocess(
     limits: Limits | None = None,
     *,
     timeout_s: float | None = None,
-    surfaces: bool = False,
-) -> AssetSummary:
+    content: FileContent = "mesh",
+) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 
     Parameters
@@ -75,12 +80,12 @@ def check_asset_subprocess(
         Upper bounds on the asset.
     timeout_s : float, optional
         Seconds after which the file counts as too large. Default: `limits.max_check_s`.
-    surfaces : bool
-        Accept surfaces without triangles, too (`surface_files`).
+    content : FileContent
+        What the file should be.
 
     Returns
     -------
-    AssetSummary
+    AssetSummary, or PictureSummary of a silhouette.
 
     Raises
     ------
@@ -97,7 +102,7 @@ def check_asset_subprocess(
     try:
         outcome = run_child(
             "meshdeform.assets.check",
-            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), surfaces),
+            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), content),
             timeout_s=timeout_s,
         )
     except TimeoutError as error:
@@ -108,16 +113,16 @@ def check_asset_subprocess(
         raise _crash(outcome.returncode, path)
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
-    return _summary(outcome.verdict["summary"])
+    summary = outcome.verdict["summary"]
+    return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
 
 
-def _arguments(path: Path, filename: str, limits: Limits, surfaces: bool) -> list[str]:
+def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    known = FORMATS | SURFACE_FORMATS if surfaces else FORMATS
+    known = FORMATS | SURFACE_FORMATS if content == "surface" else FORMATS
     name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
-    own = ["--surfaces"] if surfaces else []
-    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), *own]
+    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
 
 class CheckedAssets:
@@ -137,13 +142,13 @@ class CheckedAssets:
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
-        self._passed: OrderedDict[tuple[str, str, str, bool], AssetSummary] = OrderedDict()
+        self._passed: OrderedDict[tuple[str, str, str], AssetSummary | PictureSummary] = OrderedDict()
         self._lock = threading.Lock()
 
-    def check(self, path: Path, filename: str, sha256: str, owner_id: str, *, surfaces: bool = False) -> AssetSummary:
+    def check(
+        self, path: Path, filename: str, sha256: str, owner_id: str, content: FileContent = "mesh"
+    ) -> AssetSummary | PictureSummary:
         """Return the summary of a file of this owner that passed before, or check it completely.
-
-        `surfaces` accepts surfaces without triangles, too.
 
         Raises
         ------
@@ -151,12 +156,13 @@ class CheckedAssets:
             What is wrong with it.
         """
         # Some formats are recognised only by the file's extension.
-        known = (owner_id, sha256, PurePath(filename).suffix.lower(), surfaces)
+        suffix = PurePath(filename).suffix.lower()
+        known = (owner_id, sha256, {"mesh": suffix, "surface": f"surface{suffix}"}.get(content, content))
         with self._lock:
             if known in self._passed:
                 self._passed.move_to_end(known)
                 return self._passed[known]
-        summary = check_asset_subprocess(path, filename, self.limits, surfaces=surfaces)
+        summary = check_asset_subprocess(path, filename, self.limits, content=content)
         with self._lock:
             self._passed[known] = summary
             if len(self._passed) > _REMEMBERED:
@@ -193,11 +199,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument("--surfaces", action="store_true", help="accept surfaces without triangles, too")
+    parser.add_argument("--content", default="mesh", help="what the file should be: mesh, silhouette or surface")
     options = parser.parse_args(arguments)
+    decode = {"silhouette": _read_picture, "surface": _decode_surface}.get(options.content, _decode)
     try:
-        found = _decode(options.path, options.filename, Limits(**options.limits), options.surfaces)
-        verdict = {"ok": True, "summary": found}
+        verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
@@ -206,12 +212,10 @@ def main(arguments: list[str] | None = None) -> int:
     return 0 if verdict["ok"] else 1
 
 
-def _decode(path: Path, filename: str, limits: Limits, surfaces: bool) -> dict[str, Any]:
+def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     with path.open("rb") as file:
         packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
     bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
-    if surfaces and (found := _surface_summary(path, filename or path.name, limits)) is not None:
-        return asdict(found)
     _inspect_file(path, filename or path.name, limits)
     from meshdeform.assets.asset import load_asset
 
@@ -226,17 +230,26 @@ def _decode(path: Path, filename: str, limits: Limits, surfaces: bool) -> dict[s
     return summary
 
 
-def _surface_summary(path: Path, filename: str, limits: Limits) -> AssetSummary | None:
-    """Check a surface without triangles; return None if the file is a mesh."""
+def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+    """Check a surface without triangles, or a mesh if it is none."""
     from meshdeform.assets.surface_files import read_surface_file, summary_of, surface_format
 
     with path.open("rb") as file:
         if surface_format(file.read(65_536), filename) is None:
-            return None
+            return _decode(path, filename, limits)
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     if path.stat().st_size > limits.max_bytes:
         raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
     found = read_surface_file(path.read_bytes(), filename, limits)
-    return None if found is None else summary_of(found, filename)
+    assert found is not None
+    return asdict(summary_of(found, filename))
+
+
+def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.assets.silhouette import read_silhouette
+
+    return asdict(read_silhouette(path.read_bytes()).summary)
 
 
 def has_area(surface: Surface) -> bool:

@@ -8,6 +8,7 @@ Source: Noma et al. 2026, section 4; Mildenhall et al. 2020, NeRF, equation 4 (t
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -48,7 +49,7 @@ class FieldNetwork:
         generator = torch.Generator().manual_seed(seed)
         sizes = [features + 3 + 6 * octaves, *[width] * depth, 3]
         layers = []
-        for i, (before, after) in enumerate(zip(sizes, sizes[1:], strict=False)):
+        for i, (before, after) in enumerate(itertools.pairwise(sizes)):
             weight = torch.randn(after, before, generator=generator) * math.sqrt(2 / before)
             layers.append((weight * _LAST_LAYER if i == depth else weight, torch.zeros(after)))
         return cls(_FIRST_FEATURES * torch.randn(vertices, features, generator=generator), layers, octaves)

@@ -4,6 +4,7 @@ docs/surface_fit.md.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import struct
@@ -99,7 +100,7 @@ def read_field(data: bytes | Path) -> NeuralField:
     halves = np.frombuffer(_unplaned(found[2], 2), "<f2").astype(np.float32)
     features, rest = np.split(halves, [vertices * header["features"]])
     layers = []
-    for before, after in zip(widths, widths[1:], strict=False):
+    for before, after in itertools.pairwise(widths):
         weight, bias, rest = np.split(rest, [after * before, after * before + after])
         layers.append((weight.reshape(after, before), bias))
     return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers)

@@ -1,6 +1,6 @@
 """Project points to a surface, whatever describes it: a mesh, oriented points, a distance grid, a network.
 
-Each gives `project` and a reference: a dense mesh from which the base is made, and against which the result is measured.
+Each gives `project` and a reference: a dense mesh from which the base is made, and with which the result is compared.
 """
 
 from __future__ import annotations
@@ -94,6 +94,7 @@ class MeshSurface:
         )
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
+        """Return the nearest places, and the normals of their triangles."""
         face, weights = self._tree.find(points, normals)
         return np.einsum("pk,pkc->pc", weights, self.reference.verts[self.reference.faces[face]]), self._normals[face]
 
@@ -116,6 +117,7 @@ class PointSurface:
         self.reference = _reference(verts, faces, self, "The points enclose nothing.")
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
+        """Return points of the zero set, by moving along the mean normal of the neighbours, and that normal."""
         near = self._tree.query(points, k=self._count)[1]
         places, directions = self._points[near], self._normals[near]
         # Neighbours on the other side of a thin wall do not count.
@@ -143,6 +145,7 @@ class _Implicit:
         raise NotImplementedError
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:  # noqa: ARG002 - a field has sides
+        """Return points of the zero set and the directions of the gradient there."""
         found, directions = np.empty_like(points), np.empty_like(points)
         for start in range(0, len(points), _CHUNK):
             at = torch.from_numpy(points[start : start + _CHUNK])

@@ -55,6 +55,7 @@ class GuidanceKind(StrEnum):
 
     SDS = "sds"
     TARGET = "target"
+    SILHOUETTES = "silhouettes"
 
 
 class AlignMode(StrEnum):

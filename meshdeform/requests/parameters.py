@@ -39,6 +39,7 @@ from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
+from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -71,8 +72,8 @@ class DeformParams(StrictModel):
     )
     guidance: GuidanceKind = Field(
         GuidanceKind.SDS,
-        description="What guides the deformation: `sds` (a diffusion model and the prompt) or `target` "
-        "(a second mesh, sent as the part `target`).",
+        description="What guides the deformation: `sds` (a diffusion model and the prompt), `target` (a second mesh, "
+        "sent as the part `target`) or `silhouettes` (pictures alone).",
         examples=["sds"],
     )
     model: str | None = Field(
@@ -305,6 +306,8 @@ class DeformParams(StrictModel):
         le=_MAX_WEIGHT,
         examples=[1.0],
     )
+    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
+    silhouette_weight: float = SILHOUETTE_WEIGHT
     stiffness: float = of_preset(
         1.0,
         "Multiple of the weights that hold the shape together (identity, bending, barrier) at the first step; it falls "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel
 
+from meshdeform.assets.check import FileContent
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
 
 if TYPE_CHECKING:
@@ -43,15 +44,15 @@ class FilePart:
         Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
         the request.
     media_types : tuple of str
-    surfaces : bool
-        Whether it may also describe a surface without triangles (`meshdeform.assets.surface_files`).
+    content : FileContent
+        What the file is checked as when it arrives.
     """
 
     name: str
     summary: str
     required: bool
     media_types: tuple[str, ...]
-    surfaces: bool = False
+    content: FileContent = "mesh"
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,7 @@ class Kind:
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
-        the files by part. Default: all fit. Torch-free.
+        the meshes by part. Default: all fit. Torch-free.
     as_branch : callable
         Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
         request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
@@ -235,14 +236,14 @@ class Kind:
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
 
-    def part(self, name: str) -> FilePart:
-        """Return the part of this name."""
-        return next(part for part in self.reads if part.name == name)
-
     @property
     def parts(self) -> tuple[str, ...]:
         """The names of the parts that it reads, in order."""
         return tuple(part.name for part in self.reads)
+
+    def content_of(self, part: str) -> FileContent:
+        """Return what the file of a part is checked as."""
+        return next(each.content for each in self.reads if each.name == part)
 
     def inherits(self, request: JobRequest) -> frozenset[str]:
         """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""

@@ -73,7 +73,7 @@ SURFACE_FIT = Kind(
             "or a network (safetensors).",
             required=True,
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip", "application/octet-stream"),
-            surfaces=True,
+            content="surface",
         ),
     ),
     params=SurfaceFitParams,

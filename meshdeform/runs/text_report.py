@@ -85,6 +85,7 @@ def build_report(
     look: Appearance,
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
+    silhouettes: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
     control: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -126,6 +127,8 @@ def build_report(
         How much the result looks like its prompt.
     fit : dict, optional
         How well the result fits its target.
+    silhouettes : sequence of mappings, optional
+        How well the result fits each picture.
     bodies : sequence of Body
         What kept its shape.
     control : mapping, optional
@@ -189,6 +192,8 @@ def build_report(
         report["likeness"] = likeness
     if fit is not None:
         report["fit"] = fit
+    if silhouettes is not None:
+        report["silhouettes"] = list(silhouettes)
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
     if usdz is not None:
