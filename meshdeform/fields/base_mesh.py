@@ -49,7 +49,7 @@ def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
         if not len(coarse.faces):
             continue
         found = _with_unique_edges(coarse.verts.numpy(), coarse.faces.numpy())
-        if found is not None and topology(found[1], glue(*found)) == surface.topology:
+        if found is not None and topology(found[1], glue(*found)).like(surface.topology):
             return found
     found = _with_unique_edges(surface.verts, surface.faces) if len(surface.faces) <= 4 * count else None
     if found is None:

@@ -37,6 +37,10 @@ class Topology:
     border_edges: int
     characteristics: tuple[int, ...]
 
+    def like(self, other: Topology) -> bool:
+        """Return whether both have the same parts, with the same handles, and both or neither have borders."""
+        return self.characteristics == other.characteristics and bool(self.border_edges) == bool(other.border_edges)
+
     @property
     def genus(self) -> int | None:
         """Number of handles of all components together; None for a surface with borders."""

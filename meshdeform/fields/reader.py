@@ -28,14 +28,7 @@ _MAX_FACES = 100_000
 class NeuralField:
     """A surface: the image of a base mesh under a small network.
 
-    Attributes
-    ----------
-    header : dict
-    verts : (V, 3) float64
-        The base in the frame.
-    faces : (F, 3) int64
-    features : (V, d) float32
-    layers : list of (weight (out, in), bias (out,)) float32
+    The base has `verts` (V, 3), in the frame, and `faces` (F, 3); a layer is weight (out, in) and bias (out,).
     """
 
     header: dict[str, Any]
@@ -45,15 +38,7 @@ class NeuralField:
     layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
     def evaluate(self, corners: _Index, weights: _Floats) -> _Floats:
-        """Return points (P, 3) float64 of the surface, in world coordinates.
-
-        Parameters
-        ----------
-        corners : (P, 3) int64
-            Vertices of one face of the base for each point.
-        weights : (P, 3) float64
-            Barycentric coordinates in it.
-        """
+        """Return points (P, 3) of the surface, in the world, from corners (P, 3) in the base and weights (P, 3)."""
         points = np.einsum("pk,pkc->pc", weights, self.verts[corners])
         features = np.einsum("pk,pkd->pd", weights, self.features[corners])
         waves = [points * (2.0**k * math.pi) for k in range(self.header["octaves"])]
@@ -81,49 +66,51 @@ def read_field(data: bytes | Path) -> NeuralField:
         The file is damaged, incomplete, or of another version.
     """
     data = data.read_bytes() if isinstance(data, Path) else data
-    if data[:3] != _MAGIC[:3]:
+    if data[:3] != _MAGIC[:3] or len(data) < 12:
         raise ValueError("The file is not a .ndf.")
     if data[:4] != _MAGIC:
         raise ValueError(f"The .ndf has version {data[3]}; this reader knows version 1.")
-    if len(data) < 12 or zlib.crc32(data[:-4]) != struct.unpack("<I", data[-4:])[0]:
+    if zlib.crc32(data[:-4]) != struct.unpack("<I", data[-4:])[0]:
         raise ValueError("The .ndf is damaged or incomplete: its checksum is wrong.")
-    length = struct.unpack("<I", data[4:8])[0]
-    header = json.loads(data[8 : 8 + length])
-    vertices, count, widths = header["vertices"], header["faces"], header["widths"]
+    try:
+        return _read(data)
+    except (KeyError, IndexError, TypeError, StopIteration, zlib.error) as error:
+        raise ValueError("The .ndf contradicts itself.") from error
+
+
+def _read(data: bytes) -> NeuralField:
+    at = 8 + struct.unpack("<I", data[4:8])[0]
+    header = json.loads(data[8:at])
+    vertices, count = header["vertices"], header["faces"]
     if not (0 < count <= _MAX_FACES and 0 < vertices <= 3 * count):
         raise ValueError("The .ndf states impossible counts.")
-    at, found = 8 + length, []
+    found = []
     for size, expected in header["sections"]:
-        found.append(_inflated(data[at : at + size], expected))
+        found.append(_numbers(data[at : at + size], expected))
         at += size
     faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
-    halves = np.frombuffer(_unplaned(found[2], 2), "<f2").astype(np.float32)
+    halves = found[2].view("<f2").astype(np.float32)
     features, rest = np.split(halves, [vertices * header["features"]])
     layers = []
-    for before, after in itertools.pairwise(widths):
+    for before, after in itertools.pairwise(header["widths"]):
         weight, bias, rest = np.split(rest, [after * before, after * before + after])
         layers.append((weight.reshape(after, before), bias))
     return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers)
 
 
-def _inflated(data: bytes, size: int) -> bytes:
-    unpacker = zlib.decompressobj(-15)
-    out = unpacker.decompress(data, size + 1)
+def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:
+    """Unpack a section of 16-bit numbers, whose low bytes come first, then the high ones."""
+    out = zlib.decompressobj(-15).decompress(data, size + 1)
     if len(out) != size:
         raise ValueError("A section of the .ndf has another size than stated.")
-    return out
+    return np.frombuffer(np.frombuffer(out, np.uint8).reshape(2, -1).T.tobytes(), "<u2")
 
 
-def _unplaned(data: bytes, width: int) -> bytes:
-    """Put together numbers whose bytes are stored apart: all low ones first."""
-    return np.frombuffer(data, np.uint8).reshape(width, -1).T.tobytes()
-
-
-def _base(codes: bytes, steps: bytes, vertices: int, count: int, bits: int) -> tuple[_Index, _Floats]:
+def _base(codes: NDArray[Any], steps: NDArray[Any], vertices: int, count: int, bits: int) -> tuple[_Index, _Floats]:
     """Decode faces and vertices, in the order in which a walk over the surface meets them."""
-    moves = np.frombuffer(_unplaned(steps, 2), "<u2").astype(np.int64).reshape(-1, 3)
+    moves = steps.astype(np.int64).reshape(-1, 3)
     moves = (moves >> 1) ^ -(moves & 1)  # zigzag
-    symbols = iter(np.frombuffer(_unplaned(codes, 2), "<u2").tolist())
+    symbols = iter(codes.tolist())
     faces, verts = np.empty((count, 3), np.int64), np.empty((vertices, 3), np.int64)
     made = done = 0
     open_edges: dict[tuple[int, int], int] = {}  # each with the corner of its face that is not on it

@@ -30,6 +30,8 @@ _Index = NDArray[np.int64]
 
 _CELLS = 96
 """Cells along the longest side where a surface must first be extracted."""
+_POINT_CELLS = 64
+"""The same for points, whose details are below neither their distances nor the noise."""
 _NEIGHBOURS = 16
 _NEWTON_STEPS = 4
 _OPPOSITE = 2.0
@@ -112,7 +114,7 @@ class PointSurface:
         self._tree = cKDTree(cloud.points)
         count = min(_NEIGHBOURS, len(cloud.points))
         self._count, self._width = count, float(np.median(self._tree.query(cloud.points, k=count)[0][:, -1])) / 2
-        phi, origin, spacing = poisson_grid(cloud.points, cloud.normals, _CELLS)
+        phi, origin, spacing = poisson_grid(cloud.points, cloud.normals, _POINT_CELLS)
         verts, faces = isosurface(phi, origin, np.full(3, spacing))
         self.reference = _reference(verts, faces, self, "The points enclose nothing.")
 
