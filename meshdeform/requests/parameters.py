@@ -27,6 +27,7 @@ from meshdeform.requests.bounds import contradiction
 from meshdeform.requests.choices import (
     AlignMode,
     AppearanceMode,
+    BackdropMode,
     Carrier,
     GuidanceKind,
     OrientationMode,
@@ -165,6 +166,13 @@ class DeformParams(StrictModel):
         "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
         "are.",
         examples=[["Ground"]],
+    )
+    backdrop: BackdropMode = Field(
+        BackdropMode.LEAVE,
+        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
+        "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
+        "The asset's `warnings` name it.",
+        examples=["leave"],
     )
     rigid: tuple[RigidSelector, ...] = Field(
         (),

@@ -22,7 +22,7 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
@@ -34,7 +34,7 @@ from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.control import Control, read_control
 from meshdeform.runs.control_report import control_report
 from meshdeform.runs.movement import HoldCounter
-from meshdeform.runs.preparation import prepared, shape_id
+from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
@@ -109,11 +109,10 @@ def start(
         loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
         if request.output.usd:
             loaded.scene()  # detect unreadable materials now, not after the last step
-        surface = loaded.surface
-        welded = weld(surface.positions, surface.triangles)
+        welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
-    shape = shape_id(asset_sha256, params, request.output)
+    shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
         fit, silhouettes = None, SilhouetteFit.of(params, pictures)
@@ -183,6 +182,7 @@ class TextDeformRun:
         self._silhouettes = silhouettes
         self._fit = fit
         self._asset = asset
+        self._drawn = drawn_triangles(asset, facts.params.backdrop)
         self._welded = welded
         self._frame = frame
         self._deformation = deformation
@@ -259,7 +259,7 @@ class TextDeformRun:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
-            appearance = self._asset.appearance()
+            appearance = self._asset.appearance().of_triangles(self._drawn)
             artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
         report = build_report(
             self._facts,
@@ -279,6 +279,7 @@ class TextDeformRun:
             first_step=self._first_step,
             clock=self._clock,
             look=appearance,
+            drawn=self._drawn,
             likeness=self._likeness(verts),
             fit=self._fitted(verts),
             silhouettes=self._overlaps(verts),

@@ -162,8 +162,8 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
-    """Return the branch's request with `subdivide` and `exclude` of its job, whose checkpoint fits one mesh only."""
-    for group, name in (("output", "subdivide"), ("params", "exclude")):
+    """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
+    for group, name in (("output", "subdivide"), ("params", "exclude"), ("params", "backdrop")):
         wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
         if name in own.model_fields_set and getattr(own, name) != wanted:
             raise ParameterError(
