@@ -53,7 +53,7 @@ def surface_fit(
     quiet: QuietOption = False,
     base_faces: Annotated[int | None, _number("Faces of the base mesh; default: 1000.")] = None,
     features: Annotated[int | None, _number("Features at each vertex of the base; default: 8.")] = None,
-    octaves: Annotated[int | None, _number("Octaves of positions; default: 4.")] = None,
+    octaves: Annotated[int | None, _number("Octaves of positions; default: 6.")] = None,
     width: Annotated[int | None, _number("Neurons of each hidden layer; default: 32.")] = None,
     depth: Annotated[int | None, _number("Hidden layers; default: 2.")] = None,
     steps: Annotated[int | None, _number("Optimiser iterations; default: 1500.")] = None,

@@ -85,12 +85,12 @@ class FitOptions:
     steps: int
     seed: int = 0
     features: int = 8
-    octaves: int = 4
+    octaves: int = 6
     width: int = 32
     depth: int = 2
     batch_faces: int = 96
     learning_rate: float = 0.01
-    normal_weight: float = 1e-3
+    normal_weight: float = 1e-4
 
 
 @dataclass(frozen=True)
