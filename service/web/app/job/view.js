@@ -13,6 +13,7 @@ import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
+import { askedPanel } from "./asked.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { JobStage } from "./stage.js";
@@ -82,7 +83,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : "To a target mesh"),
+        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
@@ -90,7 +91,7 @@ export class JobView {
         "div",
         { class: "job" },
         h("div", { class: "job-main" }, this.stage.element, this.chart.element),
-        h("div", { class: "job-side" }, this.error, this.progress.element, this.results, this.folds, this.log.element),
+        h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
     document.title = `${goal || "Job"} · Meshdeform`;
