@@ -193,7 +193,7 @@ class LocalJob:
     def _show(self, name: str, artifact: ArtifactData) -> None:
         """Write what is shown before the run has ended beside the result."""
         path = self._outputs.result.with_suffix(f".{name}")
-        with _writing(name):
+        with writing(name):
             write_files({path: artifact.data})
         self._shown.append(path)
 
