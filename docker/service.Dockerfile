@@ -10,7 +10,7 @@ RUN python -m venv /opt/meshdeform
 ENV PATH=/opt/meshdeform/bin:$PATH
 WORKDIR /src
 COPY docker/constraints.txt docker/constraints.txt
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY meshdeform meshdeform
 COPY service service
 COPY worker worker

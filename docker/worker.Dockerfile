@@ -22,7 +22,7 @@ RUN case "$TORCH" in \
         cuda) pip install "torch==$TORCH_VERSION" ;; \
         *) echo "TORCH is cpu or cuda, not $TORCH" >&2; exit 1 ;; \
     esac
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY meshdeform meshdeform
 COPY service service
 COPY worker worker

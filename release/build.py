@@ -28,6 +28,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
     "meshdeform/py.typed",
     "meshdeform/priors/builtin/weights/*.safetensors",
+    "meshdeform/priors/builtin/nouns.txt.gz",
     "meshdeform/judge/weights/*",
     "meshdeform/record/migrations/versions/*.py",
     "service/web/index.html",
@@ -39,6 +40,7 @@ NEEDED = (
     "service/web/vendor/three/three.module.js",
     "service/web/examples/*.glb",
     "*.dist-info/licenses/LICENSE",
+    "*.dist-info/licenses/NOTICE",
     "*.dist-info/entry_points.txt",
 )
 """Required contents of a wheel, as patterns of file names."""

@@ -22,6 +22,7 @@ __all__ = [
     "ModelList",
     "ModelView",
     "PartHealth",
+    "PictureFound",
     "Problem",
     "Readiness",
     "RequestLimits",
@@ -118,6 +119,24 @@ class AssetFound(BaseModel):
     )
 
 
+class PictureFound(BaseModel):
+    """The silhouette in a picture."""
+
+    filename: str = Field(description="Its name, as sent.", examples=["front.png"])
+    size: int = Field(ge=0, description="Bytes.", examples=[20480])
+    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
+    format: str = Field(description="`png`, `jpeg` or `webp`.", examples=["png"])
+    width: int = Field(ge=1, description="Pixels.", examples=[1024])
+    height: int = Field(ge=1, description="Pixels.", examples=[768])
+    box: list[float] = Field(
+        min_length=4,
+        max_length=4,
+        description="Left, top, right and bottom of the silhouette, as shares of the width and height.",
+        examples=[[0.1, 0.05, 0.9, 0.95]],
+    )
+    share: float = Field(ge=0.0, le=1.0, description="Share of the picture that the silhouette covers.", examples=[0.4])
+
+
 class JobEstimate(BaseModel):
     """The estimated time of a job, based on finished jobs."""
 
@@ -136,7 +155,10 @@ class Validation(BaseModel):
     valid: Literal[True] = Field(
         True, description="Always true: an invalid job is reported as a problem.", examples=[True]
     )
-    files: dict[str, AssetFound] = Field(description="Its files by the names of their parts.")
+    files: dict[str, AssetFound] = Field(description="Its meshes by the names of their parts.")
+    pictures: dict[str, PictureFound] = Field(
+        default_factory=dict, description="Its pictures by the names of their parts."
+    )
     asset: AssetFound = Field(description="The first of `files`: the asset to deform.")
     target: AssetFound | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
     # Other kinds than `text_deform` have other parameters.

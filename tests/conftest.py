@@ -38,6 +38,7 @@ SHARING = {
         "tests/acceptance/test_serve.py",
         "tests/acceptance/test_cli_service.py",
         "tests/acceptance/test_cli_batch.py",
+        "tests/acceptance/test_mcp.py",
         "tests/acceptance/test_quickstart.py",
         "tests/integration/test_client_examples.py",
         "tests/toolchain/test_blender_client.py",

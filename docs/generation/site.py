@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File
 
-__all__ = ["on_files", "on_page_markdown"]
+__all__ = ["on_files", "on_page_markdown", "on_post_build"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _WEB = _ROOT / "service/web"
@@ -40,3 +41,23 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     return (
         (Path(page.file.abs_src_path).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
     )
+
+
+def on_post_build(*, config: Any, **_: Any) -> None:
+    """Write `llms.txt` (llmstxt.org): the pages, each with its first sentence."""
+    lines = [f"# {config.site_name}", "", f"> {config.site_description}"]
+    docs = Path(config.docs_dir)
+    for entry in config.nav:
+        for section, pages in entry.items() if isinstance(entry, dict) else [("", [entry])]:
+            lines += ["", f"## {section}", ""] if section else [""]
+            lines += [_listed(docs / page) for page in pages if (docs / page).is_file()]
+    (Path(config.site_dir) / "llms.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _listed(page: Path) -> str:
+    title, _, text = page.read_text(encoding="utf-8").partition("\n")
+    paragraphs = (part for part in text.split("\n\n") if part.strip() and part.strip()[0].isalnum())
+    first = " ".join(next(paragraphs, "").split())
+    plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", first)
+    sentence = re.split(r"(?<=[.:])\s", plain, maxsplit=1)[0]
+    return f"- [{title.lstrip('# ')}]({page.stem}.html): {sentence}".rstrip(": ")

@@ -113,6 +113,20 @@ class Appearance:
     paints: tuple[Paint, ...]
     left_out: dict[str, int] = field(default_factory=dict)
 
+    def of_triangles(self, chosen: NDArray[np.bool_]) -> Appearance:
+        """Return the look of some of the triangles (T,), with the vertices that they use."""
+        if chosen.all():
+            return self
+        used, triangles = np.unique(self.triangles[chosen], return_inverse=True)
+        return dataclasses.replace(
+            self,
+            rows=self.rows[used],
+            triangles=triangles.reshape(-1, 3),
+            texcoords=self.texcoords[used],
+            colors=self.colors[used],
+            paint_of_triangle=self.paint_of_triangle[chosen],
+        )
+
     @property
     def coloured(self) -> bool:
         """Whether the surface shows more than one grey."""

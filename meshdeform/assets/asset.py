@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.archive import Archive, open_archive
-from meshdeform.assets.backdrop import backdrop_warnings
+from meshdeform.assets.backdrop import find_backdrop
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.corners import corner_colors, corner_weights
@@ -53,6 +53,8 @@ class Asset:
         How many normals and tangents had no direction and were rebuilt.
     excluded : frozenset of int
         Nodes whose meshes are no part of the surface.
+    backdrop : Backdrop, optional
+        Planes that make everything else small.
     """
 
     def __init__(
@@ -72,9 +74,13 @@ class Asset:
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks, self._loose = read_surface(document, excluded)
-        backdrops = backdrop_warnings(document, self.surface, self._blocks)
+        self.backdrop = find_backdrop(document, self.surface, self._blocks)
+        backdrops = () if self.backdrop is None else (self.backdrop.warning,)
         parts = self.parts()
-        shape = self.surface.positions, self.surface.triangles
+        drawn = self.surface.triangles
+        if self.backdrop is not None and self.backdrop.left:
+            drawn = drawn[~self.backdrop.triangles]
+        shape = self.surface.positions, drawn
         notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape))
         self.summary = dataclasses.replace(
             summary,

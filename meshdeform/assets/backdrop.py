@@ -1,46 +1,135 @@
-"""Notice a ground plane or a backdrop that makes the object itself small in every picture that the guidance sees."""
+"""Notice a ground plane or a backdrop that makes the object itself small in every picture that the guidance sees.
+
+Beside a backdrop that is far larger, the object is smaller than a few cells of a lattice, and a ground of two triangles
+is only a chord of the map that carries the object: the two would part. Such a backdrop is left as it is
+(`params.backdrop`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
 
-__all__ = ["backdrop_warnings"]
+__all__ = ["Backdrop", "find_backdrop"]
 
 _LARGE = 0.6
-"""Share of the scene's diagonal from which a mesh spans the scene."""
-_FLAT = 0.05
-"""Thickness over width up to which a mesh is a plane."""
+"""Share of the scene's diagonal from which a part spans the scene."""
 _WIDE = 0.4
-"""Second extent over the first from which a mesh is a plane and not a pole."""
-_SMALL = 0.5
-"""Share of the scene's diagonal below which the rest is small."""
+"""Second extent over the first from which a part is a plane and not a pole."""
+_FLAT, _SMALL = 0.05, 0.5
+"""Thickness over width up to which a part is a plane, and share of the diagonal below which the rest is small."""
+_SHEET, _TINY = 0.005, 0.25
+"""The same for a backdrop that is left as it is: a door with a knob, or a ray with its eyes, is an object."""
+
+_Flags = NDArray[np.bool_]
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
 
 
-def backdrop_warnings(document: Document, surface: Surface, blocks: list[Block]) -> tuple[str, ...]:
-    """Return a warning that names the planes that span the scene, if what is left without them is small."""
-    if len(blocks) < 2:
-        return ()
+@dataclass(frozen=True)
+class Backdrop:
+    """The planes that span a scene.
+
+    Attributes
+    ----------
+    triangles : (T,) bool
+        Which triangles of the surface are theirs.
+    share : float
+        Diagonal of what is left without them, over that of the scene.
+    left : bool
+        Whether they are left as they are, unless the request says otherwise.
+    name : str
+        Names of their nodes.
+    own_nodes : bool
+        Whether their nodes show nothing else, so that `params.exclude` can name them.
+    """
+
+    triangles: _Flags
+    share: float
+    left: bool
+    name: str
+    own_nodes: bool
+
+    @property
+    def warning(self) -> str:
+        """A sentence about what the planes do, or what is done about them."""
+        if self.left:
+            return (
+                f"{self.name} looks like a ground plane or backdrop: the rest is only {_percent(self.share)} as large. "
+                "It is neither drawn nor deformed, unless params.backdrop is `deform`."
+            )
+        remedy = "Name it in params.exclude to leave it as it is."
+        if not self.own_nodes:
+            remedy = "Make it an object of its own, and name that in params.exclude to leave it as it is."
+        return (
+            f"{self.name} looks like a ground plane or backdrop: it spans the scene, and the rest is only "
+            f"{_percent(self.share)} as large, so the guidance sees the object small. {remedy}"
+        )
+
+
+def find_backdrop(document: Document, surface: Surface, blocks: Sequence[Block]) -> Backdrop | None:
+    """Return the backdrop of a surface: meshes, or else connected parts of meshes."""
+    if not len(surface.triangles):
+        return None
     starts = [block.rows.start for block in blocks]
-    low, high = (ufunc.reduceat(surface.positions, starts, axis=0) for ufunc in (np.minimum, np.maximum))
+    block = np.searchsorted(starts, surface.triangles[:, 0], side="right") - 1
+    for left, flat, small in ((True, _SHEET, _TINY), (False, _FLAT, _SMALL)):
+        planes, share = _planes(surface, block, flat, small)
+        if left and not planes.any() and _may_have_sheet(surface):
+            planes, share = _planes(surface, _components(surface), flat, small)
+        if planes.any():
+            nodes = [blocks[at].node for at in np.unique(block[planes])]
+            others = {blocks[at].node for at in np.unique(block[~planes])}
+            names = ", ".join(_name(document, node) for node in list(dict.fromkeys(nodes))[:3])
+            return Backdrop(planes, share, left, names, others.isdisjoint(nodes))
+    return None
+
+
+def _planes(surface: Surface, group: _Index, flat: float, small: float) -> tuple[_Flags, float]:
+    """Return flags (T,) of the triangles in groups (T,) that are backdrops, and the share of the rest."""
+    none = np.zeros(len(group), bool)
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    if len(starts) < 2:
+        return none, 1.0
+    corners = surface.positions[surface.triangles[order]]
+    low = np.minimum.reduceat(corners.min(1), starts)
+    high = np.maximum.reduceat(corners.max(1), starts)
     extent = np.sort(high - low, axis=1)
-    diagonal = float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+    diagonal = float(np.linalg.norm(high.max(0) - low.min(0)))
     spans = np.linalg.norm(extent, axis=1) > _LARGE * diagonal
-    planes = spans & (extent[:, 0] <= _FLAT * extent[:, 2]) & (extent[:, 1] >= _WIDE * extent[:, 2])
+    planes = spans & (extent[:, 0] <= flat * extent[:, 2]) & (extent[:, 1] >= _WIDE * extent[:, 2])
     if not planes.any() or planes.all():
-        return ()
-    rest = float(np.linalg.norm(high[~planes].max(axis=0) - low[~planes].min(axis=0)))
-    if rest >= _SMALL * diagonal:
-        return ()
-    nodes = dict.fromkeys(block.node for block, plane in zip(blocks, planes, strict=True) if plane)
-    names = ", ".join(_name(document, node) for node in list(nodes)[:3])
-    return (
-        f"{names} looks like a ground plane or backdrop: it spans the scene, and the rest is only "
-        f"{rest / diagonal:.0%} as large, so the guidance sees the object small. Name it in "
-        "params.exclude to leave it as it is.",
-    )
+        return none, 1.0
+    share = float(np.linalg.norm(high[~planes].max(0) - low[~planes].min(0))) / diagonal
+    if share >= small:
+        return none, share
+    found = none.copy()
+    found[order] = np.repeat(planes, np.diff(starts, append=len(group)))
+    return found, share
+
+
+def _may_have_sheet(surface: Surface) -> bool:
+    """Return whether a connected part may be a sheet beside which the rest, on it or near it, is tiny."""
+    extent = np.ptp(surface.positions, axis=0)
+    return bool(extent.min() < (_TINY + _SHEET) * np.linalg.norm(extent))
+
+
+def _components(surface: Surface) -> _Index:
+    """Return the connected component (T,) of each triangle."""
+    from meshdeform.geometry.coincidence import connected_triangles  # scipy takes a moment to load
+
+    return connected_triangles(surface.positions, surface.triangles)
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%}" if share >= 0.01 else f"{share:.2g} times"
 
 
 def _name(document: Document, node: int) -> str:

@@ -16,12 +16,13 @@ import threading
 from collections import OrderedDict
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -38,6 +39,7 @@ __all__ = [
     "MAX_PARTS",
     "MAX_SKIPPED",
     "CheckedAssets",
+    "FileContent",
     "check_asset_subprocess",
     "has_area",
     "main",
@@ -49,12 +51,20 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
+FileContent = Literal["mesh", "silhouette"]
+"""What a file may be: an asset, or a picture with a silhouette."""
+
 _REMEMBERED = 512
 
 
 def check_asset_subprocess(
-    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, timeout_s: float | None = None
-) -> AssetSummary:
+    path: str | os.PathLike[str],
+    filename: str = "",
+    limits: Limits | None = None,
+    *,
+    timeout_s: float | None = None,
+    content: FileContent = "mesh",
+) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 
     Parameters
@@ -67,10 +77,12 @@ def check_asset_subprocess(
         Upper bounds on the asset.
     timeout_s : float, optional
         Seconds after which the file counts as too large. Default: `limits.max_check_s`.
+    content : FileContent
+        What the file should be.
 
     Returns
     -------
-    AssetSummary
+    AssetSummary, or PictureSummary of a silhouette.
 
     Raises
     ------
@@ -87,7 +99,7 @@ def check_asset_subprocess(
     try:
         outcome = run_child(
             "meshdeform.assets.check",
-            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s)),
+            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), content),
             timeout_s=timeout_s,
         )
     except TimeoutError as error:
@@ -98,14 +110,15 @@ def check_asset_subprocess(
         raise _crash(outcome.returncode, path)
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
-    return _summary(outcome.verdict["summary"])
+    summary = outcome.verdict["summary"]
+    return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
 
 
-def _arguments(path: Path, filename: str, limits: Limits) -> list[str]:
+def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
     name = "asset" if ending is None else f"asset.{ending if ending in FORMATS else 'other'}"
-    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits))]
+    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
 
 class CheckedAssets:
@@ -125,10 +138,12 @@ class CheckedAssets:
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
-        self._passed: OrderedDict[tuple[str, str, str], AssetSummary] = OrderedDict()
+        self._passed: OrderedDict[tuple[str, str, str], AssetSummary | PictureSummary] = OrderedDict()
         self._lock = threading.Lock()
 
-    def check(self, path: Path, filename: str, sha256: str, owner_id: str) -> AssetSummary:
+    def check(
+        self, path: Path, filename: str, sha256: str, owner_id: str, content: FileContent = "mesh"
+    ) -> AssetSummary | PictureSummary:
         """Return the summary of a file of this owner that passed before, or check it completely.
 
         Raises
@@ -137,12 +152,12 @@ class CheckedAssets:
             What is wrong with it.
         """
         # Some formats are recognised only by the file's extension.
-        known = (owner_id, sha256, PurePath(filename).suffix.lower())
+        known = (owner_id, sha256, PurePath(filename).suffix.lower() if content == "mesh" else content)
         with self._lock:
             if known in self._passed:
                 self._passed.move_to_end(known)
                 return self._passed[known]
-        summary = check_asset_subprocess(path, filename, self.limits)
+        summary = check_asset_subprocess(path, filename, self.limits, content=content)
         with self._lock:
             self._passed[known] = summary
             if len(self._passed) > _REMEMBERED:
@@ -179,9 +194,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
+    parser.add_argument("--content", default="mesh", help="what the file should be: mesh or silhouette")
     options = parser.parse_args(arguments)
+    decode = _read_picture if options.content == "silhouette" else _decode
     try:
-        verdict = {"ok": True, "summary": _decode(options.path, options.filename, Limits(**options.limits))}
+        verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
@@ -206,6 +223,13 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     for name in ("nodes", "materials", "mesh_names", "joints"):
         summary[name] = summary[name][:MAX_PARTS]
     return summary
+
+
+def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.assets.silhouette import read_silhouette
+
+    return asdict(read_silhouette(path.read_bytes()).summary)
 
 
 def has_area(surface: Surface) -> bool:

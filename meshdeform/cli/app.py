@@ -25,6 +25,7 @@ from meshdeform.cli.fetch import fetch
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import jobs
 from meshdeform.cli.keys import keys
+from meshdeform.cli.mcp import mcp
 from meshdeform.cli.models import models
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
@@ -121,6 +122,7 @@ app.command(rich_help_panel=_CLIENT)(retry)
 app.command(rich_help_panel=_CLIENT)(branch)
 app.command(rich_help_panel=_CLIENT)(delete)
 app.command(rich_help_panel=_CLIENT)(jobs)
+app.command(rich_help_panel=_CLIENT)(mcp)
 app.command(rich_help_panel=_SERVICE)(serve)
 app.command(rich_help_panel=_SERVICE)(api)
 app.command(rich_help_panel=_SERVICE)(worker)

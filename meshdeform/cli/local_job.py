@@ -7,7 +7,7 @@ import shlex
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +55,8 @@ class LocalJob:
     outputs : Outputs
     target : Path, optional
         The mesh of `params.guidance = target`.
+    pictures : sequence of Path
+        The pictures of `params.silhouettes`.
     resume : Path, optional
         A checkpoint of the same request to continue from.
     load : callable
@@ -69,11 +71,12 @@ class LocalJob:
         outputs: Outputs,
         *,
         target: Path | None = None,
+        pictures: Sequence[Path] = (),
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
         self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
-        self._target, self._resume, self._load = target, resume, load
+        self._target, self._pictures, self._resume, self._load = target, pictures, resume, load
         self._last_losses: dict[str, float] = {}
         self._last_step: tuple[int, int] | None = None
         self._saved_step: int | None = None
@@ -123,6 +126,7 @@ class LocalJob:
             "appearance": report["appearance"],
             "likeness": report.get("likeness"),
             "texture_stretch": report["texture_stretch"],
+            "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
             "elapsed_s": round(time.perf_counter() - start, 3),
@@ -172,6 +176,7 @@ class LocalJob:
             prior=prior,
             target=read_with_files(self._target, limits) if self._target else None,
             target_filename=self._target.name if self._target else "",
+            pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=self._resume.read_bytes() if self._resume else None,
             default_model=self._settings.model,
             limits=limits,

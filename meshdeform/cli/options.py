@@ -27,6 +27,7 @@ __all__ = [
     "QuietOption",
     "RigidOption",
     "SetOption",
+    "SilhouetteOption",
     "SymmetryOption",
     "UrlOption",
     "complete_job_ids",
@@ -204,6 +205,16 @@ SymmetryOption = Annotated[
     typer.Option(
         help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
         rich_help_panel="Control",
+        show_default=False,
+    ),
+]
+SilhouetteOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="FILE@AZIMUTH",
+        help="A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 from "
+        "+X; a mask, or an object in front of a plain background; up to four. With a prompt, both guide.",
+        rich_help_panel="Method",
         show_default=False,
     ),
 ]

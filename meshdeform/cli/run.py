@@ -24,12 +24,14 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    SilhouetteOption,
     SymmetryOption,
 )
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
+from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
 
@@ -49,7 +51,8 @@ def run(
         typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False, readable=True),
     ],
     prompt: Annotated[
-        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
+        str,
+        typer.Argument(help='What the asset should become, e.g. "a mushroom". Or give --target or --silhouette.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -124,6 +127,7 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -151,10 +155,12 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
+    pictures = parse_pictures(silhouette)
     params = merge_params(
         param or [],
         preset=preset,
-        guidance="target" if target else None,
+        guidance="target" if target else "silhouettes" if silhouette and not prompt else None,
+        silhouettes=pictures.views or None,
         model=model,
         steps=steps,
         seed=seed,
@@ -180,7 +186,7 @@ def run(
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
-        check_outputs({**paths, **drawn}, [path for path in (asset, target, resume) if path])
+        check_outputs({**paths, **drawn}, [path for path in (asset, target, resume, *pictures.paths) if path])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     if usd:
@@ -196,12 +202,13 @@ def run(
         allowed_models=[request.params.model] if request.params.model else [],
         revision=settings.model_revision,
         has_target=target is not None,
+        pictures=pictures.parts,
     )
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, target=target, resume=resume)
+    job = LocalJob(asset, request, settings, outputs, target=target, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:
@@ -227,5 +234,7 @@ def run(
         typer.echo(stretch_line(summary["texture_stretch"]))
     if summary["fit"] is not None:
         typer.echo(fit_line(summary["fit"]))
+    if summary["silhouettes"] is not None:
+        typer.echo(silhouettes_line(summary["silhouettes"]))
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)

@@ -25,6 +25,7 @@ from meshdeform.cli.options import (
     QuietOption,
     RigidOption,
     SetOption,
+    SilhouetteOption,
     SymmetryOption,
     UrlOption,
 )
@@ -37,6 +38,7 @@ from meshdeform.cli.request import (
     parse_labels,
     parse_morph_path,
 )
+from meshdeform.cli.silhouettes import parse_pictures
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -52,7 +54,8 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
-        str, typer.Argument(help='What the asset should become, e.g. "a mushroom". Not needed with --target.')
+        str,
+        typer.Argument(help='What the asset should become, e.g. "a mushroom". Or give --target or --silhouette.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -94,6 +97,7 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
     keep: KeepOption = None,
@@ -158,10 +162,12 @@ def submit(
 
     meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
     """
+    pictures = parse_pictures(silhouette)
     params = merge_params(
         settings or [],
         preset=preset,
-        guidance="target" if target else None,
+        guidance="target" if target else "silhouettes" if silhouette and not prompt else None,
+        silhouettes=pictures.views or None,
         model=model,
         steps=steps,
         seed=seed,
@@ -194,6 +200,7 @@ def submit(
             output=request.output,
             metadata=request.metadata,
             target=target,
+            files=pictures.parts,
             priority=request.priority,
             deadline_s=request.deadline_s,
             idempotency_key=idempotency_key,

@@ -209,6 +209,19 @@ class AssetFound(_Open):
     warnings: list[str] = Field(default_factory=list)
 
 
+class PictureFound(_Open):
+    """The silhouette in a picture."""
+
+    filename: str
+    size: int
+    sha256: str
+    format: str
+    width: int
+    height: int
+    box: list[float]
+    share: float
+
+
 class JobEstimate(_Open):
     """The estimated time of a job in seconds; None if unknown."""
 
@@ -222,6 +235,7 @@ class Validation(_Open):
 
     valid: bool = True
     files: dict[str, AssetFound] = Field(default_factory=dict)
+    pictures: dict[str, PictureFound] = Field(default_factory=dict)
     asset: AssetFound
     target: AssetFound | None = None
     params: Annotated[ResolvedParams, _else(_Resolved), SerializeAsAny()]

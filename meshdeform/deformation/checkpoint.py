@@ -75,7 +75,9 @@ def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
     checkpoint, metadata = _read(data)
     # Older checkpoints do not name their asset; only the shapes of their tensors can be checked.
     if metadata.get("asset") not in (None, "", asset):
-        raise CheckpointError("The checkpoint was made with another asset, params.exclude or output.subdivide.")
+        raise CheckpointError(
+            "The checkpoint was made with another asset, params.exclude, params.backdrop or output.subdivide."
+        )
     return checkpoint.tensors
 
 

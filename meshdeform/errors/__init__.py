@@ -10,7 +10,8 @@
     │   ├── AssetExternalError         422  asset_external_uri     refers to a file that was not sent
     │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension that we cannot decode
     │   ├── AssetNotFiniteError        422  asset_not_finite       NaN or infinite positions
-    │   └── AssetEmptyError            422  asset_no_triangles     nothing to deform
+    │   ├── AssetEmptyError            422  asset_no_triangles     nothing to deform
+    │   └── SilhouetteError            422  silhouette_unusable    a picture without a plain background, or an object
     ├── RequestError                   422  request_invalid        the request document
     │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
     │   ├── AlignmentError             422  alignment_failed       the target could not be placed on the asset
@@ -82,6 +83,7 @@ from meshdeform.errors.inputs import (
     ParameterError,
     PromptError,
     RequestError,
+    SilhouetteError,
     VocabularyError,
     WebhookAddressError,
 )
@@ -127,6 +129,7 @@ __all__ = [
     "RequestError",
     "RequestTimeoutError",
     "ShapeError",
+    "SilhouetteError",
     "StaleAttemptError",
     "StoredFileError",
     "TooManyJobsError",

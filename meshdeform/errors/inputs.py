@@ -20,6 +20,7 @@ __all__ = [
     "ParameterError",
     "PromptError",
     "RequestError",
+    "SilhouetteError",
     "VocabularyError",
     "WebhookAddressError",
 ]
@@ -82,6 +83,13 @@ class AssetEmptyError(AssetError):
 
     code = "asset_no_triangles"
     advice = "Points and lines cannot be deformed; send a mesh with triangles."
+
+
+class SilhouetteError(AssetError):
+    """The picture shows no silhouette that can be used."""
+
+    code = "silhouette_unusable"
+    advice = "Send a mask, or a picture of one object in front of a plain background."
 
 
 class RequestError(MeshdeformError):

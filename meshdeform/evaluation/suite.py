@@ -9,7 +9,8 @@ no training picture of that prior showed, which tests combinations of known word
 `assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
 names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
 
-`turned` is `small` with every source turned by its own random angle about the up axis, which tests `orientation`.
+`turned` is `small`, and `turned-assets` is `assets`, with every source turned by its own random angle about the up
+axis, which tests `orientation`.
 
 `paper` is for Stable Diffusion models. Its first five prompts are from the public pages and repositories of the two
 papers behind the method; the other prompts and all sources are ours, because the papers' meshes cannot be
@@ -207,6 +208,15 @@ SUITES: dict[str, Suite] = {
             (0,),
             "balanced",
             ASSET_PAIRS,
+        ),
+        Suite(
+            "turned-assets",
+            tuple(dict.fromkeys(source for source, _ in ASSET_PAIRS)),
+            tuple(dict.fromkeys(prompt for _, prompt in ASSET_PAIRS)),
+            (0,),
+            "balanced",
+            ASSET_PAIRS,
+            turned=True,
         ),
         Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),
     )

@@ -1,12 +1,14 @@
-"""Find points at the same place. Without torch, because assets are subdivided with it."""
+"""Find points at the same place, and what they connect. Without torch, because the check of assets uses it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-__all__ = ["WELD_TOLERANCE", "coincident"]
+__all__ = ["WELD_TOLERANCE", "coincident", "connected_triangles"]
 
 WELD_TOLERANCE = 1e-6
 """Distance, as a share of the bounding box diagonal, up to which vertices of an asset are at the same place."""
@@ -31,6 +33,19 @@ def coincident(points: NDArray[np.float64], distance: float) -> NDArray[np.int64
         if target[low] == low and target[high] == high:
             target[high] = low
     return target[label]
+
+
+def connected_triangles(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the connected component (T,) of each triangle; vertices at exactly the same place are one."""
+    order = np.lexsort(points.T)
+    place = np.empty(len(points), np.int64)
+    place[order] = np.cumsum((np.diff(points[order], axis=0, prepend=np.nan) != 0).any(1)) - 1
+    corners = place[triangles]
+    ends = np.concatenate([corners[:, :2], corners[:, 1:]])
+    shape = (len(points), len(points))
+    graph = sparse.csr_matrix((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=shape)
+    labels = csgraph.connected_components(graph, directed=False)[1]
+    return np.asarray(labels[corners[:, 0]], np.int64)
 
 
 def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -66,7 +66,11 @@ class WeldedMesh:
 
 
 def weld(
-    positions: NDArray[np.float64], triangles: NDArray[np.int64], *, tolerance: float = WELD_TOLERANCE
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    *,
+    tolerance: float = WELD_TOLERANCE,
+    left_out: NDArray[np.bool_] | None = None,
 ) -> WeldedMesh:
     """Merge vertices that coincide and drop faces that degenerate; the others keep their order.
 
@@ -77,13 +81,16 @@ def weld(
     triangles : (T, 3) int64
     tolerance : float
         Vertices within this share of the bounding box diagonal are merged.
+    left_out : (T,) bool, optional
+        Triangles that are no part of the mesh; they share no vertex with the others.
 
     Raises
     ------
     AssetEmptyError
         No triangle with an area is left.
     """
-    used = np.unique(triangles)
+    chosen = np.ones(len(triangles), bool) if left_out is None else ~left_out
+    used = np.unique(triangles[chosen])
     if not len(used):
         raise AssetEmptyError("The asset has no triangles.")
     points = positions[used].astype(np.float64)
@@ -92,6 +99,7 @@ def weld(
     merged[used] = representative
     corners = merged[triangles]
     solid = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
+    solid &= chosen
     kept, faces = np.unique(corners[solid], return_inverse=True)
     renumber = np.full(len(points), -1, np.int64)
     renumber[kept] = np.arange(len(kept))
@@ -105,7 +113,7 @@ def weld(
     counts = mesh.edges.counts
     skipped = {
         "unreferenced_vertices": int((vertex_map < 0).sum()),
-        "degenerate_faces": int((~solid).sum()),
+        "degenerate_faces": int((~solid & chosen).sum()),
         "zero_area_faces": int((areas == 0).sum()),
         "non_manifold_edges": int((counts > 2).sum()),
         "border_edges": int((counts == 1).sum()),

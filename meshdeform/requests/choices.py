@@ -7,6 +7,7 @@ from enum import StrEnum
 __all__ = [
     "AlignMode",
     "AppearanceMode",
+    "BackdropMode",
     "Carrier",
     "Easing",
     "GuidanceKind",
@@ -54,6 +55,7 @@ class GuidanceKind(StrEnum):
 
     SDS = "sds"
     TARGET = "target"
+    SILHOUETTES = "silhouettes"
 
 
 class AlignMode(StrEnum):
@@ -85,6 +87,13 @@ class AppearanceMode(StrEnum):
     CLAY = "clay"
     TEXTURED = "textured"
     MIXED = "mixed"
+
+
+class BackdropMode(StrEnum):
+    """What happens to a ground plane or backdrop beside which everything else is small."""
+
+    LEAVE = "leave"
+    DEFORM = "deform"
 
 
 class Carrier(StrEnum):

@@ -124,7 +124,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required unless `params.guidance` is `target`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(

@@ -27,6 +27,7 @@ from meshdeform.requests.bounds import contradiction
 from meshdeform.requests.choices import (
     AlignMode,
     AppearanceMode,
+    BackdropMode,
     Carrier,
     GuidanceKind,
     OrientationMode,
@@ -39,6 +40,7 @@ from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
+from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -71,8 +73,8 @@ class DeformParams(StrictModel):
     )
     guidance: GuidanceKind = Field(
         GuidanceKind.SDS,
-        description="What guides the deformation: `sds` (a diffusion model and the prompt) or `target` "
-        "(a second mesh, sent as the part `target`).",
+        description="What guides the deformation: `sds` (a diffusion model and the prompt), `target` (a second mesh, "
+        "sent as the part `target`) or `silhouettes` (pictures alone).",
         examples=["sds"],
     )
     model: str | None = Field(
@@ -164,6 +166,13 @@ class DeformParams(StrictModel):
         "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
         "are.",
         examples=[["Ground"]],
+    )
+    backdrop: BackdropMode = Field(
+        BackdropMode.LEAVE,
+        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
+        "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
+        "The asset's `warnings` name it.",
+        examples=["leave"],
     )
     rigid: tuple[RigidSelector, ...] = Field(
         (),
@@ -305,6 +314,8 @@ class DeformParams(StrictModel):
         le=_MAX_WEIGHT,
         examples=[1.0],
     )
+    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
+    silhouette_weight: float = SILHOUETTE_WEIGHT
     stiffness: float = of_preset(
         1.0,
         "Multiple of the weights that hold the shape together (identity, bending, barrier) at the first step; it falls "

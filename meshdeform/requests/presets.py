@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 __all__ = ["OVERRIDES", "Family"]
 
-Family = Literal["builtin", "sd", "target"]
+Family = Literal["builtin", "sd", "target", "silhouettes"]
 
 # The safeguard and the carrier of our own presets.
 _GUARDED: dict[str, Any] = {"safeguard": "intersections", "carrier": "auto"}
@@ -26,6 +26,17 @@ _TARGET: dict[str, Any] = {
     "framing_max": 1.0,
 }
 
+# Nothing but these terms holds what no picture shows.
+_SILHOUETTES: dict[str, Any] = {
+    "appearance": "normals",
+    "jacobian_reg_weight": 0.1,
+    "laplacian_weight": 1e-3,
+    "normal_weight": 10.0,
+    "stiffness": 10.0,
+    "silhouette_weight": 10.0,
+    "framing": 0.57,
+    "framing_max": 1.0,
+}
 
 # The built-in model was trained on pictures of normals, of shapes inside the unit sphere.
 _BUILTIN_VIEW: dict[str, Any] = {"appearance": "normals", "framing": 0.57, "framing_max": 1.0}
@@ -47,6 +58,7 @@ _BUILTIN: dict[str, Any] = {
     # Halves the distortion at the same retrieval (docs/quality.md, The barrier). Other guidance has gradients of
     # other magnitudes, for which no weight was measured.
     "dirichlet_weight": 10.0,
+    "silhouette_weight": 1000.0,
 }
 
 # Own regularisers and framing for Stable Diffusion: those of the paper are negligible beside the gradient of score
@@ -61,6 +73,7 @@ _SD: dict[str, Any] = {
     "normal_weight": 1600.0,
     "framing": 0.75,
     "framing_max": 0.95,
+    "silhouette_weight": 1000.0,
     "timestep_max_end": 0.5,
 }
 
@@ -82,6 +95,21 @@ OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
     },
     ("target", "preview"): {
         **_TARGET,
+        **_GUARDED,
+        "dirichlet_weight": 0.01,
+        "steps": 80,
+        "learning_rate": 0.02,
+    },
+    ("silhouettes", "paper"): _SILHOUETTES,
+    ("silhouettes", "balanced"): {
+        **_SILHOUETTES,
+        **_GUARDED,
+        "dirichlet_weight": 0.01,
+        "steps": 150,
+        "learning_rate": 0.02,
+    },
+    ("silhouettes", "preview"): {
+        **_SILHOUETTES,
         **_GUARDED,
         "dirichlet_weight": 0.01,
         "steps": 80,

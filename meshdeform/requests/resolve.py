@@ -29,9 +29,9 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         cannot use the appearance.
     """
     model = params.model or default_model
-    family: Family = (
-        "target" if params.guidance is GuidanceKind.TARGET else "builtin" if model == BUILTIN_MODEL else "sd"
-    )
+    family: Family = "builtin" if model == BUILTIN_MODEL else "sd"
+    if params.guidance is not GuidanceKind.SDS:
+        family = "target" if params.guidance is GuidanceKind.TARGET else "silhouettes"
     paper = {name: field.default for name, field in DeformParams.model_fields.items()}
     written = {name: getattr(params, name) for name in params.model_fields_set}
     values = {**paper, **OVERRIDES[family, params.preset], **written, "model": model}
@@ -47,7 +47,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         place = {"loc": ["params", "rigid"], "msg": detail, "type": "value_error"}
         raise ParameterError(detail, advice="Set params.carrier to auto or lattice.", errors=[place])
     if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
-        whose = "The built-in model was trained on" if family == "builtin" else "A target is compared by"
+        whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         place = {"loc": ["params", "appearance"], "msg": detail, "type": "value_error"}
         raise ParameterError(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel
 
+from meshdeform.assets.check import FileContent
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
 
 if TYPE_CHECKING:
@@ -43,12 +44,15 @@ class FilePart:
         Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
         the request.
     media_types : tuple of str
+    content : FileContent
+        What the file is checked as when it arrives.
     """
 
     name: str
     summary: str
     required: bool
     media_types: tuple[str, ...]
+    content: FileContent = "mesh"
 
 
 @dataclass(frozen=True)
@@ -210,7 +214,7 @@ class Kind:
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
-        the files by part. Default: all fit. Torch-free.
+        the meshes by part. Default: all fit. Torch-free.
     as_branch : callable
         Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
         request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
@@ -236,6 +240,10 @@ class Kind:
     def parts(self) -> tuple[str, ...]:
         """The names of the parts that it reads, in order."""
         return tuple(part.name for part in self.reads)
+
+    def content_of(self, part: str) -> FileContent:
+        """Return what the file of a part is checked as."""
+        return next(each.content for each in self.reads if each.name == part)
 
     def inherits(self, request: JobRequest) -> frozenset[str]:
         """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""

@@ -12,7 +12,8 @@ from meshdeform.assets import Asset
 from meshdeform.assets.parts import Parts
 from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.runs.preparation import welded_surface
 
 __all__ = ["MAX_COMPARED", "inspect_parts"]
 
@@ -38,7 +39,7 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         No triangle has an area.
     """
     parts = asset.parts()
-    welded = weld(asset.surface.positions, asset.surface.triangles)
+    welded = welded_surface(asset)
     components = components_of(welded.mesh)
     owners = _owners(welded, parts)
     size = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))

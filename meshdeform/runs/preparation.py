@@ -1,17 +1,22 @@
-"""Prepare the asset of a run: leave out the nodes in `params.exclude`, and subdivide it for `output.subdivide`."""
+"""Prepare the asset of a run: leave out nodes and backdrops, weld it, and subdivide it for `output.subdivide`."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from meshdeform.assets import Asset, Limits
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.errors import AssetEmptyError, ParameterError
+from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
-__all__ = ["prepared", "shape_id", "subdivided", "subdivision_warnings"]
+__all__ = ["drawn_triangles", "prepared", "shape_id", "subdivided", "subdivision_warnings", "welded_surface"]
 
 
 def prepared(
@@ -38,15 +43,38 @@ def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
         raise ParameterError(detail, advice="Exclude fewer nodes.", errors=[place]) from error
 
 
+def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> NDArray[np.bool_]:
+    """Return flags (T,) of the triangles of the surface that are drawn and deformed: all but a backdrop's."""
+    found = asset.backdrop
+    if found is None or not found.left or backdrop is BackdropMode.DEFORM:
+        return np.ones(len(asset.surface.triangles), bool)
+    return ~found.triangles
+
+
+def welded_surface(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> WeldedMesh:
+    """Weld the triangles that are drawn and deformed.
+
+    Raises
+    ------
+    AssetEmptyError
+        None has an area.
+    """
+    surface = asset.surface
+    return weld(surface.positions, surface.triangles, left_out=~drawn_triangles(asset, backdrop))
+
+
 def subdivided(asset: Asset, limits: Limits | None) -> tuple[Asset, Subdivision]:
     """Return the asset with its long edges split, within the limits of the deployment, and what was split."""
     return asset.subdivided(min(MAX_TRIANGLES, (limits or Limits()).max_triangles))
 
 
-def shape_id(asset_sha256: str, params: ResolvedParams, output: OutputOptions) -> str:
+def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: OutputOptions) -> str:
     """Return the id of the mesh that a run deforms; a checkpoint fits only its own."""
+    done = ["subdivided"] if output.subdivide else []
     without = [json.dumps(name) for name in params.exclude]
-    return "+".join([asset_sha256, *(["subdivided"] if output.subdivide else []), *without])
+    if not drawn_triangles(asset, params.backdrop).all():
+        without.append("backdrop")
+    return "+".join([asset_sha256, *done, *without])
 
 
 def subdivision_warnings(done: Subdivision | None) -> list[str]:

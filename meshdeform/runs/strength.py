@@ -16,10 +16,11 @@ from meshdeform.assets import Asset, Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
 from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.selection import find_excluded
-from meshdeform.runs.preparation import subdivided
+from meshdeform.runs.preparation import drawn_triangles, subdivided, welded_surface
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
 from meshdeform.runs.text_report import read_result
 
@@ -45,7 +46,7 @@ class AssetPath:
     def __init__(self, source: Asset, positions: _Floats, welded: WeldedMesh | None = None) -> None:
         surface = source.surface
         self._source = source
-        self._welded = welded or weld(surface.positions, surface.triangles)
+        self._welded = welded or _welded(source, positions)
         self._result = positions
         used = self._welded.vertex_map >= 0
         _, first = np.unique(self._welded.vertex_map[used], return_index=True)
@@ -72,6 +73,13 @@ class AssetPath:
     @cached_property
     def _path(self) -> ShapePath:
         return ShapePath(self._welded.mesh, self._ends)
+
+
+def _welded(source: Asset, positions: _Floats) -> WeldedMesh:
+    """Weld what the run deformed: everything but a backdrop that stayed where it was."""
+    kept = source.surface.triangles[~drawn_triangles(source)]
+    moved = (positions != source.surface.positions).any(1)
+    return welded_surface(source, BackdropMode.DEFORM if moved[kept].any() else BackdropMode.LEAVE)
 
 
 def check_same_asset(source: Asset, result: Asset, names: tuple[str, str] = ("The source", "the result")) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
@@ -34,9 +34,10 @@ from meshdeform.runs.base import ArtifactData, StepReport
 from meshdeform.runs.control import Control, read_control
 from meshdeform.runs.control_report import control_report
 from meshdeform.runs.movement import HoldCounter
-from meshdeform.runs.preparation import prepared, shape_id
+from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
 from meshdeform.runs.target_fit import TargetFit
@@ -57,6 +58,7 @@ def start(
     prior: Prior | None = None,
     target: bytes | None = None,
     target_filename: str = "",
+    pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
     default_model: str = BUILTIN_MODEL,
@@ -72,6 +74,8 @@ def start(
     asset, target : bytes
         A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
+    pictures : sequence of bytes
+        One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
     prior : Prior, optional
         Required by `params.guidance = sds`; loaded by the caller so that it can be kept between jobs.
@@ -105,14 +109,13 @@ def start(
         loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
         if request.output.usd:
             loaded.scene()  # detect unreadable materials now, not after the last step
-        surface = loaded.surface
-        welded = weld(surface.positions, surface.triangles)
+        welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
-    shape = shape_id(asset_sha256, params, request.output)
+    shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
-        fit = None
+        fit, silhouettes = None, SilhouetteFit.of(params, pictures)
         if params.guidance is GuidanceKind.TARGET:
             if target is None:
                 raise ParameterError(
@@ -121,8 +124,11 @@ def start(
                 )
             fit = TargetFit.of(params, loaded, welded.mesh, load_asset(target, target_filename, limits))
             guidance: Guidance = fit.guidance(mesh, params, device, sha256_hex(target))
+        elif params.guidance is GuidanceKind.SILHOUETTES and silhouettes is not None:
+            guidance = silhouettes.guidance(device)
         else:
             guidance = _prompted(request, params, prior)
+            guidance = guidance if silhouettes is None else silhouettes.beside(guidance, device)
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
@@ -146,7 +152,7 @@ def start(
     facts = RunFacts(
         request, params, asset_sha256, len(asset), filename, guidance.identity, run, device, shape, division
     )
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, fit)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, fit, silhouettes)
 
 
 def _prompted(request: JobRequest, params: ResolvedParams, prior: Prior | None) -> Guidance:
@@ -170,10 +176,13 @@ class TextDeformRun:
         clock: PhaseClock,
         control: Control,
         fit: TargetFit | None = None,
+        silhouettes: SilhouetteFit | None = None,
     ) -> None:
         self._control = control
+        self._silhouettes = silhouettes
         self._fit = fit
         self._asset = asset
+        self._drawn = drawn_triangles(asset, facts.params.backdrop)
         self._welded = welded
         self._frame = frame
         self._deformation = deformation
@@ -250,7 +259,7 @@ class TextDeformRun:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
-            appearance = self._asset.appearance()
+            appearance = self._asset.appearance().of_triangles(self._drawn)
             artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
         report = build_report(
             self._facts,
@@ -270,8 +279,10 @@ class TextDeformRun:
             first_step=self._first_step,
             clock=self._clock,
             look=appearance,
+            drawn=self._drawn,
             likeness=self._likeness(verts),
             fit=self._fitted(verts),
+            silhouettes=self._overlaps(verts),
             bodies=self._control.bodies,
             control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
         )
@@ -308,6 +319,13 @@ class TextDeformRun:
             return None
         with self._clock.phase("measure"):
             return self._fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
+
+    def _overlaps(self, verts: Tensor) -> list[dict[str, Any]] | None:
+        """Compare the result with the pictures, if there are any."""
+        if self._silhouettes is None:
+            return None
+        with self._clock.phase("measure"):
+            return self._silhouettes.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
 
     def _surface(self, verts: Tensor) -> DeformedSurface:
         found = deformed_surface(self._asset.surface, self._welded, verts)

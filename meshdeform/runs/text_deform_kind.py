@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,9 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.selection import check_selections, find_excluded
+from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.picture_parts import check_pictures
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
@@ -33,6 +35,7 @@ __all__ = ["TEXT_DEFORM", "check"]
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
+_PICTURES = ("image/png", "image/jpeg", "image/webp")
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
@@ -43,6 +46,7 @@ def check(
     allowed_models: Sequence[str] = (),
     revision: str = "",
     has_target: bool = False,
+    pictures: Collection[str] = (),
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
@@ -57,12 +61,14 @@ def check(
         Revision of the default model.
     has_target : bool
         Whether the second mesh for `target` guidance is present.
+    pictures : collection of str
+        The names of the parts with pictures that are present.
 
     Raises
     ------
     ParameterError
-        `target` guidance without a target, a target without `target` guidance, or parameters that contradict the preset
-        or each other.
+        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
+        reverse, or parameters that contradict the preset or each other.
     PromptError, VocabularyError
         The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
     ModelError
@@ -70,6 +76,7 @@ def check(
     """
     params = request.params
     resolved = resolve(params, default_model=default_model)
+    check_pictures(request, pictures)
     if params.guidance is GuidanceKind.TARGET:
         if not has_target:
             raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
@@ -77,9 +84,11 @@ def check(
     if has_target:
         raise _refusal(
             "guidance",
-            "A target was sent, but the guidance is `sds`, which does not use it.",
+            f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
             "Set params.guidance to `target`, or omit the part `target`.",
         )
+    if params.guidance is GuidanceKind.SILHOUETTES:
+        return resolved
     if not request.prompt:
         raise PromptError("The prompt is empty.")
     model = params.model or default_model
@@ -137,6 +146,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             allowed_models=settings.allowed_models,
             revision=settings.model_revision,
             has_target="target" in files,
+            pictures=files.intersection(SILHOUETTE_PARTS),
         )
 
 
@@ -152,8 +162,8 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
-    """Return the branch's request with `subdivide` and `exclude` of its job, whose checkpoint fits one mesh only."""
-    for group, name in (("output", "subdivide"), ("params", "exclude")):
+    """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
+    for group, name in (("output", "subdivide"), ("params", "exclude"), ("params", "backdrop")):
         wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
         if name in own.model_fields_set and getattr(own, name) != wanted:
             raise ParameterError(
@@ -188,13 +198,13 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 
 def _uses(request: JobRequest) -> list[str]:
-    return ["asset", "target"] if request.params.guidance is GuidanceKind.TARGET else ["asset"]
+    target = ["target"] if request.params.guidance is GuidanceKind.TARGET else []
+    return ["asset", *target, *SILHOUETTE_PARTS[: len(request.params.silhouettes)]]
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
-    if request.prompt or "target" not in filenames:
-        return request.prompt
-    return f"like {PurePath(filenames['target']).stem}"
+    like = filenames.get("target") or filenames.get(SILHOUETTE_PARTS[0])
+    return request.prompt or (f"like {PurePath(like).stem}" if like else "")
 
 
 def _load() -> StartRun:
@@ -214,6 +224,7 @@ def _load() -> StartRun:
             prior=prior,
             target=target.data if target else None,
             target_filename=target.filename if target else "",
+            pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
             default_model=given.default_model,
@@ -228,10 +239,20 @@ def _load() -> StartRun:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
-    summary="Deforms an asset until its pictures match a prompt, or until it looks like a second mesh.",
+    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
     reads=(
         FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
+        *(
+            FilePart(
+                name,
+                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
+                required=False,
+                media_types=_PICTURES,
+                content="silhouette",
+            )
+            for number, name in enumerate(SILHOUETTE_PARTS, 1)
+        ),
     ),
     params=DeformParams,
     check=_check,

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 import meshdeform
@@ -83,8 +84,10 @@ def build_report(
     first_step: int,
     clock: PhaseClock,
     look: Appearance,
+    drawn: NDArray[np.bool_],
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
+    silhouettes: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
     control: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -121,11 +124,15 @@ def build_report(
         Number of steps done by earlier attempts.
     clock : PhaseClock
     look : Appearance
-        Of the asset: what `preview.png` shows.
+        Of the triangles that were drawn: what `preview.png` shows.
+    drawn : (T,) bool
+        Which triangles of the asset were drawn and deformed.
     likeness : dict, optional
         How much the result looks like its prompt.
     fit : dict, optional
         How well the result fits its target.
+    silhouettes : sequence of mappings, optional
+        How well the result fits each picture.
     bodies : sequence of Body
         What kept its shape.
     control : mapping, optional
@@ -135,10 +142,10 @@ def build_report(
         quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
         invariants = _invariants(asset, written)
         movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
-        triangles = asset.surface.triangles
+        triangles = asset.surface.triangles[drawn]
         corners = (shape.surface.positions[triangles] for shape in (asset, written))
         stretch = measure_texture_stretch(texel_corners(look), *corners)
-    up_axis = up_axis_warnings(asset.surface.positions, asset.surface.triangles)
+    up_axis = up_axis_warnings(asset.surface.positions, triangles)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
@@ -189,6 +196,8 @@ def build_report(
         report["likeness"] = likeness
     if fit is not None:
         report["fit"] = fit
+    if silhouettes is not None:
+        report["silhouettes"] = list(silhouettes)
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
     if usdz is not None:

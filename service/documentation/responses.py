@@ -23,6 +23,7 @@ from meshdeform.errors import (
     PromptError,
     RequestError,
     RequestTimeoutError,
+    SilhouetteError,
     TooManyJobsError,
     TooMuchStoredError,
     UnauthorizedError,
@@ -65,6 +66,7 @@ ASSET_ERRORS = (
     AssetUnsupportedError,
     AssetNotFiniteError,
     AssetEmptyError,
+    SilhouetteError,
 )
 REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)

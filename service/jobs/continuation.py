@@ -11,7 +11,7 @@ from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, Origi
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument
-from service.jobs.intake import check_params, key_of, new_job, record_job, store_file
+from service.jobs.intake import check_file, check_params, key_of, new_job, record_job, store_file
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
@@ -87,7 +87,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             files = dict(inherited)
             for name, reference in document.references.items():
                 file = fetch(app, caller.owner_id, *reference, folder)
-                app.assets.check(file.path, file.filename, file.sha256, caller.owner_id)
+                check_file(app, caller.owner_id, kind_of(job.kind), name, file)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
             _lease(app, leases, inherited.values())

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
-from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.assets.picture_summary import PictureSummary
+from meshdeform.errors import ParameterError, SilhouetteError, UnavailableError
 from meshdeform.priors.public_names import public_names
 from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
@@ -17,6 +18,7 @@ from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, kind_of
+from meshdeform.runs.base import Kind
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
@@ -24,13 +26,13 @@ from service.http.auth import Principal
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.http.multipart import ReceivedFile
 from service.jobs.sources import Submission
-from service.schemas import AssetFound, JobEstimate, Validation
+from service.schemas import AssetFound, JobEstimate, PictureFound, Validation
 from service.state import AppState
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["accept_job", "check_params", "key_of", "new_job", "record_job", "store_file", "validate"]
+__all__ = ["accept_job", "check_file", "check_params", "key_of", "new_job", "record_job", "store_file", "validate"]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
@@ -72,7 +74,7 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
 
 def _check(
     app: AppState, owner_id: str, submission: Submission
-) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary]]:
+) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary | PictureSummary]]:
     """Check a job's parameters and decode its files completely. Nothing is stored.
 
     Returns
@@ -86,9 +88,26 @@ def _check(
     """
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
-    found = {name: app.assets.check(file.path, file.filename, file.sha256, owner_id) for name, file in files.items()}
-    kind_of(submission.document.kind).check_files(params, found)
+    kind = kind_of(submission.document.kind)
+    found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
+    kind.check_files(params, {name: each for name, each in found.items() if isinstance(each, AssetSummary)})
     return params, files, found
+
+
+def check_file(
+    app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile
+) -> AssetSummary | PictureSummary:
+    """Decode a file completely as what its part should be.
+
+    Raises
+    ------
+    AssetError
+        The file is not acceptable; the error names the part of a picture.
+    """
+    try:
+        return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
+    except SilhouetteError as error:
+        raise SilhouetteError(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
 
 
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
@@ -129,10 +148,14 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
     check_priority(submission.document.priority, principal.max_priority)
     params, files, summaries = _check(app, principal.owner_id, submission)
-    found = {
-        name: AssetFound(filename=file.filename, size=file.size, sha256=file.sha256, **asdict(summaries[name]))
-        for name, file in files.items()
-    }
+    found: dict[str, AssetFound] = {}
+    pictures: dict[str, PictureFound] = {}
+    for name, file in files.items():
+        members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summaries[name])}
+        if isinstance(summaries[name], AssetSummary):
+            found[name] = AssetFound(**members)
+        else:
+            pictures[name] = PictureFound(**members)
     expected = estimate(
         app.record.database,
         app.record.leases,
@@ -146,6 +169,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         params = params.model_copy(update={"model": public_names(app.settings.offered_models).get(model, model)})
     return Validation(
         files=found,
+        pictures=pictures,
         asset=next(iter(found.values())),
         target=found.get("target"),
         params=params,

@@ -1,4 +1,4 @@
-"""Serve the web page: `/`, and its files below `/web/`. They need no API key; the page's requests do."""
+"""Serve the web page: `/`, its files below `/web/`, and `/llms.txt`. They need no API key; the page's requests do."""
 
 from __future__ import annotations
 
@@ -59,7 +59,8 @@ class _Page(StaticFiles):
 
     def get_path(self, scope: Scope) -> str:
         """Return the path of the requested file in the folder; for `/`, the page itself."""
-        path: str = scope["path_params"].get("path", "index.html")
+        at_root = "llms.txt" if scope["path"].endswith("/llms.txt") else "index.html"
+        path: str = scope["path_params"].get("path", at_root)
         return os.path.normpath(path.lstrip("/"))
 
     async def get_response(self, path: str, scope: Scope) -> Response:
@@ -98,5 +99,5 @@ _files = GZipMiddleware(_Page(directory=Path(__file__).parents[1] / "web", check
 # Plain Starlette routes do not appear in the OpenAPI document.
 routes = [
     Route("/web/parameters.json", GZipMiddleware(_send_parameters), methods=["GET"]),
-    *(Route(path, _files, methods=["GET"]) for path in ("/", "/web/{path:path}")),
+    *(Route(path, _files, methods=["GET"]) for path in ("/", "/llms.txt", "/web/{path:path}")),
 ]

@@ -70,7 +70,7 @@ def test_words_that_the_prior_does_not_know_are_refused_with_advice(
     prompt = page.get_by_label("Prompt", exact=True)
     prompt.fill("a tall mushrom")
     problem = page.locator("#prompt-problem")
-    expect(problem).to_contain_text("Not understood: “mushrom”.")
+    expect(problem).to_contain_text("Not understood: “mushrom”. Did you mean:")
     # One line and what repairs it: no list of words.
     assert len(problem.inner_text()) < 150
     expect(prompt).to_have_attribute("aria-invalid", "true")

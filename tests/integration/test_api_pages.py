@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import zlib
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -99,6 +101,16 @@ def test_the_page_learns_the_parameters_from_their_declaration(http: httpx.Clien
     assert {"steps", "learning_rate", "safeguard", "negative_prompt"} <= set(forms)
     assert all({"label", "help"} <= set(form) for form in forms.values())
     assert {value for value, _ in forms["safeguard"]["choices"]} == set(Safeguard)
+
+
+def test_llms_txt_names_operations_that_exist(http: httpx.Client, openapi: dict[str, Any]) -> None:
+    answer = http.get("/llms.txt")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "text/plain; charset=utf-8")
+    known = set(openapi["paths"])
+    for path in re.findall(r"(?:POST|GET) (v1/[\w:/{}]+)", answer.text):
+        assert f"/{path}" in known, path
+    for link in re.findall(r"\]\(([^)]+)\)", answer.text):
+        assert http.get(f"/{link}").status_code == 200, link
 
 
 def test_the_page_is_asked_for_again_and_costs_nothing_then(http: httpx.Client) -> None:

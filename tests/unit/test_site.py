@@ -39,3 +39,11 @@ def test_the_site_loads_nothing_from_other_hosts(site: Path) -> None:
     loading = re.compile(r'<(?:script|img|link|iframe)\b[^>]*?\b(?:src|href)="?((?:https?:)?//[^\s">]+)')
     for built in site.glob("*.html"):
         assert loading.findall(built.read_text()) == [], built.name
+
+
+def test_llms_txt_leads_to_every_page_that_it_names(site: Path) -> None:
+    text = (site / "llms.txt").read_text()
+    assert text.startswith("# Meshdeform\n")
+    named = re.findall(r"\]\(([^)]+)\): \S", text)
+    assert {"quickstart.html", "mcp.html", "http.html"} <= set(named)
+    assert all((site / name).exists() for name in named)

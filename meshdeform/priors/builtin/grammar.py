@@ -20,22 +20,23 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.priors.builtin.suggestions import correct, suggest_prompts
+from meshdeform.priors.builtin.suggestions import suggest
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
     FILLERS,
-    LENGTH,
     NOUNS,
     OPPOSITES,
     PARTS,
-    SIZE,
 )
 from meshdeform.priors.builtin.words import (
     ATTRIBUTES,
+    BUILTIN_WORDS,
     MAX_ATTRIBUTES,
+    SEQUENCE_LENGTH,
     Attribute,
     ParsedPrompt,
+    Words,
     degree_of,
     is_adjective,
     is_known,
@@ -46,6 +47,7 @@ from meshdeform.priors.builtin.words import (
 __all__ = [
     "ADJECTIVES",
     "ATTRIBUTES",
+    "BUILTIN_WORDS",
     "MAX_ATTRIBUTES",
     "NOUNS",
     "OPPOSITES",
@@ -54,27 +56,19 @@ __all__ = [
     "VOCABULARY",
     "Attribute",
     "ParsedPrompt",
+    "Words",
     "parse",
     "parse_negative",
     "tokenise",
 ]
 
 
-SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
-_PAD = "<pad>"
-VOCABULARY: tuple[str, ...] = (
-    _PAD,
-    *NOUNS,
-    *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]),
-    "whole",
-    *PARTS,
-)
-"""Tokens in the order of their numbers; 0 is padding."""
+VOCABULARY = BUILTIN_WORDS.tokens
+"""Tokens of the weights in the package, in the order of their numbers."""
 
 _ADVICE = (
     "All words: meshdeform models builtin, or GET /v1/models. Free text needs a Stable Diffusion model (params.model)."
 )
-_NUMBER = {word: number for number, word in enumerate(VOCABULARY)}
 
 
 _Parts = list[tuple[str, list[str]]]
@@ -82,8 +76,9 @@ _Parts = list[tuple[str, list[str]]]
 
 @dataclass(frozen=True)
 class _Reading:
-    """The words of a prompt by their role, in order."""
+    """The words of a prompt by their role, in order, and the words that the model knows."""
 
+    known: Words
     words: list[str]
     nouns: list[str]
     whole: list[str]
@@ -92,14 +87,18 @@ class _Reading:
 
     def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
         """Return an error with whole prompts that work instead, and with the vocabulary as data."""
-        prompts = suggest_prompts(self.nouns, self.whole, self.parts, self.unknown)
+        found = suggest(self.nouns, self.whole, self.parts, self.unknown, self.known)
+        offer = (
+            f"Did you mean {_listed(found.prompts, 'or')}?" if found.near else f"Try {_listed(found.prompts, 'or')}."
+        )
         return VocabularyError(
             detail,
-            advice=f"Try {_listed(prompts, 'or')}. {_ADVICE}",
+            advice=f"{offer} {_ADVICE}",
             unknown=unknown,
-            suggestions=prompts,
-            corrections=correct(self.unknown, with_nouns=not self.nouns),
-            nouns=sorted(NOUNS),
+            suggestions=found.prompts,
+            corrections=found.corrections,
+            nearest=found.nearest,
+            nouns=sorted(self.known.nouns),
             attributes=[*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())],
         )
 
@@ -109,13 +108,15 @@ def _listed(items: Iterable[str], conjunction: str) -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
 
 
-def parse(prompt: str) -> ParsedPrompt:
+def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
     Parameters
     ----------
     prompt : str
         For example "a tall, thin vase" or "a Giraffe with a long neck and short legs".
+    known : Words
+        The words of the file of weights; by default those in the package.
 
     Returns
     -------
@@ -128,12 +129,13 @@ def parse(prompt: str) -> ParsedPrompt:
         The prompt is empty or has more than three attributes.
     VocabularyError
         A word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up to three
-        prompts that are accepted), `corrections` (of misspelt words), `nouns` and `attributes`.
+        prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning, by
+        unknown word), `nouns` and `attributes`.
     """
-    return _assemble(_read(prompt))
+    return _assemble(_read(prompt, known))
 
 
-def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
+def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
     Parameters
@@ -142,6 +144,8 @@ def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
         A prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun.
     prompt : str
         The prompt that it accompanies.
+    known : Words
+        As in `parse`.
 
     Raises
     ------
@@ -150,12 +154,12 @@ def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
     VocabularyError
         As `parse`, but without suggestions, which are for prompts.
     """
-    wanted = parse(prompt)
+    wanted = parse(prompt, known)
     try:
-        reading = _read(negative)
+        reading = _read(negative, known)
         unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
     except VocabularyError as error:
-        extra = {**error.extra, "suggestions": []}
+        extra = {**error.extra, "suggestions": [], "nearest": {}}
         raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_ADVICE, **extra) from error
     if unwanted == wanted:
         raise PromptError(
@@ -165,17 +169,17 @@ def parse_negative(negative: str, prompt: str) -> ParsedPrompt:
     return unwanted
 
 
-def _read(prompt: str) -> _Reading:
+def _read(prompt: str, known: Words) -> _Reading:
     """Return the words of a prompt by their role; unknown words are an error."""
-    words = _split(prompt)
+    words = _split(prompt, known)
     if not words:
         raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
-    reading = _Reading(words, nouns=[], whole=[], parts=[], unknown=[])
+    reading = _Reading(known, words, nouns=[], whole=[], parts=[], unknown=[])
     pending: list[str] = []
     for word in words:
         if word in FILLERS:
             continue
-        part, noun = part_of(word), noun_of(word)
+        part, noun = part_of(word), noun_of(word, known)
         if part is not None and (reading.nouns or noun is None):
             reading.parts.append((part, pending))
             pending = []
@@ -194,12 +198,15 @@ def _read(prompt: str) -> _Reading:
     return reading
 
 
-def _split(prompt: str) -> list[str]:
+def _split(prompt: str, known: Words) -> list[str]:
     """Return the words in lower case; a compound with an unknown word stays one: "low-poly" says nothing of height."""
+    text = prompt.lower().replace("low poly", "low-poly")
+    for compound in (name for name in (*known.nouns, *known.synonyms) if "-" in name):
+        text = re.sub(rf"\b{re.escape(compound).replace('-', '[ -]+')}(?=s?\b)", compound, text)
     found: list[str] = []
-    for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", prompt.lower().replace("low poly", "low-poly")):
-        pieces = word.split("-")
-        found += pieces if all(is_known(piece) for piece in pieces) else [word]
+    for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
+        pieces = [word] if noun_of(word, known) else word.split("-")
+        found += pieces if all(is_known(piece, known) for piece in pieces) else [word]
     return found
 
 
@@ -211,6 +218,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             f"The built-in model needs exactly one object in the prompt, such as 'a mushroom'. {found}.", []
         )
     noun = reading.nouns[0]
+    parts_of_noun = reading.known.nouns[noun]
     found_attributes: list[Attribute] = []
     for word in reading.whole:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
@@ -218,8 +226,8 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             raise reading.refusal(f"{word!r} has no effect: the asset is scaled to fit its frame.", [word])
         found_attributes.append(Attribute("whole", degree))
     for part, words in reading.parts:
-        if part not in NOUNS[noun]:
-            own = ", ".join(NOUNS[noun]) or "none"
+        if part not in parts_of_noun:
+            own = ", ".join(parts_of_noun) or "none"
             raise reading.refusal(f"The {noun} of the built-in model has no {part} (its parts: {own}).", [part])
         degrees = {degree_of(word, part) for word in words}
         if len(degrees) != 1 or None in degrees:
@@ -242,7 +250,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     return ParsedPrompt(noun, tuple(unique))
 
 
-def tokenise(parsed: ParsedPrompt) -> list[int]:
+def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
     """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
-    numbers = [_NUMBER[word] for word in parsed.tokens]
+    numbers = [known.tokens.index(word) for word in parsed.tokens]
     return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))

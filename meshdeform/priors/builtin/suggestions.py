@@ -1,23 +1,37 @@
-"""Suggest prompts of the builtin prior in place of one that it refuses. Torch-free."""
+"""Suggest prompts of the builtin prior in place of one that it refuses. Torch-free.
+
+For an unknown word come first the known words that are spelled alike, if the word is not a noun itself; then nouns that
+look alike; then nouns of similar meaning (`meaning.py`).
+"""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
+from meshdeform.priors.builtin.meaning import is_noun, nearest
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
     DEGREE_SYNONYMS,
-    NOUN_SYNONYMS,
-    NOUNS,
     OPPOSITES,
     PART_SYNONYMS,
     PARTS,
 )
-from meshdeform.priors.builtin.words import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt, degree_of, noun_of
+from meshdeform.priors.builtin.words import (
+    ATTRIBUTES,
+    BUILTIN_WORDS,
+    MAX_ATTRIBUTES,
+    Attribute,
+    ParsedPrompt,
+    Words,
+    degree_of,
+    noun_of,
+    singular_forms,
+)
 
-__all__ = ["MAX_SUGGESTIONS", "correct", "suggest_prompts"]
+__all__ = ["MAX_SUGGESTIONS", "Suggestions", "correct", "nearest_nouns", "suggest"]
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79
@@ -54,7 +68,29 @@ _RELATED = {
 _NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
 
 
-def correct(unknown: Iterable[str], *, with_nouns: bool) -> dict[str, str]:
+@dataclass(frozen=True)
+class Suggestions:
+    """What to say in place of a refused prompt.
+
+    Attributes
+    ----------
+    prompts : list of str
+        One to three prompts that are accepted and keep what was understood.
+    corrections : dict of str to str
+        The known word in place of each misspelt one.
+    nearest : dict of str to list of str
+        By unknown word, known nouns that look like it or mean something similar; nearest first.
+    near : bool
+        Whether the prompts come from the refused one, and are not merely examples.
+    """
+
+    prompts: list[str]
+    corrections: dict[str, str]
+    nearest: dict[str, list[str]]
+    near: bool
+
+
+def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:
     """Return the known word in place of each misspelt one.
 
     Parameters
@@ -62,23 +98,43 @@ def correct(unknown: Iterable[str], *, with_nouns: bool) -> dict[str, str]:
     unknown : iterable of str
     with_nouns : bool
         Whether nouns count: a prompt that has one needs no second.
+    words : Words
+        The words that the model knows.
     """
     known = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
     if with_nouns:
-        known += [*NOUNS, *NOUN_SYNONYMS]
+        known += [*words.nouns, *words.synonyms]
     return {
         word: match[0]
         for word in unknown
         if len(word) >= _MIN_LENGTH
-        and word not in _NOUN_OF_RELATED
+        and not _is_word(word)
         and (match := difflib.get_close_matches(word, known, 1, _SIMILARITY))
     }
 
 
-def suggest_prompts(
-    nouns: Sequence[str], whole: Sequence[str], parts: Sequence[tuple[str, Sequence[str]]], unknown: Sequence[str]
-) -> list[str]:
-    """Return up to three prompts that are accepted and keep what was understood.
+def _is_word(word: str) -> bool:
+    """Return whether a word is a noun of English, spelled correctly: a boot is no misspelt boat."""
+    return any(form in _NOUN_OF_RELATED or is_noun(form) for form in singular_forms(word))
+
+
+def nearest_nouns(word: str, words: Words = BUILTIN_WORDS) -> list[str]:
+    """Return up to three known nouns that look like what a word names, or mean something similar."""
+    for form in singular_forms(word):
+        looks_like = [_NOUN_OF_RELATED[form]] if _NOUN_OF_RELATED.get(form) in words.nouns else []
+        if found := list(dict.fromkeys([*looks_like, *nearest(form, words.nouns)])):
+            return found[:MAX_SUGGESTIONS]
+    return []
+
+
+def suggest(
+    nouns: Sequence[str],
+    whole: Sequence[str],
+    parts: Sequence[tuple[str, Sequence[str]]],
+    unknown: Sequence[str],
+    words: Words = BUILTIN_WORDS,
+) -> Suggestions:
+    """Return what to say in place of a refused prompt.
 
     Parameters
     ----------
@@ -90,18 +146,24 @@ def suggest_prompts(
         Canonical parts with their adjectives.
     unknown : sequence of str
         Words that were not understood.
+    words : Words
+        The words that the model knows.
     """
-    corrected = list(correct(unknown, with_nouns=not nouns).values())
+    corrections = correct(unknown, with_nouns=not nouns, words=words)
+    corrected = list(corrections.values())
     whole = [*whole, *(word for word in corrected if word in ADJECTIVES or word in ADJECTIVE_SYNONYMS)]
-    chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word))]
+    chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word, words))]
+    near: dict[str, list[str]] = {}
     if not chosen:
-        chosen = [*(_NOUN_OF_RELATED[word] for word in unknown if word in _NOUN_OF_RELATED), *_POPULAR]
+        near = {word: found for word in unknown if word not in corrections and (found := nearest_nouns(word, words))}
+        chosen = [noun for found in near.values() for noun in found]
     prompts: list[str] = []
-    for noun in dict.fromkeys(chosen):
-        candidates = [*_of_whole(whole), *_of_parts(noun, parts)]
+    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in words.nouns] or words.nouns):
+        candidates = [*_of_whole(whole), *_of_parts(noun, parts, words)]
         # The first of two attributes that contradict each other, or the last.
         prompts += [str(_fitted(noun, order)) for order in (candidates, candidates[::-1])]
-    return list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS]
+    meant = bool(unknown and chosen)
+    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
 
 
 def _of_whole(words: Iterable[str]) -> list[Attribute]:
@@ -109,11 +171,11 @@ def _of_whole(words: Iterable[str]) -> list[Attribute]:
     return [Attribute("whole", degree) for degree in degrees if degree is not None]
 
 
-def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]]) -> list[Attribute]:
+def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]], words: Words) -> list[Attribute]:
     found = []
-    for part, words in parts:
-        if part in NOUNS[noun]:
-            degrees = [degree for word in words if (degree := degree_of(word, part))]
+    for part, sizes in parts:
+        if part in words.nouns[noun]:
+            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
             found += [Attribute(part, degree) for degree in degrees or PARTS[part]]
     return found
 

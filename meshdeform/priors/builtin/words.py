@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from meshdeform.priors.builtin.vocabulary import (
@@ -15,19 +16,24 @@ from meshdeform.priors.builtin.vocabulary import (
     NOUNS,
     PART_SYNONYMS,
     PARTS,
+    SIZE,
     SIZEWISE,
 )
 
 __all__ = [
     "ATTRIBUTES",
+    "BUILTIN_WORDS",
     "MAX_ATTRIBUTES",
+    "SEQUENCE_LENGTH",
     "Attribute",
     "ParsedPrompt",
+    "Words",
     "degree_of",
     "is_adjective",
     "is_known",
     "noun_of",
     "part_of",
+    "singular_forms",
 ]
 
 
@@ -49,6 +55,35 @@ ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in A
 """Every attribute, those of the whole shape first."""
 
 MAX_ATTRIBUTES = 3
+SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
+"""Tokens of a prompt: the noun, and two for each attribute."""
+
+
+@dataclass(frozen=True)
+class Words:
+    """The words of one file of weights; attributes and parts are those of the grammar.
+
+    Attributes
+    ----------
+    nouns : mapping of str to tuple of str
+        Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`.
+    synonyms : mapping of str to str
+        Other names of nouns.
+    tokens : tuple of str
+        Tokens in the order of their numbers; 0 is padding.
+    """
+
+    nouns: Mapping[str, tuple[str, ...]]
+    synonyms: Mapping[str, str]
+    tokens: tuple[str, ...]
+
+
+BUILTIN_WORDS = Words(
+    NOUNS,
+    NOUN_SYNONYMS,
+    ("<pad>", *NOUNS, *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]), "whole", *PARTS),
+)
+"""The words of the weights in the package."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +102,13 @@ class ParsedPrompt:
         """Return an English prompt with this meaning."""
         whole = [attribute.degree for attribute in self.attributes if attribute.part == "whole"]
         parts = [attribute for attribute in self.attributes if attribute.part != "whole"]
-        front = " ".join([*whole, self.noun])
+        front = " ".join([*whole, self.noun.replace("-", " ")])
         article = "an" if front[0] in "aeiou" else "a"
         clauses = [f"{a.degree} {a.part}" if a.part.endswith("s") else f"a {a.degree} {a.part}" for a in parts]
         return f"{article} {front}" + (f" with {' and '.join(clauses)}" if clauses else "")
 
 
-def _singular(word: str) -> list[str]:
+def singular_forms(word: str) -> list[str]:
     """Return the word and its possible singular forms."""
     forms = [word]
     if word.endswith("ies"):
@@ -85,12 +120,12 @@ def _singular(word: str) -> list[str]:
     return forms
 
 
-def noun_of(word: str) -> str | None:
+def noun_of(word: str, words: Words = BUILTIN_WORDS) -> str | None:
     """Return the canonical noun of a word, its plural or a synonym, or None."""
     irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
-    for form in _singular(irregular.get(word, word)):
-        canonical = NOUN_SYNONYMS.get(form, form)
-        if canonical in NOUNS:
+    for form in singular_forms(irregular.get(word, word)):
+        canonical = form if form in words.nouns else words.synonyms.get(form, form)
+        if canonical in words.nouns:
             return canonical
     return None
 
@@ -116,6 +151,6 @@ def is_adjective(word: str) -> bool:
     return word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS
 
 
-def is_known(word: str) -> bool:
+def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
     """Return whether a word has a role in the grammar."""
-    return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word) is not None
+    return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word, words) is not None

@@ -44,6 +44,16 @@ export function repairs(error, prompt, known) {
 }
 
 /**
+ * Whether the server's prompts are near the one that was refused, and not merely examples.
+ *
+ * @param {ProblemError} error
+ */
+function isNear(error) {
+  const { corrections, nearest } = error.document;
+  return [corrections, nearest].some((found) => found && typeof found === "object" && Object.keys(found).length > 0);
+}
+
+/**
  * Say what is wrong with a prompt, with buttons that repair it.
  *
  * @param {HTMLElement} place
@@ -56,9 +66,11 @@ export function showRefusal(place, error, prompt, known, use) {
   const found = error instanceof ProblemError ? error : null;
   const text = found ? refusalText(found) : typeof error === "string" ? error : described(error).title;
   const offers = found ? repairs(found, prompt, known) : [];
+  const near = found ? isNear(found) : false;
   fill(
     place,
     h("strong", null, text),
+    near ? h("span", null, " Did you mean:") : null,
     offers.length
       ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that work" }, offers.map((offer) =>
           h("button", { type: "button", class: "chip", on: { click: () => use(offer) } }, `Use “${offer}”`)))

@@ -95,6 +95,28 @@ def test_a_ground_plane_that_makes_the_object_small_is_noticed(width: float, war
         assert "'Ground' (node 1)" in warnings[0]
 
 
+@each_case(
+    ("width", "thickness", "merged", "left"),
+    [(1.0, 0, False, True), (1.0, 0, True, True), (0.45, 0, False, False), (1.0, 0.2, False, False)],
+)
+def test_only_a_flat_backdrop_of_more_than_four_times_the_size_is_left_as_it_is(
+    width: float, thickness: float, merged: bool, left: bool
+) -> None:
+    ball, ground = BALL.verts.numpy(), GROUND * [width, 1, width]
+    ground[:, 1] += thickness * (np.arange(len(ground)) % 2) - 0.1
+    faces = grid(2, 12.0).faces.numpy()
+    parts = [Primitive(ball, BALL.faces.numpy(), name="ball"), Primitive(ground, faces, name="Ground")]
+    if merged:
+        joined = np.concatenate([ball, ground]), np.concatenate([BALL.faces.numpy(), faces + len(ball)])
+        parts = [Primitive(*joined, name="all")]
+    found = load_asset(build_glb(parts)).backdrop
+    assert found is not None
+    assert found.left is left
+    np.testing.assert_array_equal(found.triangles, np.arange(len(BALL.faces) + len(faces)) >= len(BALL.faces))
+    assert found.own_nodes is not merged
+    assert ("params.backdrop" in found.warning) is left
+
+
 def test_a_pole_is_no_backdrop_and_a_plane_alone_is_an_object() -> None:
     ball = Primitive(BALL.verts.numpy(), BALL.faces.numpy(), name="ball")
     pole = Primitive(BALL.verts.numpy() * [0.05, 12, 0.05], BALL.faces.numpy(), name="pole")

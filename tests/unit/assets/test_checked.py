@@ -22,9 +22,9 @@ def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monke
     calls: list[str] = []
     real = checked.check_asset_subprocess
 
-    def counted(path: Path, filename: str, limits: Limits) -> object:
+    def counted(path: Path, filename: str, limits: Limits, *, content: checked.FileContent) -> object:
         calls.append(filename)
-        return real(path, filename, limits)
+        return real(path, filename, limits, content=content)
 
     monkeypatch.setattr(checked, "check_asset_subprocess", counted)
     assets = CheckedAssets(Limits())
@@ -44,7 +44,7 @@ def test_the_same_bytes_are_checked_once(tmp_path: Path, repository: Path, monke
 
 
 def test_what_was_checked_long_ago_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checked, "check_asset_subprocess", lambda *_: object())
+    monkeypatch.setattr(checked, "check_asset_subprocess", lambda *_, **__: object())
     monkeypatch.setattr(checked, "_REMEMBERED", 2)
     assets = CheckedAssets(Limits())
     files = [(Path("x"), "x.glb", letter * 64, "ann") for letter in "abc"]

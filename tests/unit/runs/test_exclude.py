@@ -1,4 +1,4 @@
-"""Ground planes: a small object stays on a large ground, and `params.exclude` leaves the ground as it is."""
+"""Ground planes: a small object stays on a large ground; what is left out, or is a backdrop, stays as it is."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.strength import with_strength
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.builders import pack, unpack
@@ -56,7 +57,7 @@ def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray
 
 def test_a_small_ball_stays_on_a_large_ground() -> None:
     asset = scene(21)
-    result, report = finished(start(asset, steps=40))
+    result, report = finished(start(asset, steps=40, backdrop="deform"))
     assert report["carrier"]["kind"] == "lattice"
     found = load_asset(result).surface
     is_ball = found.instance_of_vertex == 0
@@ -67,6 +68,42 @@ def test_a_small_ball_stays_on_a_large_ground() -> None:
     assert np.linalg.norm(moved, axis=1).max() > 0.1 * diagonal
     assert abs(height_above(found.positions, ground, ball[ball[:, 1].argmin()])) < 1e-3 * diagonal
     assert np.ptp(ball, axis=0).max() < 2 * 2
+
+
+def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> None:
+    asset = scene(1)
+    run = start(asset)
+    result, report = finished(run)
+    before, after = load_asset(asset).surface, load_asset(result).surface
+    ball = after.instance_of_vertex == 0
+    np.testing.assert_array_equal(after.positions[~ball], before.positions[~ball])
+    moved = np.linalg.norm(after.positions - before.positions, axis=1)[ball]
+    assert 0.1 < moved.max() < 2  # of a ball of two units on a ground of 10,000
+    assert report["carrier"]["kind"] == "surface"  # one part is left
+    assert report["mesh"]["same_faces"]
+    assert report["mesh"]["welded_vertices"] == len(BALL.verts)
+    (said,) = report["input"]["warnings"]
+    assert "'Ground' (node 1) looks like a ground plane" in said
+    assert "neither drawn nor deformed" in said
+
+    # A strength takes the same way, without the ground.
+    half = load_asset(with_strength(load_asset(asset), result, 0.5)).surface.positions
+    np.testing.assert_array_equal(half[~ball], before.positions[~ball])
+    assert np.linalg.norm(half - before.positions, axis=1)[ball].max() < moved.max()
+
+    saved = run.checkpoint()
+    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": 1, "backdrop": "deform"}}
+    request = JobRequest.model_validate(document)
+    with pytest.raises(CheckpointError, match=r"params\.backdrop"):
+        text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
+
+
+def test_a_backdrop_that_is_deformed_is_carried_with_the_rest() -> None:
+    asset = scene(1)
+    result, report = finished(start(asset, backdrop="deform", steps=5))
+    assert report["carrier"]["kind"] == "lattice"
+    moved = np.abs(load_asset(result).surface.positions - load_asset(asset).surface.positions)
+    assert moved[load_asset(asset).surface.instance_of_vertex == 1].max() > 1
 
 
 def contents(data: bytes, mesh: int) -> list[bytes]:
@@ -80,7 +117,7 @@ def contents(data: bytes, mesh: int) -> list[bytes]:
 @each_case("output", [{}, {"compact": True}, {"subdivide": True}])
 def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[str, bool]) -> None:
     asset = scene(1)
-    assert any("params.exclude" in text for text in load_asset(asset).summary.warnings)
+    assert any("params.backdrop" in text for text in load_asset(asset).summary.warnings)
     run = start(asset, exclude=["Ground"], output=output)
     result, report = finished(run)
     assert contents(result, 1) == contents(asset, 1)

@@ -1,0 +1,37 @@
+"""Describe what a picture with a silhouette shows. Pure Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+__all__ = ["PictureSummary"]
+
+
+@dataclass(frozen=True)
+class PictureSummary:
+    """What a picture shows.
+
+    Attributes
+    ----------
+    format : str
+        `png`, `jpeg` or `webp`.
+    width, height : int
+        Pixels.
+    box : tuple of four floats
+        Left, top, right and bottom of the silhouette as shares of the width and height.
+    share : float
+        Share of the picture that the silhouette covers.
+    """
+
+    format: str
+    width: int
+    height: int
+    box: tuple[float, float, float, float]
+    share: float
+
+    @classmethod
+    def read(cls, found: Mapping[str, Any]) -> Self:
+        """Return a summary from its JSON."""
+        return cls(**{**found, "box": tuple(found["box"])})

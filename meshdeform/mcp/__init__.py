@@ -1,0 +1,1 @@
+"""Offer a service to agents as tools of the Model Context Protocol: `meshdeform mcp`. Needs the extra `mcp`."""

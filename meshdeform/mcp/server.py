@@ -1,0 +1,107 @@
+"""Build the server: the tools, and the two ways to reach it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mcp.server.mcpserver import Context, MCPServer
+from mcp.server.transport_security import TransportSecuritySettings
+from mcp.types import ToolAnnotations
+
+import meshdeform
+from meshdeform.client import AsyncClient
+from meshdeform.mcp.access import KeyCheck, bearer
+from meshdeform.mcp.files import Folders
+from meshdeform.mcp.tools import Tools, explained
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
+__all__ = ["http_app", "local_server"]
+
+_INSTRUCTIONS = """\
+Meshdeform reshapes 3D assets: the same GLB comes out with a new shape; topology, UVs, materials and rig are kept.
+Usual order: list_models (which words a model knows), validate, deform, wait, preview (look at it), download.
+deform and fit_to_mesh return at once; wait returns when the job has finished. A job takes seconds to minutes.
+If the result goes too far or not far enough, apply_strength changes that without a new job."""
+
+_READS = ("list_models", "inspect_asset", "validate", "wait", "list_jobs", "preview", "link")
+_STARTS = ("deform", "fit_to_mesh")
+_WRITES = ("apply_strength", "download")
+# Base64 adds a third, and the message around it a little.
+_BODY_BYTES = 48 * 2**20
+_UPLOAD_BYTES = 32 * 2**20
+
+
+def _server(tools: Tools, names: Sequence[str]) -> MCPServer:
+    server = MCPServer(
+        "meshdeform",
+        title="Meshdeform",
+        instructions=_INSTRUCTIONS,
+        version=meshdeform.__version__,
+        log_level="WARNING",
+    )
+    for name in names:
+        reads = name in _READS
+        server.add_tool(
+            explained(getattr(tools, name)),
+            annotations=ToolAnnotations(
+                read_only_hint=reads, destructive_hint=name == "cancel", idempotent_hint=reads, open_world_hint=False
+            ),
+        )
+    return server
+
+
+def local_server(url: str, api_key: str | None, roots: Sequence[Path]) -> MCPServer:
+    """Return the server for an agent on this machine, over standard input and output.
+
+    Parameters
+    ----------
+    url : str
+        Address of the service.
+    api_key : str, optional
+    roots : sequence of Path
+        The folders in which tools may read and write files.
+    """
+
+    @asynccontextmanager
+    async def connect(_: Context) -> AsyncIterator[AsyncClient]:
+        async with AsyncClient(url, api_key=api_key) as client:
+            yield client
+
+    tools = Tools(connect, Folders(roots), _UPLOAD_BYTES)
+    return _server(tools, [*_READS, *_STARTS, "cancel", *_WRITES])
+
+
+def http_app(url: str, hosts: Sequence[str]) -> ASGIApp:
+    """Return the application for agents elsewhere, over streamable HTTP at `/mcp`.
+
+    Every caller sends the service's API key as a bearer token, with which its tools act. Files come by `upload_asset`
+    and leave by `link`: no path of this machine is read or written.
+
+    Parameters
+    ----------
+    url : str
+        Address of the service.
+    hosts : sequence of str
+        Accepted `Host` headers, such as `127.0.0.1:*`; others are refused, against DNS rebinding.
+    """
+
+    @asynccontextmanager
+    async def connect(ctx: Context) -> AsyncIterator[AsyncClient]:
+        # An empty key, so that the key in this server's environment is nobody's.
+        async with AsyncClient(url, api_key=bearer(ctx.headers or {}) or "") as client:
+            yield client
+
+    tools = Tools(connect, Folders([]), _UPLOAD_BYTES)
+    server = _server(tools, [*_READS, *_STARTS, "cancel", "upload_asset"])
+    origins = [f"{scheme}://{host}" for host in hosts for scheme in ("http", "https")]
+    security = TransportSecuritySettings(allowed_hosts=list(hosts), allowed_origins=origins)
+    # Without sessions, no caller can continue another one's.
+    app = server.streamable_http_app(
+        stateless_http=True, transport_security=security, max_request_body_size=_BODY_BYTES
+    )
+    return KeyCheck(app, url)

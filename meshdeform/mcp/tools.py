@@ -1,0 +1,306 @@
+"""Define the tools: what an agent can ask of a service."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import binascii
+import functools
+import json
+import os
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from mcp.server.mcpserver import Context, Image
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
+from meshdeform.errors import MeshdeformError, ParameterError
+from meshdeform.mcp.files import Folders
+
+__all__ = ["Tools", "explained"]
+
+Asset = Annotated[
+    str,
+    Field(
+        description="A GLB, OBJ, PLY, STL or ZIP: a path, the id of an upload, or JOB_ID/result.glb for the result of "
+        "an earlier job."
+    ),
+]
+Params = Annotated[
+    dict[str, Any] | None,
+    Field(
+        description='Parameters of the job, for example {"preset": "preview", "seed": 7}. preset: preview (fast), '
+        "balanced (default) or quality."
+    ),
+]
+JobId = Annotated[str, Field(description="The id that deform or fit_to_mesh returned.")]
+Name = Annotated[str, Field(description="result.glb, report.json, preview.png, morph.glb or result.usdz.")]
+
+_LONGEST_WAIT_S = 600.0
+_INSPECTION_S = 120.0
+_INSPECTIONS = 2  # at a time: each is a process with the numerical libraries
+
+
+class Tools:
+    """The tools of one server. Every method with a docstring for agents is a tool.
+
+    Parameters
+    ----------
+    connect : callable
+        Takes the context of a call, and returns a context manager with a client that has the caller's key.
+    folders : Folders
+    max_upload_bytes : int
+        The largest file that `upload_asset` takes.
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[Context], AbstractAsyncContextManager[AsyncClient]],
+        folders: Folders,
+        max_upload_bytes: int,
+    ) -> None:
+        self._connect = connect
+        self._folders = folders
+        self._max_upload_bytes = max_upload_bytes
+        self._inspections = asyncio.Semaphore(_INSPECTIONS)
+
+    async def list_models(self, ctx: Context) -> dict[str, Any]:
+        """List the models that can guide a deformation, with the nouns and attributes that each understands."""
+        async with self._client(ctx) as client:
+            return (await client.models()).model_dump(mode="json")
+
+    async def inspect_asset(self, asset: Asset, ctx: Context) -> dict[str, Any]:
+        """Show what an asset consists of: nodes, materials, components, joints, coordinates, symmetry.
+
+        The names and numbers can be used in the parameters regions, rigid and exclude of deform.
+        """
+        async with self._client(ctx) as client, self._local(client, asset) as path, self._inspections:
+            return await _inspected(path)
+
+    async def validate(
+        self, asset: Asset, prompt: str, ctx: Context, params: Params = None, target: Asset | None = None
+    ) -> dict[str, Any]:
+        """Check a job without starting it: warnings about the asset, all its parameters, and how long it would take."""
+        async with self._client(ctx) as client:
+            found = await client.validate(
+                self._folders.source(asset), prompt, params=params, target=self._optional(target)
+            )
+            return found.model_dump(mode="json")
+
+    async def deform(
+        self,
+        asset: Asset,
+        prompt: Annotated[str, Field(description='What the asset should become, for example "a tall vase".')],
+        ctx: Context,
+        params: Params = None,
+        output: Annotated[
+            dict[str, Any] | None, Field(description='For example {"morph": true} for a file that animates the change.')
+        ] = None,
+    ) -> dict[str, Any]:
+        """Start a job that deforms an asset towards a prompt, and return its id at once. Then call wait.
+
+        Topology, UVs, materials and rig stay as they are.
+        """
+        async with self._client(ctx) as client:
+            return _summary(await client.submit(self._folders.source(asset), prompt, params=params, output=output))
+
+    async def fit_to_mesh(
+        self,
+        asset: Asset,
+        target: Annotated[str, Field(description="The mesh whose shape the asset takes; named like the asset.")],
+        ctx: Context,
+        params: Params = None,
+    ) -> dict[str, Any]:
+        """Start a job that gives an asset the shape of another mesh, and return its id at once. Then call wait."""
+        async with self._client(ctx) as client:
+            wanted = {**(params or {}), "guidance": "target"}
+            job = await client.submit(self._folders.source(asset), params=wanted, target=self._folders.source(target))
+            return _summary(job)
+
+    async def wait(
+        self,
+        job_id: JobId,
+        ctx: Context,
+        timeout_s: Annotated[float, Field(gt=0, le=_LONGEST_WAIT_S, description="Longest wait in seconds.")] = 60.0,
+    ) -> dict[str, Any]:
+        """Wait until a job has finished, and return its state and artifacts. Call it again if the job still runs."""
+
+        async def told(event: EventView) -> None:
+            if event.type == "progress":
+                step, steps = event.data.get("step"), event.data.get("total_steps")
+                await ctx.report_progress(event.data.get("fraction", 0.0), 1.0, f"step {step} of {steps}")
+
+        async with self._client(ctx) as client:
+            try:
+                return _summary(await client.wait(job_id, timeout_s=timeout_s, on_event=told, check=False))
+            except WaitTimeoutError:
+                return _summary(await client.get(job_id))
+
+    async def list_jobs(
+        self,
+        ctx: Context,
+        search: Annotated[str, Field(description="Words of the prompt, the file names or the labels.")] = "",
+        limit: Annotated[int, Field(ge=1, le=100)] = 20,
+    ) -> dict[str, Any]:
+        """List the newest jobs, all or those that contain every word of a search."""
+        async with self._client(ctx) as client:
+            found = []
+            async for job in client.jobs(search=search, limit=limit):
+                found.append(_summary(job))
+                if len(found) == limit:
+                    break
+            return {"jobs": found}
+
+    async def cancel(self, job_id: JobId, ctx: Context) -> dict[str, Any]:
+        """Cancel a job that has not finished."""
+        async with self._client(ctx) as client:
+            return _summary(await client.cancel(job_id))
+
+    async def preview(self, job_id: JobId, ctx: Context) -> Image:
+        """Show a picture of the source and the result of a job that has succeeded."""
+        async with self._client(ctx) as client:
+            return Image(data=await client.read(job_id, "preview.png"), format="png")
+
+    async def apply_strength(
+        self,
+        job_id: JobId,
+        strength: Annotated[float, Field(ge=0.0, le=1.5, description="0: the source; 1: the result; up to 1.5.")],
+        path: Annotated[str, Field(description="The new file to write, for example vase-60.glb.")],
+        ctx: Context,
+    ) -> dict[str, Any]:
+        """Write the result of a job at another strength, without a new run."""
+        where = self._folders.destination(path)
+        async with self._client(ctx) as client:
+            written = await client.download(job_id, "result.glb", where, strength=strength)
+            return {"path": str(written), "bytes": written.stat().st_size}
+
+    async def download(
+        self,
+        job_id: JobId,
+        ctx: Context,
+        name: Name = "result.glb",
+        path: Annotated[str, Field(description="The new file to write. Default: NAME in the first folder.")] = "",
+    ) -> dict[str, Any]:
+        """Write an artifact of a job to a file."""
+        where = self._folders.destination(path or name)
+        async with self._client(ctx) as client:
+            written = await client.download(job_id, name, where)
+            return {"path": str(written), "bytes": written.stat().st_size}
+
+    async def link(self, job_id: JobId, ctx: Context, name: Name = "result.glb") -> dict[str, Any]:
+        """Return a URL of an artifact that needs no API key and expires."""
+        async with self._client(ctx) as client:
+            return (await client.signed_url(job_id, name)).model_dump(mode="json")
+
+    async def upload_asset(
+        self,
+        filename: Annotated[str, Field(description="Its name, with the extension that tells its format.")],
+        data: Annotated[str, Field(description="The file, as base64.")],
+        ctx: Context,
+    ) -> dict[str, Any]:
+        """Send a file to the service, and return the id by which the other tools take it."""
+        try:
+            decoded = base64.b64decode(data, validate=True)
+        except binascii.Error as error:
+            raise ToolError(f"data is not base64: {error}.") from error
+        if len(decoded) > self._max_upload_bytes:
+            raise ToolError(f"The file has {len(decoded):,} bytes; at most {self._max_upload_bytes:,} are taken here.")
+        async with self._client(ctx) as client:
+            upload = await client.upload(decoded, filename=filename)
+            return {"asset": upload.id, "bytes": len(decoded)}
+
+    def _optional(self, name: str | None) -> Path | dict[str, str] | None:
+        return self._folders.source(name) if name else None
+
+    @asynccontextmanager
+    async def _client(self, ctx: Context) -> AsyncIterator[AsyncClient]:
+        async with self._connect(ctx) as client:
+            yield client
+
+    @asynccontextmanager
+    async def _local(self, client: AsyncClient, asset: str) -> AsyncIterator[Path]:
+        """Provide an asset as a local file, downloaded if it belongs to a job."""
+        source = self._folders.source(asset)
+        if isinstance(source, Path):
+            yield source
+            return
+        if "job_id" not in source:
+            raise ParameterError(
+                "An upload cannot be inspected.", advice="Start a job with it, then inspect JOB_ID/asset."
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            job, name = source["job_id"], source["artifact"]
+            if name == "asset":
+                view = await client.get(job)
+                yield await client.download_asset(job, Path(folder) / Path(view.asset.filename).name)
+            else:
+                yield await client.download(job, name, Path(folder) / name)
+
+
+def explained(tool: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable[Any]]:
+    """Return the tool with errors that an agent can act on: what happened and what to do."""
+
+    @functools.wraps(tool)
+    async def run(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return await tool(*args, **kwargs)
+        except MeshdeformError as error:
+            raise ToolError(f"{error.detail} {error.advice_text} ({error.code})".strip()) from error
+        except ValueError as error:
+            raise ToolError(str(error)) from error
+
+    return run
+
+
+def _summary(job: JobView) -> dict[str, Any]:
+    """Return what an agent needs to know of a job."""
+    found: dict[str, Any] = {
+        "job_id": job.id,
+        "state": job.state.value,
+        "prompt": job.prompt,
+        "progress": job.progress.model_dump(mode="json", exclude_none=True),
+        "artifacts": [artifact.name for artifact in job.artifacts],
+    }
+    if job.error is not None:
+        found["error"] = job.error.model_dump(mode="json", exclude_none=True)
+    return found
+
+
+async def _inspected(path: Path) -> dict[str, Any]:
+    # A process of its own: a hostile file takes nothing else down, and this server needs no numerical library.
+    command = [sys.executable, "-m", "meshdeform", "inspect", str(path), "--json"]
+    process = await asyncio.create_subprocess_exec(
+        *command,
+        env={name: value for name, value in os.environ.items() if name != "MESHDEFORM_API_KEY"},
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        output, errors = await asyncio.wait_for(process.communicate(), _INSPECTION_S)
+    except TimeoutError:
+        raise ToolError(f"Inspecting the file took longer than {_INSPECTION_S:g} s.") from None
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    if process.returncode:
+        problem = _problem(errors.decode(errors="replace"))
+        raise ToolError(problem)
+    found: dict[str, Any] = json.loads(output)
+    return found
+
+
+def _problem(text: str) -> str:
+    """Return the sentence of a command's error, which is the last line and a JSON document."""
+    try:
+        found = json.loads(text.strip().splitlines()[-1])
+        return f"{found['detail']} {found.get('advice', '')} ({found.get('code', '')})"
+    except (IndexError, ValueError, KeyError, TypeError):
+        return "The file could not be inspected."
