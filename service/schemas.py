@@ -168,6 +168,26 @@ class Validation(BaseModel):
     estimate: JobEstimate = Field(description="The time that it would take.")
 
 
+class FoundOrientation(BaseModel):
+    """The side of an asset that a job would make the front."""
+
+    turn_deg: float = Field(
+        description="Azimuth of that side, from +Z (0) towards +X (90), -180 to 180.", examples=[-165.0]
+    )
+    source: Literal["found", "undecided"] = Field(
+        description="`undecided`: no side fits the prompt clearly better than +Z, which stays the front.",
+        examples=["found"],
+    )
+    margin: float | None = Field(
+        description="By how much the best turn predicts the pictures better than none, relatively.", examples=[0.44]
+    )
+    grades: list[list[float]] = Field(
+        description="Pairs of a turn and its grade from the first draws; lower is better.",
+        examples=[[[0.0, 0.0561], [180.0, 0.0392]]],
+    )
+    notice: str | None = Field(description="What to do if no side was found.", examples=[None])
+
+
 class FileLimits(BaseModel):
     """Limits on a file."""
 

@@ -29,6 +29,7 @@ __all__ = ["AppState", "AppStateDep"]
 # One more than an owner may have: nobody waits for the files of one other owner.
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
+_FRONTS_AT_ONCE, _FRONTS_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _STORE_HEALTH_S = 2.0
 
@@ -88,6 +89,8 @@ class AppState:
         Files that are received at the same time. Each takes its size on disk.
     store_health : Recent of PartHealth
         The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
+    orienting : FairSlots
+        Searches of fronts, each in a process of its own.
     strengths : Strengths
         Other strengths of results.
     lookups : LookupPool
@@ -112,6 +115,11 @@ class AppState:
         )
     )
     store_health: Recent[PartHealth] = field(default_factory=lambda: Recent(_STORE_HEALTH_S))
+    orienting: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _FRONTS_AT_ONCE, _FRONTS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="fronts are being searched"
+        )
+    )
     strengths: Strengths = field(default_factory=Strengths)
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))

@@ -26,6 +26,7 @@ from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Tra
 from meshdeform.assets.parts import Parts, read_parts
 from meshdeform.assets.references import Usage
 from meshdeform.assets.repair import rebuild_directions
+from meshdeform.assets.rig_contents import Rig, read_rig, rig_accessors
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import Deformation, Finish, write_shape, write_targets
@@ -141,6 +142,17 @@ class Asset:
                     found[f"{number}/{p}/{name}"] = hashlib.sha256(values.tobytes()).hexdigest()
         return found
 
+    def rig(self) -> Rig:
+        """Count the morph targets, joints and animations that would have to follow the surface."""
+        return read_rig(self._document, self._blocks)
+
+    def rig_digest(self) -> str:
+        """Return the SHA-256 of the surface's morph targets and inverse bind matrices, to tell whether they changed."""
+        digest = hashlib.sha256()
+        for accessor in rig_accessors(self._document, self._blocks):
+            digest.update(read_floats(self._document, accessor).tobytes())
+        return digest.hexdigest()
+
     def without(self, nodes: Collection[int]) -> Asset:
         """Return the asset without these nodes and those below them: they stay in the file as they are.
 
@@ -201,6 +213,7 @@ class Asset:
         normals: NDArray[np.float64] | None = None,
         tangents: NDArray[np.float64] | None = None,
         *,
+        jacobians: NDArray[np.float64] | None = None,
         morph: bool = False,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -215,6 +228,9 @@ class Asset:
             New normals. Rows without a normal in the source are ignored; NaN rows keep the source's. None keeps all.
         tangents : (N, 4) float64, optional
             New tangents, with the same rules.
+        jacobians : (N, 3, 3) float64, optional
+            The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
+            joints follow the shape (`assets/carried_targets.py`, `assets/rig.py`); not with `morph`.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
@@ -238,7 +254,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents)
+        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
 

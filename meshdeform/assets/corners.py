@@ -13,7 +13,7 @@ from meshdeform.assets.json_text import Json
 from meshdeform.assets.surface import Block
 from meshdeform.errors import AssetError
 
-__all__ = ["corner_colors", "corner_weights"]
+__all__ = ["corner_colors", "corner_weights", "skin_weights"]
 
 _Floats = NDArray[np.float64]
 
@@ -49,22 +49,51 @@ def _gathered(
     return np.concatenate(found)
 
 
+def skin_weights(
+    document: Document, primitive: Json, count: int, joints: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
+    """Return the vertices, the places of joints in their skin, and the weights above 0, (K,) each.
+
+    Parameters
+    ----------
+    document : Document
+    primitive : dict
+        One with `count` vertices.
+    count, joints : int
+        Number of vertices, and of joints of the skin.
+
+    Returns
+    -------
+    Three empty arrays if the attributes are not valid: the deformation does not need them.
+    """
+    nothing = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    attributes = primitive["attributes"]
+    found = [nothing]
+    number = 0
+    while f"JOINTS_{number}" in attributes and f"WEIGHTS_{number}" in attributes:
+        try:
+            indices = read_accessor(document, attributes[f"JOINTS_{number}"]).astype(np.int64)
+            weights = read_floats(document, attributes[f"WEIGHTS_{number}"]).astype(np.float64)
+        except AssetError:
+            return nothing
+        if weights.shape != indices.shape or len(indices) != count:
+            return nothing
+        rows, columns = np.nonzero(weights > 0)
+        chosen = np.minimum(indices[rows, columns], joints - 1)
+        found.append((rows, chosen, weights[rows, columns]))
+        number += 1
+    at, which, share = (np.concatenate(part) for part in zip(*found, strict=True))
+    return at, which, share
+
+
 def _weights(document: Document, block: Block, primitive: Json, joints: Collection[int]) -> _Floats:
     total = np.zeros((len(block.positions), 1))
     skin = document.root["nodes"][block.node].get("skin")
     if skin is None:
         return total
     wanted = np.isin(np.array(document.root["skins"][skin]["joints"]), list(joints))
-    attributes = primitive["attributes"]
-    number = 0
-    while f"JOINTS_{number}" in attributes and f"WEIGHTS_{number}" in attributes:
-        try:
-            indices = read_accessor(document, attributes[f"JOINTS_{number}"]).astype(np.int64)
-            weights = read_floats(document, attributes[f"WEIGHTS_{number}"]).astype(np.float64)
-            total[:, 0] += (wanted[np.minimum(indices, len(wanted) - 1)] * weights).sum(1)
-        except (AssetError, ValueError):  # the deformation does not need these attributes
-            return np.zeros_like(total)
-        number += 1
+    at, which, share = skin_weights(document, primitive, len(total), len(wanted))
+    np.add.at(total[:, 0], at, wanted[which] * share)
     return total
 
 

@@ -24,7 +24,7 @@ from meshdeform.errors import AssetError, AssetTruncatedError
 __all__ = ["ARRAY_BUFFER", "ELEMENT_ARRAY_BUFFER", "Document"]
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Document:
@@ -136,7 +136,7 @@ class Document:
 
         Parameters
         ----------
-        values : (N,) or (N, 1..4) float32
+        values : (N,), (N, 1..4) or (N, 16) float32
             The elements.
         like : dict, optional
             The accessor to replace, whose name, extras and extensions are copied.

@@ -11,6 +11,8 @@ Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skin
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,7 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import GPU_INSTANCING, Instance, instance_count
 
-__all__ = ["is_invertible", "local_matrix", "placement_matrix", "world_matrices"]
+__all__ = ["bind_placement", "is_invertible", "local_matrix", "placement_matrix", "world_matrices"]
 
 Matrix = NDArray[np.float64]
 _INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
@@ -69,7 +71,11 @@ def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix
     """Return the matrix from an instance's mesh space to world space, (4, 4) float64."""
     if instance.skin is None:
         return worlds[instance.node] @ _first_instance(document, instance.node)
-    skin = document.root["skins"][instance.skin]
+    return bind_placement(document, document.root["skins"][instance.skin], worlds)
+
+
+def bind_placement(document: Document, skin: Json, worlds: Sequence[Matrix]) -> Matrix:
+    """Return the matrix from the space of a skin's meshes to world space in its bind pose, (4, 4) float64."""
     joints = np.stack([worlds[joint] for joint in skin["joints"]])
     if "inverseBindMatrices" in skin:
         inverse_binds = read_floats(document, skin["inverseBindMatrices"])[: len(joints)].astype(np.float64)

@@ -26,15 +26,26 @@ __all__ = ["Deformation", "Finish", "LocalShape", "write_shape", "write_targets"
 
 @dataclass(frozen=True)
 class Deformation:
-    """The original surface and its new shape, both in world space; rows as in `Surface`."""
+    """The original surface and its new shape, both in world space; rows as in `Surface`.
+
+    With `jacobians`, morph targets and joints follow.
+    """
 
     surface: Surface
     positions: Floats
     normals: Floats | None
     tangents: Floats | None
+    jacobians: Floats | None = None
 
     @classmethod
-    def checked(cls, surface: Surface, positions: Floats, normals: Floats | None, tangents: Floats | None) -> Self:
+    def checked(
+        cls,
+        surface: Surface,
+        positions: Floats,
+        normals: Floats | None,
+        tangents: Floats | None,
+        jacobians: Floats | None = None,
+    ) -> Self:
         """Return a deformation after checking array shapes and that positions are finite."""
         count = len(surface.positions)
         for name, array, columns in (("positions", positions, 3), ("normals", normals, 3), ("tangents", tangents, 4)):
@@ -42,7 +53,11 @@ class Deformation:
                 raise ShapeError(f"{name} must have shape ({count}, {columns}), not {np.shape(array)}")
         if not np.isfinite(positions).all():
             raise NumericalError("The new positions are not all finite.")
-        optional = [None if array is None else np.asarray(array, np.float64) for array in (normals, tangents)]
+        if jacobians is not None and np.shape(jacobians) != (count, 3, 3):
+            raise ShapeError(f"jacobians must have shape ({count}, 3, 3), not {np.shape(jacobians)}")
+        optional = [
+            None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
+        ]
         return cls(surface, np.asarray(positions, np.float64), *optional)
 
 
@@ -114,7 +129,30 @@ def write_shape(
     replaced: list[tuple[int, int]] = []
     for block, local in zip(blocks, locals_, strict=True):
         replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+    if shape.jacobians is not None:
+        replaced += _follow(document, blocks[: -len(loose) or None], locals_, owners, shape)
     return _finished(document, finish, replaced)
+
+
+def _follow(
+    document: Document,
+    blocks: list[Block],
+    locals_: list[LocalShape],
+    owners: Mapping[int, int],
+    shape: Deformation,
+) -> list[tuple[int, int]]:
+    """Carry the morph targets and joints of the file along; return each replaced accessor with its new one."""
+    from meshdeform.assets.carried_targets import carry_targets
+    from meshdeform.assets.rig import RigMotion, move_joints
+
+    assert shape.jacobians is not None
+    replaced: list[tuple[int, int]] = []
+    for block, local in zip(blocks, locals_, strict=False):  # those of points and lines come last
+        mesh = document.root["meshes"][owners[block.node]]
+        jacobians = shape.jacobians[block.rows]
+        replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
+    moved = shape.positions - shape.surface.positions
+    return replaced + move_joints(document, blocks, RigMotion(shape.surface.positions, moved, shape.jacobians))
 
 
 def write_targets(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.requests.choices import Symmetry
+from meshdeform.requests.choices import RigMode, Symmetry
 
 __all__ = [
     "ApiKeyFileOption",
@@ -25,6 +25,7 @@ __all__ = [
     "MorphPathOption",
     "OnlyOption",
     "QuietOption",
+    "RigOption",
     "RigidOption",
     "SetOption",
     "SilhouetteOption",
@@ -158,6 +159,15 @@ MorphPathOption = Annotated[
         "--morph-path",
         metavar="NAME=VALUE",
         help="How the morph goes: frames, easing, ping_pong, seconds (docs/control.md); repeatable.",
+        show_default=False,
+    ),
+]
+RigOption = Annotated[
+    RigMode | None,
+    typer.Option(
+        help="What becomes of the asset's own morph targets and joints: keep them as they are, or let them follow the "
+        "shape; default: keep.",
+        rich_help_panel="Outputs",
         show_default=False,
     ),
 ]

@@ -23,6 +23,7 @@ from meshdeform.cli.options import (
     OnlyOption,
     QuietOption,
     RigidOption,
+    RigOption,
     SetOption,
     SilhouetteOption,
     SymmetryOption,
@@ -134,6 +135,7 @@ def run(
     only: OnlyOption = None,
     handle: HandleOption = None,
     symmetry: SymmetryOption = None,
+    rig: RigOption = None,
     param: SetOption = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
     threads: Annotated[
@@ -174,8 +176,8 @@ def run(
         symmetry=symmetry,
     )
     morph = morph or bool(morph_path)
-    written = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
-    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance}
+    written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
+    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = make_request(prompt, params, output=written)
     paths = {
         "result": output,

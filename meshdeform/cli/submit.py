@@ -24,6 +24,7 @@ from meshdeform.cli.options import (
     OnlyOption,
     QuietOption,
     RigidOption,
+    RigOption,
     SetOption,
     SilhouetteOption,
     SymmetryOption,
@@ -104,6 +105,7 @@ def submit(
     only: OnlyOption = None,
     handle: HandleOption = None,
     symmetry: SymmetryOption = None,
+    rig: RigOption = None,
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
     morph_path: MorphPathOption = None,
@@ -189,6 +191,7 @@ def submit(
         "compact": compact,
         "subdivide": subdivide,
         "provenance": provenance,
+        "rig": rig,
     }
     request = make_request(prompt, params, output=wanted, more=more)
     with connect(url, api_key, api_key_file) as client:

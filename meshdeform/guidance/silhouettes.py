@@ -3,11 +3,13 @@
 With a_k the covered share of the pixels of view k, m_k the mask, and phi_k the signed distance to its outline in shares
 of the view's side, positive outside::
 
-    loss = mean over k of  (1 - sum a m / sum (a + m - a m)) + c sum (a - m) phi / sum m
+    loss = mean over k of  (1 - sum a m / sum (a + m - a m)) + c sum (a - m) phi / sum m + c sum d / sum m
 
 The first term, one minus the soft intersection over union, pulls at every point of the outline with the same force; the
-second with a force that grows with the distance, so that what is far outside comes back. Both are 0 for equal
-silhouettes only.
+second with a force that grows with the distance, so that what is far outside comes back. The third sums the distances d
+from the pixels of the mask that are not covered to the nearest vertex of the mesh in the picture: it draws limbs out of
+a surface that has none, which the other two hardly do, since they only see how the outline itself moves. All are 0 for
+equal silhouettes only.
 
 **Scale.** A picture says nothing about the size of what it shows, but two pictures of one object agree: with an
 ellipsoid of squared half axes A, view k sees the squared width ``4 r_k A r_k`` and height ``4 u_k A u_k``, r and u the
@@ -30,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy import ndimage, optimize
+from scipy import ndimage, optimize, spatial
 from torch import Tensor
 from torch.nn import functional
 
@@ -172,10 +174,23 @@ class SilhouetteTerm:
             mask, distance = placed.moved_to(covered)
             common = (covered * mask).sum()
             iou = common / (covered + mask - covered * mask).sum().clamp_min(1e-6)
-            far = ((covered - mask) * distance).sum() / mask.sum().clamp_min(1e-6)
-            total = total + (1 - iou + _DISTANCE_WEIGHT * far).double().cpu()
+            area = mask.sum().clamp_min(1e-6)
+            far = ((covered - mask) * distance).sum() + self._unreached(drawn, placed.cameras, covered, mask)
+            total = total + (1 - iou + _DISTANCE_WEIGHT * far / area).double().cpu()
             overlap += iou.item()
         return total / len(self._placed), {"silhouette_iou": overlap / len(self._placed)}
+
+    def _unreached(self, verts: Tensor, cameras: Cameras, covered: Tensor, mask: Tensor) -> Tensor:
+        """Return the sum of the distances from uncovered pixels of the mask to the nearest vertices, in sides."""
+        clip = verts @ cameras.view_proj[0, :, :3].to(verts.dtype).T + cameras.view_proj[0, :, 3].to(verts.dtype)
+        places = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
+        rows, columns = ((mask > 0.5) & (covered < 0.5)).nonzero(as_tuple=True)
+        if not len(rows):
+            return verts.sum() * 0.0
+        missing = (torch.stack([rows, columns], 1) + 0.5) / self._side
+        _, nearest = spatial.KDTree(places.detach().cpu().numpy()).query(missing.cpu().numpy())
+        apart = missing.to(places) - places[torch.from_numpy(nearest).to(places.device)]
+        return (apart.square().sum(1) + 1e-12).sqrt().sum()
 
     def overlaps(self, verts: Tensor) -> list[float]:
         """Return the intersection over union of every view's silhouettes for vertices (V, 3)."""

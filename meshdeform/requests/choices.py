@@ -15,6 +15,7 @@ __all__ = [
     "OrientationMode",
     "Preset",
     "RegionAction",
+    "RigMode",
     "Rigidity",
     "Safeguard",
     "Symmetry",
@@ -126,6 +127,13 @@ class Symmetry(StrEnum):
     X = "x"
     Y = "y"
     Z = "z"
+
+
+class RigMode(StrEnum):
+    """What becomes of the morph targets and joints that an asset already has."""
+
+    KEEP = "keep"
+    FOLLOW = "follow"
 
 
 class Easing(StrEnum):

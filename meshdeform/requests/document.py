@@ -18,7 +18,7 @@ from pydantic import (
     field_validator,
 )
 
-from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, Safeguard
+from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, RigMode, Safeguard
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
     BUILTIN_MODEL,
@@ -95,6 +95,13 @@ class OutputOptions(StrictModel):
         "few large triangles can bend. The result then has more vertices and triangles than the source, and the report "
         "says how many.",
         examples=[False],
+    )
+    rig: RigMode = Field(
+        RigMode.KEEP,
+        description="What becomes of the morph targets, joints and animations that the asset already has: `keep`, "
+        "byte for byte; or `follow`: morph targets turn and stretch with the surface, and joints move with the volume "
+        "around them, so that a character still animates after it has become fat ([Assets](assets.md#rigs)).",
+        examples=["follow"],
     )
     provenance: bool = Field(
         False,

@@ -21,7 +21,7 @@ from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.selection import find_excluded
 from meshdeform.runs.preparation import drawn_triangles, subdivided, welded_surface
-from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
+from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import read_result
 
 __all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
@@ -65,6 +65,10 @@ class AssetPath:
         if share in (0, 1):
             positions = self._result if share else surface.positions
         return dataclasses.replace(found, positions=positions)
+
+    def jacobians(self, share: float) -> _Floats:
+        """Return the linear map (N, 3, 3) of the deformation around each vertex at a share of the way."""
+        return vertex_jacobians(self._welded, self._path.at(share))
 
     @property
     def _ends(self) -> Tensor:
@@ -157,8 +161,12 @@ def with_strength(
     if strength == 0:
         surface = source.surface
         return source.replace(surface.positions, compact=compact, provenance=origin)
-    found = AssetPath(source, end.surface.positions).at(strength)
-    return source.replace(found.positions, found.normals, found.tangents, compact=compact, provenance=origin)
+    path = AssetPath(source, end.surface.positions)
+    found = path.at(strength)
+    # The rig follows where that of the result did.
+    jacobians = None if source.rig_digest() == end.rig_digest() else path.jacobians(strength)
+    shape = found.positions, found.normals, found.tangents
+    return source.replace(*shape, jacobians=jacobians, compact=compact, provenance=origin)
 
 
 def write_morph(

@@ -28,6 +28,7 @@ from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
 from meshdeform.rendering.studio import Pose
+from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.appearance_report import appearance_report, sees_colours
 from meshdeform.runs.base import ArtifactData, StepReport
@@ -39,7 +40,7 @@ from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph
-from meshdeform.runs.surfaces import DeformedSurface, deformed_surface
+from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
 from meshdeform.runs.target_fit import TargetFit
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
@@ -235,7 +236,8 @@ class TextDeformRun:
         NumericalError
             The shape is not finite.
         """
-        return ArtifactData(self._written(self._surface(self._world_verts())), _GLB)
+        verts = self._world_verts()
+        return ArtifactData(self._written(self._surface(verts), verts), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
@@ -248,7 +250,7 @@ class TextDeformRun:
         verts = self._world_verts()
         with self._clock.phase("write"):
             surface = self._surface(verts)
-            result = self._written(surface)
+            result = self._written(surface, verts)
             # Read the file back, so that the report describes what is in the file.
             written = read_result(result).without(self._asset.excluded)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
@@ -289,9 +291,12 @@ class TextDeformRun:
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
 
-    def _written(self, surface: DeformedSurface) -> bytes:
+    def _written(self, surface: DeformedSurface, verts: Tensor) -> bytes:
         """Return the asset with a new shape as a GLB, with the options of the request."""
-        return self._asset.replace(surface.positions, surface.normals, surface.tangents, **self._file_options())
+        follows = self._facts.request.output.rig is RigMode.FOLLOW
+        jacobians = vertex_jacobians(self._welded, verts) if follows else None
+        shape = surface.positions, surface.normals, surface.tangents
+        return self._asset.replace(*shape, jacobians=jacobians, **self._file_options())
 
     def _morph(self, surface: DeformedSurface) -> bytes:
         path = AssetPath(self._asset, surface.positions, self._welded)

@@ -32,6 +32,7 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+from meshdeform.runs.rig import rig_warnings
 
 __all__ = ["RunFacts", "build_report", "provenance", "read_result"]
 
@@ -181,12 +182,19 @@ def build_report(
         "orientation": orientation.to_dict(),
         "appearance": appearance,
         "movement": movement.to_dict(),
-        "warnings": [*movement.warnings, *up_axis, *subdivision_warnings(facts.subdivision)],
+        "warnings": [
+            *movement.warnings,
+            *up_axis,
+            *subdivision_warnings(facts.subdivision),
+            *rig_warnings(asset.rig(), facts.request.output.rig),
+        ],
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if asset.rig():
+        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
     if bodies:
         report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if facts.subdivision is not None:

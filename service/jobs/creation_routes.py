@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, NotFoundError, RequestError, StoredFileError
+from meshdeform.errors import ConflictError, DependencyError, NotFoundError, RequestError, StoredFileError
 from meshdeform.runs import kinds
 from service.documentation.responses import (
     ASSET_ERRORS,
@@ -34,9 +34,10 @@ from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import accept_job, validate
+from service.jobs.orienting import orient
 from service.jobs.routes import shown
 from service.jobs.sources import Submission, file_advice, missing_files
-from service.schemas import Validation
+from service.schemas import FoundOrientation, Validation
 from service.state import AppState, AppStateDep
 
 __all__ = ["router"]
@@ -173,6 +174,33 @@ async def validate_job(
     async with _submitted(request, app, principal.owner_id) as submission:
         validation = await app.take_in(principal.owner_id, validate, app, principal, submission)
     return Response(validation.model_dump_json(), media_type="application/json")
+
+
+@router.post(
+    ":orient",
+    operation_id="orient_job",
+    summary="Find the side of the asset that a job would make the front",
+    responses={
+        200: {"model": FoundOrientation, "description": "What the job's report would say."},
+        **problem_responses(
+            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
+        ),
+    },
+    openapi_extra=_BODY,
+)
+async def orient_job(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
+) -> Response:
+    """Takes the bodies of `POST /v1/jobs` with `params.orientation` = `auto` and stores nothing.
+
+    The search takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
+    """
+    async with _submitted(request, app, principal.owner_id) as submission:
+        found = await orient(app, principal.owner_id, submission)
+    return Response(found.model_dump_json(), media_type="application/json")
 
 
 @router.post(

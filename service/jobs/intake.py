@@ -72,7 +72,7 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
     return params
 
 
-def _check(
+def check_job(
     app: AppState, owner_id: str, submission: Submission
 ) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary | PictureSummary]]:
     """Check a job's parameters and decode its files completely. Nothing is stored.
@@ -133,7 +133,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        params, files, _ = _check(app, caller.owner_id, submission)
+        params, files, _ = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
         app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
@@ -147,7 +147,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
 def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
     check_priority(submission.document.priority, principal.max_priority)
-    params, files, summaries = _check(app, principal.owner_id, submission)
+    params, files, summaries = check_job(app, principal.owner_id, submission)
     found: dict[str, AssetFound] = {}
     pictures: dict[str, PictureFound] = {}
     for name, file in files.items():

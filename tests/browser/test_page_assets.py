@@ -60,7 +60,10 @@ def packed_ball(path: Path) -> Path:
     return path
 
 
-def test_a_zip_is_shown_its_front_turned_and_deformed(page: Page, service: Service, tmp_path: Path) -> None:
+def test_a_zip_is_shown_its_front_turned_and_deformed(
+    page: Page, watch: Watch, service: Service, tmp_path: Path
+) -> None:
+    watch.allow("503.*jobs:orient")
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
@@ -71,8 +74,24 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(page: Page, service: Servi
     # The arrow follows the pointer, the slider and the form.
     slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
     expect(said).to_have_text("Automatic")
+    find, note = page.get_by_role("button", name="Find", exact=True), page.locator(".front-note")
+    page.get_by_label("Prompt", exact=True).fill("")
+    find.click()
+    expect(note).to_contain_text("enter a prompt")
+    page.get_by_label("Prompt", exact=True).fill("a giraffe")
+    answers = [(200, {"turn_deg": -90.0, "source": "found"}), (503, {"detail": "torch is not installed."})]
+    page.route("**/v1/jobs:orient", lambda route: route.fulfill(status=answers[0][0], json=answers.pop(0)[1]))
+    find.click()
+    expect(said).to_have_text("270°, found")
+    expect(page.locator("#param-orientation")).to_have_value("")  # the job finds it itself
+    page.get_by_label("Prompt", exact=True).fill("a horse")
+    expect(said).to_have_text("Automatic")  # another prompt may have another front
+    find.click()
+    expect(note).to_have_text("torch is not installed.")
+
     slider.fill("0")
     expect(said).to_have_text("0°")
+    expect(find).to_be_hidden()
     expect(page.locator("#param-orientation")).to_have_value("0")
 
     def arrow() -> tuple[float, float]:

@@ -21,6 +21,7 @@ from tests.unit.assets.test_convert import OBJ, PLY, stl
 from tests.unit.assets.test_fuzz import kitchen_sink
 from tests.unit.assets.test_morph import with_targets
 from tests.unit.assets.test_replace import rich, text_gltf
+from tests.unit.assets.test_rig import arm
 
 Validate = Callable[[bytes], dict[str, Any]]
 
@@ -62,6 +63,15 @@ ASSETS: dict[str, Callable[[], tuple[bytes, str]]] = {
     "ply": lambda: (PLY, "a.ply"),
     "stl": lambda: (stl(), "a.stl"),
 }
+
+
+@each_case("compact", [False, True])
+def test_a_rig_that_follows_has_no_new_error(validate_glb: Validate, compact: bool) -> None:
+    asset = load_asset(arm(targets=True).glb())
+    surface = asset.surface
+    jacobians = np.tile(np.diag([1.5, 1.0, 1.5]), (len(surface.positions), 1, 1))
+    written = asset.replace(surface.positions * [1.5, 1.0, 1.5], jacobians=jacobians, compact=compact)
+    assert not errors(validate_glb(written)) - errors(validate_glb(asset.to_bytes()))
 
 
 @each_case("name", list(ASSETS))

@@ -1,5 +1,7 @@
 // @ts-check
-/** Which side of the asset is its front: an arrow in the view, a slider, and a way back to "automatic". */
+/** Which side of the asset is its front: an arrow in the view, a slider, a search, and a way back to "automatic". */
+import { announce } from "../announce.js";
+import { isAbort } from "../api.js";
 import { button, h } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 
@@ -21,10 +23,16 @@ export class FrontControl {
   /**
    * @param {import("../viewer-box.js").ViewerBox} box
    * @param {(value: string) => void} onChange With a value for `orientation`; empty: as the quality says.
+   * @param {(signal: AbortSignal) => Promise<{turn_deg: number, source: string}>} search Asks the server for the front
+   *   of the asset as it is in the form.
    */
-  constructor(box, onChange) {
+  constructor(box, onChange, search) {
     this.box = box;
     this.onChange = onChange;
+    this.search = search;
+    /** What the search said about the form as it is now. @type {number | null} */
+    this.found = null;
+    this.searching = new AbortController();
     this.value = "";
     this.resolved = "auto";
     const { input, value, row } = slider("front-slider", "Front", 360 - STEP, () => this._choose(input.value));
@@ -32,7 +40,9 @@ export class FrontControl {
     this.output = value;
     input.step = String(STEP);
     this.reset = button("Automatic", () => this._choose(""), { class: "chip chip-small" });
-    this.element = h("div", { class: "front-control", hidden: true }, row, this.reset);
+    this.find = button("Find", () => this._find(), { class: "chip chip-small", title: "Ask the model which side it would take" });
+    this.note = h("p", { class: "small muted front-note", "aria-live": "polite", hidden: true });
+    this.element = h("div", { class: "front-control", hidden: true }, row, this.find, this.reset, this.note);
     row.hidden = false;
     box.ready.then(() => {
       box.viewer?.addEventListener("frontchange", (/** @type {CustomEvent<{degrees: number}>} */ event) => this._choose(String(event.detail.degrees)));
@@ -58,6 +68,40 @@ export class FrontControl {
     this._draw();
   }
 
+  /** Forget what the search said: the asset, the prompt or a setting is another. */
+  forget() {
+    this.searching.abort();
+    this.found = null;
+    this._say("");
+    this._draw();
+  }
+
+  async _find() {
+    this.forget();
+    const asked = (this.searching = new AbortController());
+    this._say("Looking at the asset from all sides…");
+    this.find.disabled = true;
+    try {
+      const { turn_deg: turn, source } = await this.search(asked.signal);
+      if (asked.signal.aborted) return;
+      this.found = ((Math.round(turn) % 360) + 360) % 360;
+      this._say(source === "found" ? "" : "No side fits the prompt clearly better: +Z stays the front.");
+      announce(`Front: the side at ${this.found} degrees`);
+    } catch (error) {
+      if (asked.signal.aborted || isAbort(error)) return;
+      this._say(error instanceof Error ? error.message : String(error));
+    } finally {
+      if (this.searching === asked) this.find.disabled = false;
+      this._draw();
+    }
+  }
+
+  /** @param {string} text */
+  _say(text) {
+    this.note.textContent = text;
+    this.note.hidden = text === "";
+  }
+
   /** @param {string} value */
   _choose(value) {
     this.show(value);
@@ -65,12 +109,14 @@ export class FrontControl {
   }
 
   _draw() {
-    const angle = angleOf(this.value || this.resolved);
-    const words = angle === null ? "Automatic" : `${angle}°`;
+    const chosen = angleOf(this.value || this.resolved);
+    const angle = chosen ?? this.found;
+    const words = angle === null ? "Automatic" : chosen === null ? `${angle}°, found` : `${angle}°`;
     this.input.value = String(angle ?? 0);
     this.output.textContent = words;
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: the side that fits the prompt" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
+    this.find.hidden = chosen !== null;
     if (!this.element.hidden) this.box.front(angle ?? 0, angle === null);
   }
 }

@@ -37,10 +37,14 @@ export class CreateView {
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
-    this.front = new FrontControl(this.assets.box, (value) => {
-      this.settings.setValue("orientation", value);
-      this._changed();
-    });
+    this.front = new FrontControl(
+      this.assets.box,
+      (value) => {
+        this.settings.setValue("orientation", value);
+        this._changed();
+      },
+      (signal) => this._orientation(signal),
+    );
     this.assets.addBelow(this.front.element);
     this.prompt = new PromptField(() => this._changed());
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
@@ -173,10 +177,20 @@ export class CreateView {
   }
 
   _changed() {
+    this.front.forget();
     this.front.show(this.settings.value("orientation"));
     if (this.begun) keepDraft({ from: this.from, wish: this.settings.draft(this.prompt.input.value), asset: this.assets.asset });
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
+  }
+
+  /** @param {AbortSignal} signal @returns {Promise<any>} The front that the job in the form would have. */
+  async _orientation(signal) {
+    const asset = this.assets.asset;
+    const wish = this.settings.wish(this.prompt.value);
+    if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
+    const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
+    return requestJson("v1/jobs:orient", { method: "POST", signal, ...sent });
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */

@@ -1,0 +1,241 @@
+import { MeshdeformError } from "./errors.js";
+import { events } from "./events.js";
+import { newKey, type Options, Transport } from "./transport.js";
+import {
+  type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobRequest,
+  type JobState, type Limits, type Models, type SignedUrl, type Upload, type Validation,
+} from "./types.js";
+import { canUpload, upload, type UploadOptions } from "./uploads.js";
+
+/** A job, or its id. */
+export type JobLike = string | { id: string };
+
+export interface SubmitOptions {
+  /** More files of the job, by the names of its kind's parts: `target`, `silhouette_1` and so on. */
+  files?: Record<string, Asset>;
+  /** The name to send with an asset that is no `File`; its extension tells OBJ, PLY and STL apart. */
+  filename?: string;
+  /** Requests with the same key within a day make one job, also from another process. */
+  idempotencyKey?: string;
+  signal?: AbortSignal;
+}
+
+export interface WaitOptions {
+  /** Longest wait in milliseconds. Default: no limit. */
+  timeoutMs?: number;
+  /** Called with every event as it happens. */
+  onEvent?: (event: JobEvent) => void;
+  signal?: AbortSignal;
+}
+
+/** Larger files are uploaded before their job, in pieces. */
+const UPLOAD_ABOVE = 16 << 20;
+const LONGEST_HOLD_S = 30;
+
+/**
+ * A client of one service, for browsers and Node.js. Every method throws a `MeshdeformError`, or the reason of its `signal`.
+ *
+ * ```ts
+ * const client = new Client({ baseUrl: "https://meshdeform.example", apiKey });
+ * const job = await client.submit(file, { prompt: "a mushroom" });
+ * for await (const event of client.watch(job)) console.log(event.type, event.data);
+ * const glb = await client.download(job, "result.glb");
+ * ```
+ */
+export class Client {
+  readonly #transport: Transport;
+
+  constructor(options: Options = {}) {
+    this.#transport = new Transport(options);
+  }
+
+  get baseUrl(): string {
+    return this.#transport.baseUrl;
+  }
+
+  /** Post a job. It is made once, even if the request has to be repeated. */
+  async submit(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Job> {
+    const body = await this.#body(asset, request, options);
+    const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
+    return this.#transport.json<Job>("v1/jobs", { method: "POST", ...body, headers, signal: options.signal });
+  }
+
+  /** Check a job without posting it: what the asset holds, all parameters, and an estimate of the time. */
+  async validate(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Validation> {
+    const body = await this.#body(asset, request, options);
+    return this.#transport.json<Validation>("v1/jobs:validate", { method: "POST", ...body, signal: options.signal });
+  }
+
+  /** Upload a file for any number of jobs. */
+  async upload(file: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: UploadOptions = {}): Promise<Upload> {
+    const { blob, filename } = named(file, options.filename);
+    return upload(this.#transport, blob, filename, options);
+  }
+
+  /** Read a job's state. */
+  async get(job: JobLike, signal?: AbortSignal): Promise<Job> {
+    return this.#transport.json<Job>(path(job), { signal });
+  }
+
+  /** Iterate over the jobs, newest first. `search` finds all words in prompts, file names and labels. */
+  async *jobs(options: { state?: JobState; search?: string; metadata?: Record<string, string>; signal?: AbortSignal } = {}): AsyncGenerator<Job> {
+    const query = new URLSearchParams({ limit: "50" });
+    if (options.state) query.set("state", options.state);
+    if (options.search) query.set("q", options.search);
+    for (const [name, value] of Object.entries(options.metadata ?? {})) query.set(`metadata[${name}]`, value);
+    for (;;) {
+      const page = await this.#transport.json<{ jobs: Job[]; next_cursor?: string | null }>(`v1/jobs?${query}`, { signal: options.signal });
+      yield* page.jobs;
+      if (!page.next_cursor) return;
+      query.set("cursor", page.next_cursor);
+    }
+  }
+
+  /** Iterate over a job's events as they happen, each once and in order, reconnecting as needed, until the job has ended. */
+  watch(job: JobLike, options: { after?: number; signal?: AbortSignal } = {}): AsyncGenerator<JobEvent> {
+    return events(this.#transport, id(job), options.after ?? 0, options.signal);
+  }
+
+  /** Wait until a job has succeeded. A job that did not is thrown as an error. */
+  async wait(job: JobLike, options: WaitOptions = {}): Promise<Job> {
+    const { timeoutMs, onEvent } = options;
+    const late = timeoutMs === undefined ? null : AbortSignal.timeout(timeoutMs);
+    const signals = [options.signal, late].filter((signal) => signal !== undefined && signal !== null);
+    const signal = signals.length ? AbortSignal.any(signals) : undefined;
+    try {
+      if (onEvent) for await (const event of this.watch(job, signal ? { signal } : {})) onEvent(event);
+      for (;;) {
+        const headers = { Prefer: `wait=${LONGEST_HOLD_S}` };
+        const found = await this.#transport.json<Job>(path(job), { headers, signal });
+        if (isTerminal(found.state)) return succeeded(found);
+      }
+    } catch (failure) {
+      options.signal?.throwIfAborted();
+      if (!late?.aborted || failure instanceof MeshdeformError) throw failure;
+      const detail = `The job ${id(job)} has not finished in time.`;
+      throw new MeshdeformError(0, { code: "wait_timeout", detail, advice: "It goes on: wait again, or cancel it.", job_id: id(job) });
+    }
+  }
+
+  /** Post a job and wait until it has succeeded; then download what you need. */
+  async deform(asset: Asset, request: JobRequest, options: SubmitOptions & WaitOptions = {}): Promise<Job> {
+    return this.wait(await this.submit(asset, request, options), options);
+  }
+
+  /** Request cancellation. */
+  async cancel(job: JobLike, signal?: AbortSignal): Promise<Job> {
+    return this.#transport.json<Job>(path(job, "cancel"), { method: "POST", signal });
+  }
+
+  /** Delete a job that has ended, with its artifacts. */
+  async delete(job: JobLike, signal?: AbortSignal): Promise<void> {
+    await this.#transport.request(path(job), { method: "DELETE", signal });
+  }
+
+  /** Try a job that did not succeed again, as a new job that continues from its last checkpoint. */
+  async retry(job: JobLike, options: { idempotencyKey?: string; signal?: AbortSignal } = {}): Promise<Job> {
+    const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
+    return this.#transport.json<Job>(path(job, "retry"), { method: "POST", headers, signal: options.signal });
+  }
+
+  /** Post a job on the same asset that begins with the shape of a checkpoint. */
+  async branch(job: JobLike, step: number, request: BranchRequest, options: { idempotencyKey?: string; signal?: AbortSignal } = {}): Promise<Job> {
+    const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
+    const call = { method: "POST", json: request, headers, signal: options.signal };
+    return this.#transport.json<Job>(path(job, `checkpoints/${step}/branch`), call);
+  }
+
+  /** List the shapes from which a job can continue. */
+  async checkpoints(job: JobLike, signal?: AbortSignal): Promise<Checkpoint[]> {
+    return (await this.#transport.json<{ checkpoints: Checkpoint[] }>(path(job, "checkpoints"), { signal })).checkpoints;
+  }
+
+  /** List a job's artifacts. */
+  async artifacts(job: JobLike, signal?: AbortSignal): Promise<Artifact[]> {
+    return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
+  }
+
+  /** Make `morph.glb` or `result.usdz` of a job that was not asked for it. */
+  async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
+    return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
+  }
+
+  /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
+  async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
+    const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
+    const response = await this.#transport.request(path(job, `artifacts/${encodeURIComponent(name)}${query}`), { signal: options.signal });
+    return response.blob();
+  }
+
+  /** Download a file that was sent with a job. */
+  async file(job: JobLike, part = "asset", signal?: AbortSignal): Promise<Blob> {
+    return (await this.#transport.request(path(job, `files/${encodeURIComponent(part)}`), { signal })).blob();
+  }
+
+  /** Return a URL of an artifact that needs no key and expires. */
+  async signedUrl(job: JobLike, name = "result.glb", signal?: AbortSignal): Promise<SignedUrl> {
+    const found = await this.#transport.json<SignedUrl>(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
+    return { ...found, url: new URL(found.url, `${this.baseUrl}/`).href };
+  }
+
+  async models(signal?: AbortSignal): Promise<Models> {
+    return this.#transport.json<Models>("v1/models", { signal });
+  }
+
+  async limits(signal?: AbortSignal): Promise<Limits> {
+    return this.#transport.json<Limits>("v1/limits", { signal });
+  }
+
+  /** Return the body of a job: a form with the files, or a document that names files of the service. */
+  async #body(asset: Asset, request: JobRequest, options: SubmitOptions): Promise<{ json: unknown } | { body: FormData }> {
+    const given = Object.entries({ asset, ...options.files });
+    const sent: [string, Blob, string][] = [];
+    const known: Record<string, FileReference> = {};
+    for (const [part, file] of given) {
+      if (!isData(file)) {
+        known[part] = reference(file);
+        continue;
+      }
+      const { blob, filename } = named(file, part === "asset" ? options.filename : undefined);
+      if (blob.size > UPLOAD_ABOVE && canUpload()) {
+        const more = options.signal ? { signal: options.signal } : {};
+        known[part] = { upload_id: (await upload(this.#transport, blob, filename, more)).id };
+      } else sent.push([part, blob, filename]);
+    }
+    const document = Object.keys(known).length ? { ...request, files: known } : request;
+    if (!sent.length) return { json: document };
+    const form = new FormData();
+    for (const [part, blob, filename] of sent) form.append(part, blob, filename);
+    form.append("request", new Blob([JSON.stringify(document)], { type: "application/json" }));
+    return { body: form };
+  }
+}
+
+function id(job: JobLike): string {
+  const found = typeof job === "string" ? job : job.id;
+  if (!found) throw new TypeError("A job needs an id.");
+  return encodeURIComponent(found);
+}
+
+function path(job: JobLike, rest = ""): string {
+  return `v1/jobs/${id(job)}${rest && `/${rest}`}`;
+}
+
+function isData(file: Asset): file is Blob | ArrayBuffer | Uint8Array<ArrayBuffer> {
+  return file instanceof Blob || file instanceof ArrayBuffer || ArrayBuffer.isView(file);
+}
+
+function reference(file: FileReference | Upload): FileReference {
+  return "id" in file ? { upload_id: file.id } : file;
+}
+
+function named(file: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, filename?: string): { blob: Blob; filename: string } {
+  const blob = file instanceof Blob ? file : new Blob([file]);
+  return { blob, filename: filename ?? (typeof File !== "undefined" && file instanceof File ? file.name : "asset.glb") };
+}
+
+function succeeded(job: Job): Job {
+  if (job.state === "succeeded") return job;
+  const problem = job.error ?? { code: `job_${job.state}`, detail: `The job ${job.id} was ${job.state === "expired" ? "not finished in time" : "canceled"}.` };
+  throw new MeshdeformError(0, { ...problem, job_id: job.id });
+}

@@ -1,0 +1,33 @@
+/** The documents of the API, by their usual names. */
+import type { components } from "./schema.js";
+
+type Schemas = components["schemas"];
+
+/** A request for a job, without its files. */
+export type JobRequest = Omit<Schemas["JobDocument"], "asset" | "target" | "files">;
+/** A request for a job that begins with the shape of a checkpoint. */
+export type BranchRequest = Schemas["BranchDocument"];
+export type Job = Schemas["JobView"];
+export type JobState = Schemas["JobState"];
+export type JobEvent = Schemas["EventView"];
+export type Artifact = Schemas["ArtifactView"];
+export type Checkpoint = Schemas["CheckpointView"];
+export type Upload = Schemas["UploadView"];
+export type Validation = Schemas["Validation"];
+export type SignedUrl = Schemas["SignedUrl"];
+export type Models = Schemas["ModelList"];
+export type Limits = Schemas["LimitList"];
+export type Params = Schemas["DeformParams"];
+
+/** A file of the service: an upload, or an artifact of a job that has succeeded. */
+export type FileReference = { upload_id: string } | { job_id: string; artifact?: string };
+
+/** A file to send, or one that the service has. A `File` carries its own name. */
+export type Asset = Blob | ArrayBuffer | Uint8Array<ArrayBuffer> | FileReference | Upload;
+
+const TERMINAL: ReadonlySet<string> = new Set(["succeeded", "failed", "canceled", "expired"]);
+
+/** Return whether nothing happens any more after this state, or after an event of this type. */
+export function isTerminal(state: string): boolean {
+  return TERMINAL.has(state);
+}

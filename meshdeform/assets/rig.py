@@ -1,0 +1,328 @@
+"""Move the joints of skins with the volume around them, so that a character still animates after its shape has changed.
+
+A joint's displacement is that of an affine map, fitted by weighted least squares to the displacements d_v of the
+vertices that follow it, at its place p::
+
+    w_v = (weight of the joint at v) / (|x_v - p|^2 + e^2)
+    D   = (K + l H) (C + l I)^-1        C, K the weighted covariances of x with x and of d with x, H the mean of J_v - I
+    p'  = p + mean(d) + D (p - mean(x))
+
+so that every affine deformation, a scaling for instance, moves joints exactly, and near joints count near vertices. A
+joint that no vertex follows, such as the end of a finger, is moved by all vertices of its skins.
+
+Joints keep their axes; only places change: of the nodes, of the bind poses, and of animated translations, whose
+distance from the bind pose grows as the volume around the joint does. In the bind pose, the skin therefore leaves every
+vertex where it is.
+
+Sources: glTF 2.0 specification, section 3.7.3 (Skins); Schaefer et al. 2006, Image deformation using moving least
+squares, section 2.1 (affine deformations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.corners import skin_weights
+from meshdeform.assets.document import Document
+from meshdeform.assets.json_text import Json
+from meshdeform.assets.placement import Matrix, bind_placement, is_invertible, local_matrix, world_matrices
+from meshdeform.assets.surface import Block
+
+__all__ = ["JointMove", "RigMotion", "move_joints"]
+
+_NEAR = 0.1
+"""Distance within which vertices count alike, as a share of the spread of those that follow a joint."""
+_STIFFNESS = 0.1
+"""How much the mean of the Jacobians counts in the fit, relative to the spread of the vertices."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigMotion:
+    """How the surface moves, in world space; rows as in `Surface`.
+
+    Attributes
+    ----------
+    positions, moved : (N, 3) float64
+        Places at rest, and displacements.
+    jacobians : (N, 3, 3) float64
+        The linear map of the deformation around each vertex.
+    """
+
+    positions: _Floats
+    moved: _Floats
+    jacobians: _Floats
+
+
+@dataclass(frozen=True)
+class JointMove:
+    """The displacement (3,) of a joint in world space, and the growth of the volume around it along one axis."""
+
+    shift: _Floats
+    growth: float
+
+
+def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) -> list[tuple[int, int]]:
+    """Move the joints of all skins of the deformed meshes, and return each replaced accessor with its new one.
+
+    Parameters
+    ----------
+    document : Document
+        Changed in place: nodes, inverse bind matrices, and animations of translations.
+    blocks : sequence of Block
+        The deformed parts.
+    motion : RigMotion
+    """
+    nodes = document.root.get("nodes", [])
+    skins = document.root.get("skins", [])
+    used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
+    if not used:
+        return []
+    worlds = world_matrices(nodes)
+    binds = {number: _bind_worlds(document, skin, worlds) for number, skin in enumerate(skins)}
+    bind_of = {joint: world for number in [*(set(binds) - used), *used] for joint, world in binds[number].items()}
+    moved = _joint_moves(document, blocks, motion, {joint: bind_of[joint] for each in used for joint in binds[each]})
+    moves = {joint: move for joint, move in moved.items() if move.shift.any() or move.growth != 1.0}
+    if not moves:
+        return []
+    replaced = []
+    for skin in skins:
+        replaced += _rebind(document, skin, worlds, moves)
+    offsets = _place_nodes(nodes, worlds, bind_of, moves)
+    return replaced + _move_animations(document, nodes, offsets)
+
+
+def _bind_worlds(document: Document, skin: Json, worlds: Sequence[Matrix]) -> dict[int, Matrix]:
+    """Return the world matrix of each joint in the bind pose; joints that cannot be inverted are left out."""
+    placement = bind_placement(document, skin, worlds)
+    inverse = _inverse_binds(document, skin)
+    return {
+        joint: placement @ np.linalg.inv(matrix)
+        for joint, matrix in zip(skin["joints"], inverse, strict=True)
+        if is_invertible(matrix)
+    }
+
+
+def _inverse_binds(document: Document, skin: Json) -> _Floats:
+    count = len(skin["joints"])
+    if "inverseBindMatrices" not in skin:
+        return np.tile(np.eye(4), (count, 1, 1))
+    rows = read_floats(document, skin["inverseBindMatrices"])[:count].astype(np.float64)
+    return np.asarray(rows.reshape(-1, 4, 4).transpose(0, 2, 1))
+
+
+def _joint_moves(
+    document: Document, blocks: Sequence[Block], motion: RigMotion, joints: Mapping[int, Matrix]
+) -> dict[int, JointMove]:
+    owner: list[NDArray[np.int64]] = []
+    rows: list[NDArray[np.int64]] = []
+    weights: list[_Floats] = []
+    everything: dict[int, list[NDArray[np.int64]]] = {}
+    nodes, skins = document.root["nodes"], document.root["skins"]
+    for block in blocks:
+        if "skin" not in nodes[block.node]:
+            continue
+        skin = skins[nodes[block.node]["skin"]]
+        primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
+        at, which, share = skin_weights(document, primitive, len(block.positions), len(skin["joints"]))
+        owner.append(np.array(skin["joints"])[which])
+        rows.append(at + block.rows.start)
+        weights.append(share)
+        for joint in skin["joints"]:
+            everything.setdefault(joint, []).append(np.arange(block.rows.start, block.rows.stop))
+    owners, at, share = np.concatenate(owner), np.concatenate(rows), np.concatenate(weights)
+    order = np.argsort(owners, kind="stable")
+    owners, at, share = owners[order], at[order], share[order]
+    found = {}
+    for joint, bind in joints.items():
+        first, last = np.searchsorted(owners, [joint, joint + 1])
+        own, by = at[first:last], share[first:last]
+        if not by.sum() > 0:
+            own = np.concatenate(everything.get(joint, [np.empty(0, np.int64)]))
+            by = np.ones(len(own))
+        if len(own):
+            found[joint] = _carried(bind[:3, 3], own, by, motion)
+    return found
+
+
+def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: RigMotion) -> JointMove:
+    """Return how an affine map fitted to weighted vertices moves a point."""
+    if not motion.moved[rows].any():
+        return JointMove(np.zeros(3), 1.0)
+    positions, moved = motion.positions[rows], motion.moved[rows]
+    spread = float(((positions - np.average(positions, axis=0, weights=weights)) ** 2).sum(1).mean())
+    weights = weights / (((positions - point) ** 2).sum(1) + _NEAR**2 * spread + 1e-300)
+    weights = weights / weights.sum()
+    middle, shift = weights @ positions, weights @ moved
+    arms, pulls = positions - middle, moved - shift
+    slope = np.einsum("v,vij->ij", weights, motion.jacobians[rows]) - np.eye(3)
+    spread_matrix, pull_matrix = (weights[:, None] * arms).T @ arms, (weights[:, None] * pulls).T @ arms
+    stiff = _STIFFNESS * float(np.trace(spread_matrix)) / 3
+    if stiff > 0:
+        slope = np.linalg.solve(spread_matrix + stiff * np.eye(3), (pull_matrix + stiff * slope).T).T
+    growth = float(np.cbrt(max(np.linalg.det(np.eye(3) + slope), 0.0)))
+    return JointMove(shift + slope @ (point - middle), growth)
+
+
+def _rebind(
+    document: Document, skin: Json, worlds: Sequence[Matrix], moves: Mapping[int, JointMove]
+) -> list[tuple[int, int]]:
+    """Give a skin inverse bind matrices for the moved joints."""
+    if not any(joint in moves for joint in skin["joints"]):
+        return []
+    linear = bind_placement(document, skin, worlds)[:3, :3]
+    matrices = _inverse_binds(document, skin)
+    for matrix, joint in zip(matrices, skin["joints"], strict=True):
+        if joint in moves:
+            matrix[:3, 3] -= matrix[:3, :3] @ np.linalg.solve(linear, moves[joint].shift)
+    old = skin.get("inverseBindMatrices")
+    values = matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)
+    like = None if old is None else document.root["accessors"][old]
+    skin["inverseBindMatrices"] = document.append_accessor(values, like=like, vertex=False)
+    return [] if old is None else [(old, skin["inverseBindMatrices"])]
+
+
+@dataclass(frozen=True)
+class _Offset:
+    """A node's translation in the bind pose before and after, and the growth of its distance from it."""
+
+    before: _Floats
+    after: _Floats
+    growth: float
+
+    def applied(self, translations: _Floats) -> _Floats:
+        return np.asarray(self.after + self.growth * (translations - self.before))
+
+
+def _place_nodes(
+    nodes: list[Json], worlds: Sequence[Matrix], binds: Mapping[int, Matrix], moves: Mapping[int, JointMove]
+) -> dict[int, _Offset]:
+    """Move the joints' nodes, hold what is attached to them, and return how the translations of nodes changed."""
+    skeleton = _Skeleton(nodes, worlds, binds, moves)
+    offsets: dict[int, _Offset] = {}
+    for number, node in enumerate(nodes):
+        parent = skeleton.parents.get(number)
+        against = np.zeros(3) if parent is None else skeleton.shift_of(parent)
+        change = skeleton.shift_of(number) - against
+        growth = moves[number].growth if number in moves else 1.0
+        if not change.any() and growth == 1.0:
+            continue
+        own, over = skeleton.bind_of(number), np.eye(4) if parent is None else skeleton.bind_of(parent)
+        if not is_invertible(over):
+            continue
+        before = np.asarray(np.linalg.solve(over[:3, :3], own[:3, 3] - over[:3, 3]), np.float64)
+        offsets[number] = _Offset(before, before + np.linalg.solve(over[:3, :3], change), growth)
+        _translate(node, offsets[number])
+    return offsets
+
+
+class _Skeleton:
+    """The nodes in the bind pose, and how far each of them moves."""
+
+    def __init__(
+        self,
+        nodes: list[Json],
+        worlds: Sequence[Matrix],
+        binds: Mapping[int, Matrix],
+        moves: Mapping[int, JointMove],
+    ) -> None:
+        self._nodes, self._worlds, self._binds, self._moves = nodes, worlds, binds, moves
+        self.parents = {child: number for number, node in enumerate(nodes) for child in node.get("children", [])}
+
+    def shift_of(self, number: int) -> _Floats:
+        """Return how far a node moves in world space: other nodes than joints move with the joint above them.
+
+        A mesh below a joint was deformed where it is, so that its node stays.
+        """
+        for at in self._path(number):
+            if at in self._binds:
+                return self._moves[at].shift if at in self._moves else np.zeros(3)
+            if _draws(self._nodes, at, self._binds):
+                break
+        return np.zeros(3)
+
+    def bind_of(self, number: int) -> Matrix:
+        """Return the world matrix of a node in the bind pose."""
+        below = np.eye(4)
+        for at in self._path(number):
+            if at in self._binds:
+                return np.asarray(self._binds[at] @ below)
+            below = local_matrix(self._nodes[at]) @ below
+        return self._worlds[number]
+
+    def _path(self, number: int) -> Iterator[int]:
+        at: int | None = number
+        while at is not None:
+            yield at
+            at = self.parents.get(at)
+
+
+def _draws(nodes: list[Json], number: int, joints: Mapping[int, Matrix]) -> bool:
+    """Return whether a node or one below it that is no joint shows a mesh of its own."""
+    node = nodes[number]
+    if "mesh" in node and "skin" not in node:
+        return True
+    return any(child not in joints and _draws(nodes, child, joints) for child in node.get("children", []))
+
+
+def _translate(node: Json, offset: _Offset) -> None:
+    if "matrix" in node:
+        moved = offset.applied(np.array(node["matrix"][12:15], np.float64))
+        node["matrix"] = [*node["matrix"][:12], *(float(value) for value in moved), *node["matrix"][15:]]
+        return
+    moved = offset.applied(np.array(node.get("translation", [0.0, 0.0, 0.0]), np.float64))
+    node["translation"] = [float(value) for value in moved]
+
+
+def _move_animations(document: Document, nodes: list[Json], offsets: Mapping[int, _Offset]) -> list[tuple[int, int]]:
+    """Replace the animated translations of moved nodes."""
+    replaced = []
+    for animation in document.root.get("animations", []):
+        samplers, channels = animation.get("samplers"), animation.get("channels")
+        if not isinstance(samplers, list) or not isinstance(channels, list):
+            continue
+        users = [channel.get("sampler") for channel in channels if isinstance(channel, dict)]
+        for channel in channels:
+            node, sampler = _translation_of(channel, len(nodes), samplers)
+            if node is None or node not in offsets:
+                continue
+            made = _moved_output(document, samplers[sampler], offsets[node])
+            if made is None:
+                continue
+            replaced.append((samplers[sampler]["output"], made))
+            if users.count(sampler) == 1:
+                samplers[sampler]["output"] = made
+            else:
+                samplers.append({**samplers[sampler], "output": made})
+                channel["sampler"] = len(samplers) - 1
+    return replaced
+
+
+def _translation_of(channel: Any, count: int, samplers: list[Any]) -> tuple[int | None, int]:
+    """Return the node whose translation a channel animates, if it does, and its sampler."""
+    target = channel.get("target") if isinstance(channel, dict) else None
+    sampler = channel.get("sampler") if isinstance(channel, dict) else None
+    if not isinstance(sampler, int) or not 0 <= sampler < len(samplers) or not isinstance(samplers[sampler], dict):
+        return None, 0
+    if not isinstance(target, dict) or target.get("path") != "translation":
+        return None, 0
+    node = target.get("node")
+    return (node, sampler) if isinstance(node, int) and 0 <= node < count else (None, 0)
+
+
+def _moved_output(document: Document, sampler: Json, offset: _Offset) -> int | None:
+    output, accessors = sampler.get("output"), document.root.get("accessors", [])
+    if not isinstance(output, int) or not 0 <= output < len(accessors) or accessors[output]["type"] != "VEC3":
+        return None
+    values = read_floats(document, output).astype(np.float64)
+    moved = offset.applied(values)
+    if sampler.get("interpolation") == "CUBICSPLINE":  # in-tangent, value, out-tangent of each key
+        moved[0::3], moved[2::3] = offset.growth * values[0::3], offset.growth * values[2::3]
+    return document.append_accessor(moved.astype(np.float32), like=accessors[output], vertex=False)

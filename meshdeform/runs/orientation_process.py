@@ -1,0 +1,154 @@
+"""Find the front of an asset in a child process, so that a process without torch can ask for it before a job starts.
+
+`orientation_of` imports neither torch nor numpy. The child has no secrets in its environment, and bounded memory and
+time. It knows only the builtin prior, the one that is conditioned on the azimuth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import DependencyError, MeshdeformError, ModelError, ParameterError, UnavailableError
+from meshdeform.requests.choices import GuidanceKind, OrientationMode
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
+
+__all__ = ["check_searchable", "main", "orientation_of"]
+
+_MEMORY_BYTES = 16 * 2**30
+"""Address space; torch alone maps several gigabytes of it."""
+
+_INSTEAD = "Send the job; its report says which side became the front. Or run `meshdeform inspect ASSET --prompt TEXT`."
+
+
+def check_searchable(params: ResolvedParams) -> None:
+    """Refuse to search a front that a job with these parameters would not search.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if params.guidance is not GuidanceKind.SDS:
+        raise _refusal("guidance", "A target has no front to find: `align` places it.", "Omit this request.")
+    if params.orientation is not OrientationMode.AUTO:
+        detail = f"params.orientation is {params.orientation}, so the job would not search its front."
+        raise _refusal("orientation", detail, "Set it to auto.")
+    if params.model != BUILTIN_MODEL:
+        detail = "This model is not conditioned on the azimuth, so no side of the asset is its front."
+        raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
+
+
+def orientation_of(
+    asset: Path,
+    filename: str,
+    prompt: str,
+    params: ResolvedParams,
+    *,
+    subdivide: bool = False,
+    limits: Limits,
+    timeout_s: float,
+) -> dict[str, Any]:
+    """Return the orientation that a job would have, as its report would describe it.
+
+    Parameters
+    ----------
+    asset : Path
+    filename : str
+        Its name; the extension decides the format where the content does not.
+    prompt : str
+    params : ResolvedParams
+        `check_searchable` accepts them.
+    subdivide : bool
+        `output.subdivide` of the job.
+    limits : Limits
+    timeout_s : float
+
+    Raises
+    ------
+    AssetError, RequestError, NumericalError
+        The job could not run.
+    DependencyError
+        Torch is not installed here.
+    UnavailableError
+        It took too long or too much memory, or no process can be started.
+    """
+    task = {
+        "asset": str(asset.absolute()),
+        "suffix": Path(filename).suffix[:16],
+        "request": {"prompt": prompt, "output": {"subdivide": subdivide}},
+        "params": params.model_dump(mode="json"),
+        "limits": asdict(limits),
+    }
+    given = asset.absolute().parent / "orientation.json"
+    given.write_text(json.dumps(task))
+    try:
+        child = run_child(__name__, [str(given)], timeout_s=timeout_s, temporary=given.parent)
+    except TimeoutError as error:
+        raise _too_much(f"It takes longer than {timeout_s:g} s.") from error
+    if child.verdict is None:
+        raise _too_much(f"The process ended with status {child.returncode}.")
+    if not child.verdict["ok"]:
+        raise _error(child.verdict["error"])
+    found: dict[str, Any] = child.verdict["orientation"]
+    return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Carry out the task in a file of JSON, and print a JSON verdict with the orientation or what went wrong."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("task", type=Path)
+    task = json.loads(parser.parse_args(arguments).task.read_text())
+    bound_memory(_MEMORY_BYTES)
+    try:
+        verdict: dict[str, Any] = {"ok": True, "orientation": _find(task)}
+    except MeshdeformError as error:
+        verdict = {"ok": False, "error": error_to_json(error)}
+    except ModuleNotFoundError as error:
+        missing = DependencyError(f"{error.name} is not installed.")
+        verdict = {"ok": False, "error": error_to_json(missing)}
+    print(json.dumps(verdict))
+    return 0 if verdict["ok"] else 1
+
+
+def _find(task: dict[str, Any]) -> dict[str, Any]:
+    from meshdeform.priors import load_prior
+    from meshdeform.runs import text_deform
+    from meshdeform.runs.devices import use_threads
+
+    use_threads(1)
+    run = text_deform.start(
+        asset=Path(task["asset"]).read_bytes(),
+        filename=f"asset{task['suffix']}",
+        request=JobRequest.model_validate(task["request"]),
+        prior=load_prior(BUILTIN_MODEL, device="cpu"),
+        limits=Limits(**task["limits"]),
+        resolved=ResolvedParams.model_validate(task["params"]),
+    )
+    return run.orientation.to_dict()
+
+
+def _error(found: dict[str, Any]) -> MeshdeformError:
+    if found["code"] == DependencyError.code:
+        return DependencyError(
+            f"The front is found with the extra `deform`, which the API of this server lacks: {found['detail']}",
+            advice=_INSTEAD,
+        )
+    for kind in (ParameterError, ModelError):
+        if found["code"] == kind.code:
+            return kind(found["detail"], advice=found["advice"], **found["extra"])
+    return error_from(found)
+
+
+def _refusal(name: str, detail: str, advice: str) -> ParameterError:
+    return ParameterError(
+        detail, advice=advice, errors=[{"loc": ["params", name], "msg": detail, "type": "value_error"}]
+    )
+
+
+def _too_much(reason: str) -> UnavailableError:
+    return UnavailableError(f"The front cannot be found on this server. {reason}", advice=_INSTEAD)

@@ -1,0 +1,68 @@
+"""The TypeScript client in Node.js, on a real service."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from meshdeform.requests.document import JobKind
+from tests.fake_kind import FakeKind
+from tests.fault_proxy import FaultProxy
+from tests.integration.conftest import Api
+from tests.typescript_package import built_package
+from tests.worker_world import working
+
+
+def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp_path: Path) -> None:
+    dist = built_package(repository, tmp_path)
+    sphere, port = repository / "examples/sphere.glb", urlsplit(api.url).port
+    assert port is not None
+    with working(api.settings, FakeKind().start), FaultProxy(port) as proxy:
+        proxy.cut_after(901)
+        command = [shutil.which("node") or "node", repository / "tests/node/client_scenario.mjs"]
+        addresses = [(dist / "index.js").as_uri(), api.url, f"http://127.0.0.1:{proxy.port}"]
+        done = subprocess.run([*command, *addresses, sphere], capture_output=True, text=True, check=False, timeout=300)
+        connections = proxy.connections
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["vertices"] > 0
+    # Every answer was lost once, and yet each request was carried out once.
+    assert found["posts"].count("/v1/jobs") >= 6
+    assert len(api.http.get("/v1/jobs", params={"q": "mushroom"}).json()["jobs"]) == 2
+    assert found["sameJob"]
+    assert found["seqs"] == list(range(1, len(found["seqs"]) + 1))
+    assert found["ended"]
+    assert found["broken"] == found["seqs"]
+    assert connections >= 2, "the line broke"
+    assert found["later"] == ["succeeded"]
+    assert (found["progress"][-1], found["uploadState"], found["fromUpload"]) == (
+        sphere.stat().st_size,
+        "complete",
+        "succeeded",
+    )
+    assert found["listed"] == [True, False, True]
+    assert int(found["result"]) > 12
+    assert found["artifacts"] == ["result.glb"]
+    assert found["sent"] == sphere.stat().st_size
+    assert found["signed"]
+    assert found["missing"]["code"] == found["deleted"]["code"] == "not_found"
+    assert found["refused"]["code"] == "prompt_unknown_words"
+    assert found["refused"]["advice"]
+    assert found["nobody"] == {"ours": True, "code": "unavailable", "status": 0, "name": "MeshdeformError"} | {
+        "advice": found["nobody"]["advice"]
+    }
+    assert found["abandoned"]["name"] == "AbortError"
+    assert JobKind.TEXT_DEFORM in found["limits"]
+
+
+def test_what_the_package_holds_is_named_in_it(repository: Path) -> None:
+    package = json.loads((repository / "clients/typescript/package.json").read_text())
+    assert package.get("dependencies") is None
+    from meshdeform import __version__
+
+    assert package["version"] == __version__
+    pinned = json.loads((repository / "tests/node/package.json").read_text())["dependencies"]
+    assert package["devDependencies"] == {name: pinned[name] for name in package["devDependencies"]}

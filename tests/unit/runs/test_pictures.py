@@ -1,0 +1,150 @@
+"""Jobs with pictures as targets: what belongs together, what the report says; and jobs whose rig follows."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from PIL import Image
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
+from meshdeform.errors import ParameterError, PromptError, SilhouetteError
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+from meshdeform.runs.rig import rig_warnings
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from tests.unit.assets.playing import Player
+from tests.unit.assets.test_rig import arm
+
+SPHERE = icosphere(2)
+GLB = build_glb(SPHERE.verts.numpy(), SPHERE.faces.numpy())
+BOTH = [{"azimuth": 0}, {"azimuth": 90}]
+
+
+def ellipse(height: float, width: float) -> bytes:
+    rows, columns = np.mgrid[:120, :160] + 0.5
+    mask = ((rows - 50) / height) ** 2 + ((columns - 90) / width) ** 2 < 1
+    buffer = io.BytesIO()
+    Image.fromarray(np.where(mask, 0, 255).astype(np.uint8)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def request(prompt: str = "", **params: object) -> JobRequest:
+    return JobRequest.model_validate({"prompt": prompt, "params": params})
+
+
+def refused(asked: JobRequest, *pictures: str, target: bool = False) -> ParameterError:
+    with pytest.raises(ParameterError) as caught:
+        check(asked, default_model="builtin", has_target=target, pictures=pictures)
+    return caught.value
+
+
+def test_pictures_and_their_directions_belong_together() -> None:
+    alone = request(guidance="silhouettes", silhouettes=BOTH)
+    resolved = check(alone, default_model="builtin", pictures=["silhouette_1", "silhouette_2"])
+    assert resolved.silhouettes[1].azimuth == 90
+    assert "`silhouette_2` is missing" in refused(alone, "silhouette_1").detail
+    assert "`silhouette_3` was sent" in refused(alone, "silhouette_1", "silhouette_2", "silhouette_3").detail
+    assert "at least one picture" in refused(request(guidance="silhouettes")).detail
+    assert "There is a prompt" in refused(request("a vase", guidance="silhouettes", silhouettes=BOTH[:1])).detail
+    twice = request(guidance="silhouettes", silhouettes=[{"azimuth": 350}, {"azimuth": -10.2}])
+    assert "same azimuth" in refused(twice, "silhouette_1", "silhouette_2").detail
+    beside = request(guidance="target", silhouettes=BOTH[:1])
+    assert "second mesh" in refused(beside, "silhouette_1", target=True).detail
+    assert refused(beside, "silhouette_1", target=True).extra["errors"][0]["loc"][:2] == ["params", "silhouettes"]
+    with pytest.raises(PromptError):
+        check(request(silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
+    assert check(request("a vase", silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
+
+
+def test_a_branch_keeps_the_pictures_that_it_uses() -> None:
+    assert TEXT_DEFORM.inherits(request(silhouettes=BOTH)) == {"asset", "silhouette_1", "silhouette_2"}
+    assert TEXT_DEFORM.inherits(request("a vase")) == {"asset"}
+    goal = TEXT_DEFORM.goal(request(silhouettes=BOTH), {"asset": "a.glb", "silhouette_1": "front.png"})
+    assert goal == "like front"
+
+
+def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
+    asked = request(guidance="silhouettes", silhouettes=BOTH, preset="preview", steps=25)
+    run = text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), ellipse(20, 15)])
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    report = json.loads(artifacts["report.json"].data)
+    first, second = report["silhouettes"]
+    assert (first["part"], first["azimuth"], second["azimuth"]) == ("silhouette_1", 0, 90)
+    assert first["iou_before"] < 0.75 < 0.9 < first["iou"]
+    assert report["guidance"]["id"] == "silhouettes"
+    size = np.ptp(load_asset(artifacts["result.glb"].data).surface.positions, axis=0)
+    # The front is twice as high as wide; the side, of another scale, four thirds as high as wide.
+    np.testing.assert_allclose([size[1] / size[0], size[1] / size[2]], [2, 4 / 3], rtol=0.12)
+    assert "0 degrees" in silhouettes_line(report["silhouettes"])
+
+
+def test_pictures_that_cannot_be_used_are_named() -> None:
+    asked = request(guidance="silhouettes", silhouettes=BOTH, preset="preview")
+    blank = io.BytesIO()
+    Image.new("L", (50, 50), 255).save(blank, "PNG")
+    with pytest.raises(SilhouetteError, match="`silhouette_2` shows no object"):
+        text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), blank.getvalue()])
+    with pytest.raises(ParameterError, match="1 pictures"):
+        text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20)])
+
+
+def test_pictures_on_the_command_line(tmp_path: Path) -> None:
+    odd = tmp_path / "a@b.png"
+    odd.write_bytes(ellipse(40, 20))
+    found = parse_pictures([f"{odd}@0", f"{odd}@-90,15", f"{odd}@45,0,40"])
+    assert found.views == [
+        {"azimuth": 0},
+        {"azimuth": -90, "elevation": 15},
+        {"azimuth": 45, "elevation": 0, "fov": 40},
+    ]
+    assert found.parts == {"silhouette_1": odd, "silhouette_2": odd, "silhouette_3": odd}
+    assert parse_pictures(None).paths == []
+    for wrong in (f"{odd}", f"{odd}@", f"{odd}@front", f"{odd}@1,2,3,4", f"{tmp_path}/none.png@0", "@0"):
+        with pytest.raises(typer.BadParameter):
+            parse_pictures([wrong])
+    with pytest.raises(typer.BadParameter, match="at most 4"):
+        parse_pictures([f"{odd}@{turn}" for turn in range(5)])
+
+
+@pytest.mark.parametrize("rig", ["keep", "follow"])
+def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> None:
+    asked = JobRequest.model_validate(
+        {
+            "params": {"guidance": "silhouettes", "silhouettes": [{"azimuth": 0}], "preset": "preview", "steps": 4},
+            "output": {"rig": rig},
+        }
+    )
+    source = arm(targets=True).glb()
+    run = text_deform.start(asset=source, filename="a.glb", request=asked, pictures=[ellipse(30, 30)])
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    result = artifacts["result.glb"].data
+    report = json.loads(artifacts["report.json"].data)
+    assert report["rig"] == {"mode": rig, "joints": 3, "morph_targets": 1, "animations": 1}
+    before, after = Player(source), Player(result)
+    moved = [not np.allclose(a[:3, 3], b[:3, 3]) for a, b in zip(before.worlds(None), after.worlds(None), strict=True)]
+    # The node of the mesh, the hat, and the armature stay; the joints and the helper move.
+    joints = set(before.root["skins"][0]["joints"])
+    assert all(moved[joint] for joint in joints) if rig == "follow" else not any(moved)
+    # In the bind pose, the skin shows the surface that was optimised.
+    np.testing.assert_allclose(
+        after.at(None, 0).verts, load_asset(result).surface.positions[: len(after.at(None, 0).verts)], atol=1e-5
+    )
+    assert bool([text for text in report["warnings"] if "output.rig" in text]) == (rig == "keep")
+
+
+def test_only_a_rig_that_stays_behind_is_worth_a_warning() -> None:
+    rig = load_asset(arm().glb()).rig()
+    (text,) = rig_warnings(rig, JobRequest().output.rig)
+    assert "3 joints, which" in text
+    assert rig_warnings(load_asset(GLB).rig(), JobRequest().output.rig) == []
