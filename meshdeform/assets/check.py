@@ -51,8 +51,11 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette"]
-"""What a file may be: an asset, or a picture with a silhouette."""
+FileContent = Literal["mesh", "silhouette", "surface"]
+"""What a file may be: an asset, a picture with a silhouette, or an asset or another description of a surface."""
+
+SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
+"""File extensions of surfaces without triangles; points may also be in a PLY."""
 
 _REMEMBERED = 512
 
@@ -117,7 +120,8 @@ def check_asset_subprocess(
 def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    name = "asset" if ending is None else f"asset.{ending if ending in FORMATS else 'other'}"
+    known = FORMATS | SURFACE_FORMATS if content == "surface" else FORMATS
+    name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
     return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
 
@@ -152,7 +156,8 @@ class CheckedAssets:
             What is wrong with it.
         """
         # Some formats are recognised only by the file's extension.
-        known = (owner_id, sha256, PurePath(filename).suffix.lower() if content == "mesh" else content)
+        suffix = PurePath(filename).suffix.lower()
+        known = (owner_id, sha256, {"mesh": suffix, "surface": f"surface{suffix}"}.get(content, content))
         with self._lock:
             if known in self._passed:
                 self._passed.move_to_end(known)
@@ -194,9 +199,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument("--content", default="mesh", help="what the file should be: mesh or silhouette")
+    parser.add_argument("--content", default="mesh", help="what the file should be: mesh, silhouette or surface")
     options = parser.parse_args(arguments)
-    decode = _read_picture if options.content == "silhouette" else _decode
+    decode = {"silhouette": _read_picture, "surface": _decode_surface}.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
@@ -223,6 +228,21 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     for name in ("nodes", "materials", "mesh_names", "joints"):
         summary[name] = summary[name][:MAX_PARTS]
     return summary
+
+
+def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+    """Check a surface without triangles, or a mesh if it is none."""
+    from meshdeform.assets.surface_files import read_surface_file, summary_of, surface_format
+
+    with path.open("rb") as file:
+        if surface_format(file.read(65_536), filename) is None:
+            return _decode(path, filename, limits)
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    if path.stat().st_size > limits.max_bytes:
+        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    found = read_surface_file(path.read_bytes(), filename, limits)
+    assert found is not None
+    return asdict(summary_of(found, filename))
 
 
 def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

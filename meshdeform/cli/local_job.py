@@ -28,7 +28,7 @@ from meshdeform.runs.devices import resolve_device, use_threads
 from meshdeform.settings import Settings
 from meshdeform.support.atomic_files import write_files
 
-__all__ = ["LocalJob", "Outputs"]
+__all__ = ["LocalJob", "Outputs", "ctrl_c_between_steps", "try_folder", "writing"]
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,12 @@ class LocalJob:
     def _check_folders(self) -> None:
         """Create the folders and test that they are writable, before the first step."""
         outputs = self._outputs
-        with _writing():
+        with writing():
             for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):
-                _try_folder(path)
+                try_folder(path)
         if outputs.checkpoint is not None:
-            with _writing("The checkpoint", "--checkpoint"):
-                _try_folder(outputs.checkpoint)
+            with writing("The checkpoint", "--checkpoint"):
+                try_folder(outputs.checkpoint)
 
     def _start(self) -> JobRun:
         limits = Limits.from_settings(self._settings)
@@ -163,7 +163,7 @@ class LocalJob:
         except AlignmentError as error:
             path = self._outputs.result.with_suffix(".alignment.png")
             if error.picture is not None:
-                with _writing("The picture of the alignment"):
+                with writing("The picture of the alignment"):
                     write_files({path: error.picture})
                 error.advice_text += f" {path} shows the asset in blue and the target in orange."
             raise
@@ -185,14 +185,14 @@ class LocalJob:
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self._outputs.checkpoint, self._request.params.checkpoint_every_steps
-        with _ctrl_c_between_steps() as interrupted:
+        with ctrl_c_between_steps() as interrupted:
             for report in run:
                 self._last_losses = report.losses
                 self._last_step = (report.step, report.total_steps)
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
-                    with _writing("The checkpoint", "--checkpoint"):
+                    with writing("The checkpoint", "--checkpoint"):
                         write_files({path: run.checkpoint()})
                     self._saved_step = report.step
                 if stop:
@@ -226,12 +226,13 @@ class LocalJob:
         }
         files = {path: artifacts[name].data for name, path in places.items() if path is not None}
         # A Ctrl-C that comes now is too late: the outputs are written all or none.
-        with _ctrl_c_between_steps(), _writing():
+        with ctrl_c_between_steps(), writing():
             write_files(files)
 
 
 @contextmanager
-def _writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
+def writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
+    """Turn errors of the file system into an `UnavailableError` that names `what` and the option for another place."""
     try:
         yield
     except OSError as error:
@@ -240,14 +241,15 @@ def _writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
         ) from error
 
 
-def _try_folder(path: Path) -> None:
+def try_folder(path: Path) -> None:
+    """Make the folder of a path, and test that files can be written there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path.parent):
         pass
 
 
 @contextmanager
-def _ctrl_c_between_steps() -> Iterator[Any]:
+def ctrl_c_between_steps() -> Iterator[Any]:
     """Defer the first Ctrl-C to the end of the step, when the state is consistent; the second acts at once."""
     interrupted = False
 

@@ -26,6 +26,7 @@ class JobKind(StrEnum):
     """Kind of a job; `meshdeform.runs` describes each one."""
 
     TEXT_DEFORM = "text_deform"
+    SURFACE_FIT = "surface_fit"
 
     @classmethod
     def named(cls, name: str) -> JobKind:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, use_params
 from meshdeform.runs.base import JobRun, Kind, RunInput
+from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
 if TYPE_CHECKING:
@@ -28,9 +29,7 @@ _registered: dict[JobKind, Kind] = {}
 
 
 def _built_in() -> list[Kind]:
-    from meshdeform.runs.text_deform_kind import TEXT_DEFORM
-
-    return [TEXT_DEFORM]
+    return [TEXT_DEFORM, SURFACE_FIT]
 
 
 def register(kind: Kind) -> None:
@@ -122,4 +121,5 @@ def _refused(name: str, detail: str, advice: str) -> ParameterError:
     return ParameterError(detail, advice=advice, errors=[{"loc": [name], "msg": detail, "type": "value_error"}])
 
 
-register(TEXT_DEFORM)
+for _kind in _built_in():
+    register(_kind)

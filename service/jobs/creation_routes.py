@@ -54,7 +54,7 @@ _PARTS = {
         **_FILE,
         "description": f"{part.summary} If absent, `request.files.{part.name}` names a stored file.",
     }
-    for kind in kinds()
+    for kind in reversed(kinds())  # where kinds share a part, the first describes it
     for part in kind.reads
 }
 _BODY: dict[str, Any] = {

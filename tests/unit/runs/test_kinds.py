@@ -213,7 +213,7 @@ def test_it_is_described_posted_and_downloaded_over_http(
     content = b"".join(path.read_bytes() for path in meshes.values())
     with serving(settings) as url, working(settings, start_run), Client(url) as client:
         described = {kind.name: kind for kind in client.limits().kinds}
-        assert set(described) == {"text_deform", "count"}
+        assert set(described) == {"text_deform", "surface_fit", "count"}
         count = described["count"]
         assert count.reads == [
             {"name": "mesh_1", "summary": "Any file.", "required": True, "media_types": [TEXT]},
@@ -282,4 +282,4 @@ def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(
 ) -> None:
     monkeypatch.setattr(runs, "_registered", {})
     register(kind)
-    assert [known.name for known in runs.kinds()] == [JobKind.TEXT_DEFORM, kind.name]
+    assert [known.name for known in runs.kinds()] == [JobKind.TEXT_DEFORM, JobKind.SURFACE_FIT, kind.name]

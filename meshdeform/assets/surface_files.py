@@ -1,0 +1,299 @@
+"""Read files that describe a surface without triangles: oriented points, a signed distance grid, a small network.
+
+numpy only: the service checks these files in a child process as it does meshes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import zipfile
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.inspect import AssetSummary
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetFormatError,
+    AssetNotFiniteError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+)
+
+__all__ = ["DistanceGrid", "ImplicitNetwork", "OrientedPoints", "read_surface_file", "surface_format"]
+
+_Floats = NDArray[np.float64]
+
+ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
+MAX_POINTS = 1_000_000
+MAX_GRID_VALUES = 256**3
+MAX_NETWORK_WEIGHTS = 1_000_000
+_FEWEST_POINTS = 100
+_FEWEST_CELLS = 4
+_UNSIGNED = (
+    "The values are all of one sign, as unsigned distances are. The gradient of an unsigned distance jumps at the "
+    "surface, so no point can be projected to it."
+)
+_NEGATE = "The values are negative at the sides, where the outside is: the sign is the other way round."
+
+
+@dataclass(frozen=True)
+class OrientedPoints:
+    """A point cloud with normals.
+
+    Attributes
+    ----------
+    points, normals : (P, 3) float64
+        Unit normals, to the outside.
+    """
+
+    points: _Floats
+    normals: _Floats
+
+
+@dataclass(frozen=True)
+class DistanceGrid:
+    """Signed distances on a grid, negative inside.
+
+    Attributes
+    ----------
+    values : (X, Y, Z) float64
+    origin, spacing : (3,) float64
+        Place of the first value, and distances between neighbours.
+    """
+
+    values: _Floats
+    origin: _Floats
+    spacing: _Floats
+
+
+@dataclass(frozen=True)
+class ImplicitNetwork:
+    """Fully connected layers from a point to a value that is negative inside.
+
+    Attributes
+    ----------
+    layers : list of (weight (out, in), bias (out,)) float64
+    activation : str
+        After every layer but the last: `relu`, `silu`, `sine`, `softplus` or `tanh`.
+    omega : float
+        Factor before a sine.
+    bounds : ((3,), (3,)) float64
+        The box that contains the surface.
+    """
+
+    layers: list[tuple[_Floats, _Floats]]
+    activation: str
+    omega: float
+    bounds: tuple[_Floats, _Floats]
+
+    @staticmethod
+    def check_values(values: _Floats) -> None:
+        """Refuse values (X, Y, Z) on a grid over the bounds that do not have the surface inside."""
+        _check_signs(values)
+
+
+def surface_format(head: bytes, filename: str) -> str | None:
+    """Return `points`, `grid` or `network` if a file may be one of these; None for a mesh.
+
+    Parameters
+    ----------
+    head : bytes
+        The first 64 KiB.
+    filename : str
+    """
+    ending = filename.lower().rpartition(".")[2] if "." in filename else ""
+    if ending in {"xyz", "npz", "safetensors"}:
+        return {"xyz": "points", "npz": "grid", "safetensors": "network"}[ending]
+    if head.startswith((b"ply\n", b"ply\r")):
+        header = head.partition(b"end_header")[0]
+        counts = [
+            line.split()[2:3] for line in header.splitlines() if line.startswith((b"element face", b"element trist"))
+        ]
+        return "points" if all(count == [b"0"] for count in counts) else None
+    return None
+
+
+def read_surface_file(
+    data: bytes, filename: str, limits: Limits | None = None
+) -> OrientedPoints | DistanceGrid | ImplicitNetwork | None:
+    """Read a file without triangles; None if it is a mesh.
+
+    Raises
+    ------
+    AssetError
+        It cannot be used; the subclass and message say why and what to do.
+    """
+    limits = limits or Limits()
+    kind = surface_format(data[:65_536], filename)
+    if kind is None:
+        return None
+    if len(data) > limits.max_bytes:
+        raise AssetTooLargeError(
+            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
+        )
+    if kind == "points":
+        return _points(*(_ply(data) if data.startswith(b"ply") else _xyz(data)))
+    return _grid(data) if kind == "grid" else _network(data)
+
+
+def summary_of(found: OrientedPoints | DistanceGrid | ImplicitNetwork, filename: str) -> AssetSummary:
+    """Return the summary of a surface without triangles: `vertices` counts its points, if it has any."""
+    ending = filename.lower().rpartition(".")[2] if "." in filename else "ply"
+    return AssetSummary(ending, len(found.points) if isinstance(found, OrientedPoints) else 0, 0)
+
+
+def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
+    if len(points) < _FEWEST_POINTS:
+        raise AssetEmptyError(
+            f"The file has {len(points)} points; a surface needs {_FEWEST_POINTS}.", advice="Send a denser cloud."
+        )
+    if len(points) > MAX_POINTS:
+        raise AssetTooLargeError(
+            f"The file has {len(points)} points; the limit is {MAX_POINTS}.", advice="Thin it out."
+        )
+    if not (np.isfinite(points).all() and np.isfinite(normals).all()):
+        raise AssetNotFiniteError("The file has points or normals that are not finite.")
+    lengths = np.linalg.norm(normals, axis=1)
+    if (lengths < 1e-6).mean() > 0.01:
+        raise AssetError(
+            "The points have no normals.", advice="Estimate normals that face the outside, for example in MeshLab."
+        )
+    kept = lengths >= 1e-6
+    points, normals = points[kept], normals[kept] / lengths[kept, None]
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points.T)), 0.0))
+    if not spread[0] > 1e-4 * spread[2]:
+        raise AssetError("All points lie in one plane, which encloses nothing.", advice="Send the points of a solid.")
+    return OrientedPoints(points, normals)
+
+
+def _ply(data: bytes) -> tuple[_Floats, _Floats]:
+    try:
+        import trimesh
+
+        loaded: Any = trimesh.load(io.BytesIO(data), file_type="ply", process=False)
+        rows = loaded.metadata["_ply_raw"]["vertex"]["data"]
+        columns = [np.asarray(rows[name], np.float64).reshape(-1) for name in ("x", "y", "z", "nx", "ny", "nz")]
+    except KeyError as error:
+        raise AssetError(
+            f"The points have no {error.args[0]!r}: a cloud needs x, y, z, nx, ny and nz.",
+            advice="Estimate normals that face the outside, for example in MeshLab, and save them in the file.",
+        ) from error
+    except MemoryError:
+        raise
+    except Exception as error:  # trimesh's parsers raise exceptions of any type
+        raise AssetTruncatedError("The PLY file cannot be parsed.") from error
+    return np.stack(columns[:3], 1), np.stack(columns[3:], 1)
+
+
+def _xyz(data: bytes) -> tuple[_Floats, _Floats]:
+    try:
+        rows = np.loadtxt(io.BytesIO(data), dtype=np.float64, comments="#", ndmin=2, max_rows=MAX_POINTS + 1)
+    except ValueError as error:
+        raise AssetFormatError(
+            "The XYZ file is not a table of numbers.", advice="Write x y z nx ny nz in each line."
+        ) from error
+    if rows.shape[1] < 6:
+        raise AssetError(
+            f"The XYZ file has {rows.shape[1]} columns; a cloud needs six: x y z nx ny nz.",
+            advice="Estimate normals that face the outside, for example in MeshLab.",
+        )
+    return rows[:, :3], rows[:, 3:6]
+
+
+def _grid(data: bytes) -> DistanceGrid:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(member.file_size for member in archive.infolist()) > 8 * MAX_GRID_VALUES + 4096:
+                raise AssetTooLargeError(f"The grid has more than {MAX_GRID_VALUES} values.", advice="Make it coarser.")
+        with np.load(io.BytesIO(data), allow_pickle=False) as found:
+            arrays = {name: np.asarray(found[name]) for name in found.files}
+    except (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError) as error:
+        raise AssetFormatError("The NPZ file cannot be read.", advice="Write it with numpy.savez.") from error
+    missing = [name for name in ("sdf", "origin", "spacing") if name not in arrays]
+    if missing:
+        raise AssetError(
+            f"The grid has no {missing[0]!r}.", advice="Store sdf (X, Y, Z), origin (3,) and spacing (1,) or (3,)."
+        )
+    values = arrays["sdf"]
+    if values.ndim != 3 or min(values.shape) < _FEWEST_CELLS or values.dtype.kind not in "fiu":
+        raise AssetError(f"sdf must be (X, Y, Z) numbers, at least {_FEWEST_CELLS} each way, not {values.shape}.")
+    if values.size > MAX_GRID_VALUES:
+        raise AssetTooLargeError(
+            f"The grid has {values.size} values; the limit is {MAX_GRID_VALUES}.", advice="Make it coarser."
+        )
+    try:
+        origin = np.broadcast_to(arrays["origin"].astype(np.float64).reshape(-1), 3).copy()
+        spacing = np.broadcast_to(arrays["spacing"].astype(np.float64).reshape(-1), 3).copy()
+    except ValueError as error:
+        raise AssetError("origin must be (3,) and spacing (1,) or (3,) numbers.") from error
+    values = values.astype(np.float64)
+    if not (np.isfinite(values).all() and np.isfinite(origin).all() and np.isfinite(spacing).all()):
+        raise AssetNotFiniteError("The grid has values that are not finite.")
+    if not (spacing > 0).all():
+        raise AssetError("The spacing of the grid must be positive.", advice="Store the distance between neighbours.")
+    _check_signs(values)
+    return DistanceGrid(values, origin, spacing)
+
+
+def _check_signs(values: _Floats) -> None:
+    if not (values < 0).any() or not (values > 0).any():
+        raise AssetError(_UNSIGNED, advice="Send signed values, negative inside, that enclose the surface.")
+    sides = [values[[0, -1]], values[:, [0, -1]], values[:, :, [0, -1]]]
+    negative = sum(int((side < 0).sum()) for side in sides) / sum(side.size for side in sides)
+    if negative > 0.5:
+        raise AssetError(_NEGATE, advice="Multiply the values by -1.")
+    if negative > 0:
+        raise AssetError(
+            "The surface reaches the sides of the grid, so it would have a hole there.",
+            advice="Send a larger box that contains the whole surface.",
+        )
+
+
+def _network(data: bytes) -> ImplicitNetwork:
+    try:
+        from safetensors.numpy import load
+
+        length = int.from_bytes(data[:8], "little")
+        metadata = json.loads(data[8 : 8 + length]).get("__metadata__") or {}
+        tensors = load(data)
+    except Exception as error:
+        raise AssetTruncatedError("The safetensors file is damaged or incomplete.") from error
+    form = "Store layers.0.weight (H, 3), layers.0.bias, ..., the last layer with one output (docs/surface_fit.md)."
+    layers: list[tuple[_Floats, _Floats]] = []
+    width = 3
+    while (weight := tensors.get(f"layers.{len(layers)}.weight")) is not None:
+        bias = tensors.get(f"layers.{len(layers)}.bias")
+        if bias is None or weight.ndim != 2 or weight.shape[1] != width or bias.shape != (weight.shape[0],):
+            raise AssetError(f"Layer {len(layers)} of the network does not fit the one before it.", advice=form)
+        layers.append((weight.astype(np.float64), bias.astype(np.float64)))
+        width = weight.shape[0]
+    if not layers or width != 1 or len(tensors) != 2 * len(layers):
+        raise AssetError("The network has another architecture.", advice=form)
+    if sum(weight.size for weight, _ in layers) > MAX_NETWORK_WEIGHTS:
+        raise AssetTooLargeError(
+            f"The network has more than {MAX_NETWORK_WEIGHTS} weights.", advice="Train a smaller one."
+        )
+    if not all(np.isfinite(array).all() for layer in layers for array in layer):
+        raise AssetNotFiniteError("The network has weights that are not finite.")
+    activation = metadata.get("activation", "")
+    if activation not in ACTIVATIONS:
+        raise AssetError(
+            f"The network's activation is {activation[:40]!r}.",
+            advice=f"Set the file's metadata `activation` to one of: {', '.join(ACTIVATIONS)}.",
+        )
+    try:
+        omega, box = float(metadata.get("omega", "1")), [float(x) for x in json.loads(metadata.get("bounds", ""))]
+    except (ValueError, TypeError) as error:
+        raise AssetError(
+            "The network's bounds are missing.", advice="Set `bounds`, such as [-1,-1,-1,1,1,1]."
+        ) from error
+    if len(box) != 6 or not all(map(math.isfinite, [*box, omega])) or any(box[i] >= box[i + 3] for i in range(3)):
+        raise AssetError("The network's bounds are not a box.", advice="Set `bounds`, such as [-1,-1,-1,1,1,1].")
+    return ImplicitNetwork(layers, activation, omega, (np.array(box[:3]), np.array(box[3:])))

@@ -1,0 +1,97 @@
+"""Make the base: a coarse manifold mesh with the topology of the surface.
+
+fast-simplification collapses edges by their quadric error. It does not test the link condition, so an edge may occur
+twice in its result, between different pairs of faces. Such an edge is split at its middle, which leaves the surface
+as it is and makes the vertices of every edge unique.
+
+Source: Garland and Heckbert 1997; Dey et al. 1999, Topology Preserving Edge Contraction (the link condition).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from meshdeform.errors import AssetError
+from meshdeform.fields.cleaning import CleanMesh
+from meshdeform.fields.gluing import fans, glue, topology
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.simplify import simplified
+
+__all__ = ["base_of"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_GROWTH = (1.0, 1.01, 1.03, 1.06, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
+
+
+def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
+    """Return the vertices (V, 3) float64 and faces (F, 3) int64 of a base of about `count` faces.
+
+    It has more faces if fewer would change the topology. A surface that has no more faces is its own base.
+
+    Raises
+    ------
+    AssetError
+        No base of up to four times as many faces has the topology of the surface.
+    """
+    if len(surface.faces) <= count:
+        found = _with_unique_edges(surface.verts, surface.faces)
+        if found is not None:
+            return found
+    mesh = TriangleMesh(torch.from_numpy(surface.verts), torch.from_numpy(surface.faces))
+    for factor in _GROWTH:
+        wanted = int(count * factor)
+        if wanted >= len(surface.faces):
+            break
+        coarse = simplified(mesh, wanted)
+        if not len(coarse.faces):
+            continue
+        found = _with_unique_edges(coarse.verts.numpy(), coarse.faces.numpy())
+        if found is not None and topology(found[1], glue(*found)).like(surface.topology):
+            return found
+    found = _with_unique_edges(surface.verts, surface.faces) if len(surface.faces) <= 4 * count else None
+    if found is None:
+        raise AssetError(
+            f"No base mesh of {count} to {4 * count} faces has the holes and parts of the surface.",
+            advice="Set params.base_faces higher, or remove tiny handles and loose parts.",
+        )
+    return found
+
+
+def _with_unique_edges(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index] | None:
+    """Split edges that occur twice, and return vertices and faces; None if the mesh is not a manifold."""
+    most = max(4, len(faces) // 50)
+    for _ in range(most + 1):
+        start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
+        pairs = np.stack([np.minimum(start, end), np.maximum(start, end)], 1)
+        _, which, counts = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+        many = np.flatnonzero(counts > 2)
+        if not len(many):
+            fewest, _ = fans(faces, glue(verts, faces))
+            return (verts, faces) if fewest == len(np.unique(faces)) == len(verts) else None
+        edges = np.flatnonzero(which.ravel() == many[0])
+        forward = edges[start[edges] == start[edges[0]]]
+        backward = edges[start[edges] != start[edges[0]]]
+        if len(forward) != 2 or len(backward) != 2 or len(many) > most:
+            return None
+        # Only one way of gluing the four faces has one fan around each end; the other would tear the surface.
+        splits = [_split(verts, faces, int(forward[0]), int(other)) for other in backward]
+        verts, faces = min(splits, key=lambda found: fans(found[1], glue(*found))[0])
+    return None
+
+
+def _split(verts: _Floats, faces: _Index, forward: int, backward: int) -> tuple[_Floats, _Index]:
+    """Split the edge of two half-edges at its middle, and with it their faces."""
+    a, b = faces.ravel()[forward], np.roll(faces, -1, 1).ravel()[forward]
+    middle = len(verts)
+    added = []
+    faces = faces.copy()
+    for edge in (forward, backward):
+        face, k = divmod(edge, 3)
+        second = faces[face].copy()
+        second[k] = middle
+        faces[face, (k + 1) % 3] = middle
+        added.append(second)
+    return np.concatenate([verts, (verts[[a]] + verts[[b]]) / 2]), np.concatenate([faces, np.array(added)])

@@ -1,0 +1,101 @@
+"""Make a manifold of a mesh, or say why that is not possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.errors import AssetEmptyError, AssetError
+from meshdeform.fields.gluing import Topology, glue, glued_verts, topology
+from meshdeform.geometry.weld import weld
+
+__all__ = ["CleanMesh", "clean"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_MAX_COMPONENTS = 64
+_MOST_REVERSED = 0.01
+"""Share of the edges that may run the same way in both faces; they become borders."""
+
+
+@dataclass(frozen=True)
+class CleanMesh:
+    """A manifold mesh, possibly with borders.
+
+    Attributes
+    ----------
+    verts : (V, 3) float64
+    faces : (F, 3) int64
+    twin : (F, 3) int64
+        The half-edge glued to each one, -1 at borders.
+    topology : Topology
+    cleaned : dict of str to int
+        What was removed or separated.
+    """
+
+    verts: _Floats
+    faces: _Index
+    twin: _Index
+    topology: Topology
+    cleaned: dict[str, int]
+
+
+def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
+    """Weld vertices, remove faces that collapsed or occur twice, and separate parts that only touch.
+
+    Parameters
+    ----------
+    positions : (N, 3) float64
+    triangles : (T, 3) int64
+
+    Raises
+    ------
+    AssetEmptyError
+        No face has an area.
+    AssetError
+        Neighbouring faces contradict each other, or there are more than 64 separate parts.
+    """
+    welded = weld(positions, triangles)
+    verts, faces = welded.mesh.verts.numpy(), welded.mesh.faces.numpy()
+    _, kept = np.unique(np.sort(faces, 1), axis=0, return_index=True)
+    faces = faces[np.sort(kept)]
+    if len(faces) < 4:
+        raise AssetEmptyError(
+            f"The mesh has only {len(faces)} different triangles.", advice="Send a surface of four or more."
+        )
+    counts = welded.mesh.edges.counts
+    twin = glue(verts, faces)
+    reversed_edges = _reversed(faces)
+    if reversed_edges > _MOST_REVERSED * 1.5 * len(faces):
+        raise AssetError(
+            f"At {reversed_edges} edges the two faces are turned to opposite sides, so the surface has no outside.",
+            advice="Recalculate the normals to the outside (Blender: Mesh, Normals, Recalculate Outside), and export.",
+        )
+    split, corners = glued_verts(verts, faces, twin)
+    found = topology(corners, twin)
+    if found.components > _MAX_COMPONENTS:
+        raise AssetError(
+            f"The mesh has {found.components} separate parts; a field can have {_MAX_COMPONENTS}.",
+            advice="Send one object at a time, or remove the loose parts.",
+        )
+    cleaned = {
+        "degenerate_faces": welded.skipped["degenerate_faces"],
+        "duplicate_faces": int(len(welded.mesh.faces) - len(faces)),
+        "non_manifold_edges": int((counts > 2).sum()),
+        "reversed_edges": reversed_edges,
+        "separated_vertices": len(split) - len(np.unique(faces)),
+    }
+    return CleanMesh(split, corners, twin, found, cleaned)
+
+
+def _reversed(faces: _Index) -> int:
+    """Return the number of edges of exactly two faces that run along it in the same direction."""
+    start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
+    forward = start < end
+    pairs = np.stack([np.minimum(start, end), np.maximum(start, end)], 1)
+    _, which = np.unique(pairs, axis=0, return_inverse=True)
+    which = which.ravel()
+    number, ahead = np.bincount(which), np.bincount(which, forward)
+    return int(((number == 2) & (ahead != 1)).sum())

@@ -1,0 +1,314 @@
+"""Fit a field to a surface.
+
+Each step takes faces of the base at random, divides each into 64 triangles, and moves f there towards its own
+projection q, which is constant within the step:
+
+    L = mean |f(p) - q(f(p))|^2 + w_n mean (1 - n(f) . n_q) + mean (n_s . (f(p_s) - s))^2
+
+The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
+image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
+
+Source: Noma et al. 2026, section 4; weights and schedule are measured (docs/surface_fit.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from meshdeform.deformation.checkpoint import Checkpoint
+from meshdeform.deformation.optimizer import Adam
+from meshdeform.errors import CheckpointError, NumericalError
+from meshdeform.fields.network import FieldNetwork, octaves_of
+from meshdeform.fields.patches import level_of, patch
+from meshdeform.fields.surface_sources import Surface
+from meshdeform.geometry.mesh import face_normals
+from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.geometry.samples import even_samples
+
+__all__ = ["FieldFit", "FieldFrame", "FitOptions", "FitStep"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_PARTS = 8
+_OTHER_EVERY = 100
+_OTHER_SAMPLES = 8192
+_OTHER_BATCH = 1024
+_WARM_STEPS = 20
+_LAST_RATE = 0.01
+"""Learning rate of the last step, as a share of the highest."""
+
+
+@dataclass(frozen=True)
+class FieldFrame:
+    """The frame in which a base lies in [-1, 1]: world = centre + scale frame."""
+
+    centre: _Floats
+    scale: float
+
+    @classmethod
+    def around(cls, verts: _Floats) -> FieldFrame:
+        """Return the frame of a bounding box; its diagonal has the length 2."""
+        low, high = verts.min(0), verts.max(0)
+        return cls((low + high) / 2, float(np.linalg.norm(high - low)) / 2)
+
+    def enter(self, points: _Floats) -> _Floats:
+        """Return world points in the frame."""
+        return (points - self.centre) / self.scale
+
+    def leave(self, points: _Floats) -> _Floats:
+        """Return points of the frame in the world."""
+        return self.centre + self.scale * points
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How to fit.
+
+    Attributes
+    ----------
+    steps, seed : int
+    features, octaves, width, depth : int
+        Of the network.
+    batch_faces : int
+        Base faces per step.
+    learning_rate, normal_weight : float
+    """
+
+    steps: int
+    seed: int = 0
+    features: int = 8
+    octaves: int = 6
+    width: int = 32
+    depth: int = 2
+    batch_faces: int = 96
+    learning_rate: float = 0.01
+    normal_weight: float = 1e-4
+
+
+@dataclass(frozen=True)
+class FitStep:
+    """A step: its number from 1, and the losses by name; distances as shares of the diagonal."""
+
+    step: int
+    losses: dict[str, float]
+
+
+class FieldFit:
+    """The optimisation of one field.
+
+    Parameters
+    ----------
+    surface : Surface
+    frame : FieldFrame
+    verts : (V, 3) float64
+        The base's vertices in the frame, as the file will hold them.
+    faces : (F, 3) int64
+    options : FitOptions
+    checkpoint : Checkpoint, optional
+        Where to resume.
+    initial : dict of str to Tensor, optional
+        Tensors of a checkpoint of the same base and network; the fit starts with its field at step 0.
+
+    Raises
+    ------
+    CheckpointError
+        A checkpoint does not fit.
+    """
+
+    def __init__(
+        self,
+        surface: Surface,
+        frame: FieldFrame,
+        verts: _Floats,
+        faces: _Index,
+        options: FitOptions,
+        checkpoint: Checkpoint | None = None,
+        initial: dict[str, Tensor] | None = None,
+    ) -> None:
+        self._surface, self._frame, self._options = surface, frame, options
+        self.verts, self.faces = verts, faces
+        o = options
+        self.field = FieldNetwork.random(len(verts), o.features, o.octaves, o.width, o.depth, o.seed)
+        self._random = torch.Generator().manual_seed(o.seed)
+        self.step = 0
+        weights, small = patch(_PARTS)
+        self._weights, self._small = torch.from_numpy(weights).float(), torch.from_numpy(small)
+        corners = torch.from_numpy(verts[faces]).float()
+        self._corners = torch.from_numpy(faces)
+        self._points = torch.einsum("pk,fkc->fpc", self._weights, corners)
+        self._octaves = octaves_of(self._points, o.octaves)
+        area = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).norm(dim=1)
+        # Between equal shares of the faces and of the area: small faces are where the surface bends.
+        self._chance = (area.clamp_min(1e-12)).sqrt()
+        self._level = level_of(faces, len(verts), 2)
+        self._other: tuple[Tensor, Tensor, Tensor, Tensor] | None = None
+        self._optimizer = Adam([{"params": self.field.tensors, "lr": 0.0}])
+        if checkpoint is not None:
+            self._restore(checkpoint)
+        elif initial is not None:
+            self._take(initial)
+        for tensor in self.field.tensors:
+            tensor.requires_grad_()
+
+    def __iter__(self) -> Iterator[FitStep]:
+        """Run the remaining steps.
+
+        Raises
+        ------
+        NumericalError
+            A loss is not finite.
+        """
+        while self.step < self._options.steps:
+            yield self._advance()
+
+    def _advance(self) -> FitStep:
+        if self.step % _OTHER_EVERY == 0 or self._other is None:
+            self._find_other()
+        chosen = torch.multinomial(
+            self._chance, min(self._options.batch_faces, len(self.faces)), generator=self._random
+        )
+        there, normal = self._towards(chosen)
+        back = self._backwards()
+        loss = there + self._options.normal_weight * normal + back
+        if not bool(torch.isfinite(loss)):
+            raise NumericalError("The fit diverged.", advice="Set params.learning_rate lower.")
+        self._optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        self._optimizer.param_groups[0]["lr"] = self._rate()
+        self._optimizer.step()
+        self.step += 1
+        losses = {
+            "distance": math.sqrt(float(there.detach())) / 2,
+            "normals": float(normal.detach()),
+            "back": math.sqrt(float(back.detach())) / 2,
+        }
+        return FitStep(self.step, {"total": float(loss.detach()), **losses})
+
+    def _rate(self) -> float:
+        """Return the learning rate: a short rise, then half a cosine."""
+        share = self.step / max(self._options.steps, 1)
+        fall = _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * share))
+        return self._options.learning_rate * min(1.0, (self.step + 1) / _WARM_STEPS) * fall
+
+    def _towards(self, chosen: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the mean squared distance from the field to its projection, and the error of normals."""
+        features = torch.einsum("pk,fkd->fpd", self._weights, self.field.features[self._corners[chosen]])
+        count = chosen.shape[0] * self._weights.shape[0]
+        encoded = self._octaves[chosen].reshape(count, -1)
+        moved = self._points[chosen].reshape(count, 3) + self.field.displacement(features.reshape(count, -1), encoded)
+        placed = moved.reshape(chosen.shape[0], -1, 3)
+        a, b, c = placed[:, self._small].unbind(2)
+        cross = torch.linalg.cross(b - a, c - a)
+        normals = functional.normalize(cross, dim=-1, eps=1e-12)
+        with torch.no_grad():
+            hints = torch.zeros_like(placed)
+            for k in range(3):
+                hints.index_add_(1, self._small[:, k], normals)
+            hints = functional.normalize(hints, dim=-1).reshape(count, 3)
+        target, wanted = self.project(moved.detach(), hints)
+        mean = functional.normalize(wanted.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
+        return (moved - target).square().sum(1).mean(), (1 - (normals * mean).sum(-1)).mean()
+
+    def _backwards(self) -> Tensor:
+        """Return the mean squared distance of samples of the surface from the field, along their normals."""
+        assert self._other is not None
+        corners, weights, samples, normals = self._other
+        rows = torch.randint(0, len(samples), (_OTHER_BATCH,), generator=self._random)
+        moved = self.at(corners[rows], weights[rows])
+        return ((moved - samples[rows]) * normals[rows]).sum(1).square().mean()
+
+    @torch.no_grad()
+    def _find_other(self) -> None:
+        """Sample the surface, and find the places of the base whose images are nearest."""
+        seed = int(torch.randint(0, 2**31 - 1, (1,), generator=self._random))
+        reference = self._surface.reference
+        corners = reference.verts[reference.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        lengths = np.linalg.norm(cross, axis=1)
+        face, weights = even_samples(lengths, _OTHER_SAMPLES, seed)
+        samples = self._frame.enter(np.einsum("pk,pkc->pc", weights, corners[face]))
+        normals = cross[face] / np.maximum(lengths[face], 1e-300)[:, None]
+        level = self._level
+        verts = self.positions(level.corners, level.weights)
+        facing = face_normals(torch.from_numpy(verts), torch.from_numpy(level.faces)).numpy()
+        edge = 2 * float(np.median(np.linalg.norm(verts[level.faces[:, 0]] - verts[level.faces[:, 1]], axis=1)))
+        tree = SurfaceTree(verts, level.faces, facing, spacing=edge, opposite=edge)
+        found, shares = tree.find(samples, normals)
+        owner = found // 4**2
+        local = level.weights[level.faces[found]]
+        # A level's vertices have the corners of one of their faces; express them in those of the face that was found.
+        local = _in_corners(level.corners[level.faces[found]], local, self.faces[owner])
+        place = np.einsum("pk,pkc->pc", shares, local)
+        self._other = (
+            torch.from_numpy(self.faces[owner]),
+            torch.from_numpy(place).float(),
+            torch.from_numpy(samples).float(),
+            torch.from_numpy(normals).float(),
+        )
+
+    def at(self, corners: Tensor, weights: Tensor) -> Tensor:
+        """Return f (P, 3) float32 at places with corners (P, 3) and barycentric coordinates (P, 3)."""
+        base = torch.from_numpy(self.verts).float()[corners]
+        points = (weights[:, :, None] * base).sum(1)
+        return self.field(points, (weights[:, :, None] * self.field.features[corners]).sum(1))
+
+    @torch.no_grad()
+    def positions(self, corners: _Index, weights: _Floats) -> _Floats:
+        """Return f (P, 3) float64 in the frame."""
+        return self.at(torch.from_numpy(corners), torch.from_numpy(weights).float()).double().numpy()
+
+    def project(self, points: Tensor, normals: Tensor) -> tuple[Tensor, Tensor]:
+        """Project points (P, 3) of the frame with unit normals (P, 3) to the surface."""
+        world = self._frame.leave(points.double().numpy())
+        place, normal = self._surface.project(world, normals.double().numpy())
+        return torch.from_numpy(self._frame.enter(place)).float(), torch.from_numpy(normal).float()
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the state; call only between two steps."""
+        tensors = {"random": self._random.get_state()}
+        for i, tensor in enumerate(self.field.tensors):
+            tensors[f"field.{i}"] = tensor.detach()
+            state = self._optimizer.state.get(tensor)
+            if state:
+                tensors |= {f"adam.{i}.{name}": value for name, value in state.items()}
+        if self._other is not None:
+            tensors |= {f"other.{i}": value for i, value in enumerate(self._other)}
+        return Checkpoint(self.step, {name: value.clone() for name, value in tensors.items()})
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        tensors = checkpoint.tensors
+        self._take(tensors)
+        try:
+            self._random.set_state(tensors["random"])
+            for i, tensor in enumerate(self.field.tensors):
+                if f"adam.{i}.step" in tensors:
+                    self._optimizer.state[tensor] = {
+                        name: tensors[f"adam.{i}.{name}"].clone() for name in ("step", "exp_avg", "exp_avg_sq")
+                    }
+            if "other.0" in tensors:
+                a, b, c, d = (tensors[f"other.{i}"] for i in range(4))
+                self._other = (a, b, c, d)
+        except (KeyError, RuntimeError) as error:
+            raise CheckpointError("The checkpoint does not hold a field of this kind.") from error
+        self.step = checkpoint.step
+
+    def _take(self, tensors: dict[str, Tensor]) -> None:
+        for i, tensor in enumerate(self.field.tensors):
+            found = tensors.get(f"field.{i}")
+            if found is None or found.shape != tensor.shape:
+                raise CheckpointError("The checkpoint has a field with another base or network.")
+            tensor.copy_(found)
+
+
+def _in_corners(corners: _Index, weights: _Floats, wanted: _Index) -> _Floats:
+    """Express barycentric coordinates (P, 3, 3) for corners (P, 3, 3) in the corners (P, 3) of one face each."""
+    same = corners[:, :, :, None] == wanted[:, None, None, :]
+    return np.asarray(np.einsum("pvk,pvkw->pvw", weights, same.astype(np.float64)))

@@ -1,0 +1,134 @@
+"""Compare an unfolded field with the surface that it was fitted to.
+
+Distances are shares of the diagonal of the surface's bounding box. Eigenvalues and geodesics of both are computed on
+their intrinsic Delaunay triangulations; those that are zero, one for each part, are left out of the mean.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from meshdeform.fields.cleaning import CleanMesh
+from meshdeform.fields.gluing import glue, glued_verts, topology
+from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
+from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.surface_sources import MeshSurface, Surface
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.simplify import simplified
+
+__all__ = ["EIGENVALUES", "Reference", "distances"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+EIGENVALUES = 20
+_SAMPLES = 20_000
+_SOURCES = 4
+_MOST_FACES = 100_000
+"""Larger inputs are simplified to as many faces for eigenvalues and geodesics."""
+
+
+def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]:
+    """Return distances both ways, as shares of the diagonal, and the angle of normals in degrees.
+
+    Parameters
+    ----------
+    surface : Surface
+    verts : (V, 3) float64
+        Of the field, in world coordinates.
+    faces : (F, 3) int64
+    """
+    reference = surface.reference
+    diagonal = float(np.linalg.norm(np.ptp(reference.verts, axis=0)))
+    twin = glue(verts, faces)
+    ours = MeshSurface(CleanMesh(verts, faces, twin, topology(faces, twin), {}))
+    to, angle = _one_way(verts, faces, surface)
+    back, _ = _one_way(reference.verts, reference.faces, ours)
+    return {
+        "to_input": _figures(to / diagonal),
+        "from_input": _figures(back / diagonal),
+        "mean": float((to.mean() + back.mean()) / 2 / diagonal),
+        "normals_deg": float(angle.mean()),
+    }
+
+
+def _one_way(verts: _Floats, faces: _Index, surface: Surface) -> tuple[_Floats, _Floats]:
+    """Return distances and angles of normals at samples of a mesh to their projections."""
+    corners = verts[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(cross, axis=1)
+    face, weights = even_samples(lengths, _SAMPLES, seed=0)
+    points, normals = np.einsum("pk,pkc->pc", weights, corners[face]), cross[face] / lengths[face, None]
+    place, facing = surface.project(points, normals)
+    angle = np.degrees(np.arccos(np.clip((normals * facing).sum(1), -1, 1)))
+    return np.linalg.norm(points - place, axis=1), angle
+
+
+def _figures(values: _Floats) -> dict[str, float]:
+    return {"mean": float(values.mean()), "p99": float(np.quantile(values, 0.99)), "max": float(values.max())}
+
+
+class Reference:
+    """The spectrum and geodesics of the input, computed once.
+
+    Parameters
+    ----------
+    surface : Surface
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        mesh = surface.reference
+        verts, faces = mesh.verts, mesh.faces
+        self.simplified = len(faces) > _MOST_FACES
+        if self.simplified:
+            coarse = simplified(TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces)), _MOST_FACES)
+            verts, faces = coarse.verts.numpy(), coarse.faces.numpy()
+            verts, faces = glued_verts(verts, faces, glue(verts, faces))
+        self._verts = verts
+        mesh_now = delaunay(verts, faces)
+        self.components = mesh.topology.components
+        self.eigenvalues, _ = spectrum(mesh_now, EIGENVALUES)
+        solver = HeatGeodesics(mesh_now)
+        self._sources = _spread(verts, _SOURCES)
+        self._distances = [solver.distances([source]) for source in self._sources]
+
+    def compare(self, mesh: IntrinsicMesh, verts: _Floats) -> dict[str, Any]:
+        """Return eigenvalues of both and their relative errors, and the relative error of geodesic distances."""
+        values, _ = spectrum(mesh, EIGENVALUES)
+        count = min(len(values), len(self.eigenvalues))
+        wanted, found = self.eigenvalues[self.components : count], values[self.components : count]
+        errors = np.abs(found - wanted) / np.maximum(wanted, 1e-300)
+        near = cKDTree(self._verts).query(verts)[1]
+        solver, ours = HeatGeodesics(mesh), cKDTree(verts)
+        shares = []
+        for source, far in zip(self._sources, self._distances, strict=True):
+            own = solver.distances([int(ours.query(self._verts[source])[1])])
+            there = far[near]
+            finite = np.isfinite(own) & np.isfinite(there)
+            shares.append(float(np.abs(own - there)[finite].mean() / max(float(there[finite].mean()), 1e-300)))
+        return {
+            "eigenvalues": {
+                "input": [float(x) for x in self.eigenvalues],
+                "field": [float(x) for x in values],
+                "mean_relative_error": float(errors.mean()) if len(errors) else 0.0,
+                "max_relative_error": float(errors.max()) if len(errors) else 0.0,
+            },
+            "geodesics": {"sources": len(shares), "mean_relative_error": float(np.mean(shares))},
+            "input_simplified": self.simplified,
+        }
+
+
+def _spread(verts: _Floats, count: int) -> list[int]:
+    """Return vertices that are far from each other, by farthest-point sampling."""
+    found = [int(np.linalg.norm(verts - verts.mean(0), axis=1).argmax())]
+    far = np.linalg.norm(verts - verts[found[0]], axis=1)
+    while len(found) < count:
+        found.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(verts - verts[found[-1]], axis=1))
+    return found

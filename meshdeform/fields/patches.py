@@ -1,0 +1,69 @@
+"""Divide base triangles into smaller ones, one patch per face or all of them as one mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Level", "level_of", "patch"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+class Level:
+    """A uniform subdivision of the base: every edge in `2^k` parts.
+
+    Attributes
+    ----------
+    corners : (P, 3) int64
+        Corners of the base face in which each vertex lies.
+    weights : (P, 3) float64
+        Its barycentric coordinates there.
+    faces : (F 4^k, 3) int64
+    """
+
+    def __init__(self, corners: _Index, weights: _Floats, faces: _Index) -> None:
+        self.corners, self.weights, self.faces = corners, weights, faces
+
+
+def patch(parts: int) -> tuple[_Floats, _Index]:
+    """Return barycentric coordinates (P, 3) and triangles (parts^2, 3) of one triangle with edges in `parts` parts."""
+    rows = [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
+    number = {place: index for index, place in enumerate(rows)}
+    weights = np.array([((parts - i - j) / parts, i / parts, j / parts) for i, j in rows])
+    faces = []
+    for i, j in rows:
+        if i + j < parts:
+            faces.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+        if i + j < parts - 1:
+            faces.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
+    return weights, np.array(faces, np.int64)
+
+
+def level_of(faces: _Index, vertices: int, level: int) -> Level:
+    """Return the subdivision of a base whose edges have different ends: its vertices, of edges, then of faces."""
+    parts = 2**level
+    start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
+    pairs = np.stack([np.minimum(start, end), np.maximum(start, end)], 1)
+    edges, which = np.unique(pairs, axis=0, return_inverse=True)
+    which, inner = which.reshape(-1, 3), parts - 1
+    weights, small = patch(parts)
+    grid = np.rint(weights * parts).astype(int)
+    interior = (grid > 0).all(1)
+    per_face = int(interior.sum())
+    table = np.empty((len(faces), len(weights)), np.int64)
+    for k in range(3):
+        table[:, grid[:, k] == parts] = faces[:, [k]]
+        # Points on edge k run from corner k to corner k + 1; on the edge they are counted from its smaller vertex.
+        on = (grid[:, (k + 2) % 3] == 0) & (grid[:, k] > 0) & (grid[:, (k + 1) % 3] > 0)
+        along = grid[on][:, (k + 1) % 3]
+        forward = (faces[:, k] < faces[:, (k + 1) % 3])[:, None]
+        table[:, on] = vertices + which[:, [k]] * inner + np.where(forward, along, parts - along) - 1
+    begin = vertices + len(edges) * inner
+    table[:, interior] = begin + np.arange(len(faces) * per_face).reshape(len(faces), per_face)
+    count = begin + len(faces) * per_face
+    corners, found = np.empty((count, 3), np.int64), np.empty((count, 3))
+    corners[table.ravel()] = np.repeat(faces, len(weights), 0)
+    found[table.ravel()] = np.tile(weights, (len(faces), 1))
+    return Level(corners, found, table[:, small].reshape(-1, 3))

@@ -1,0 +1,146 @@
+"""Read a `.ndf` file, and unfold it at any level. numpy and the standard library only; the format is in
+docs/surface_fit.md.
+"""  # noqa: D205
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NeuralField", "read_field"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_MAGIC = b"NDF\x01"
+_MAX_FACES = 100_000
+
+
+@dataclass(frozen=True)
+class NeuralField:
+    """A surface: the image of a base mesh under a small network.
+
+    The base has `verts` (V, 3), in the frame, and `faces` (F, 3); a layer is weight (out, in) and bias (out,).
+    """
+
+    header: dict[str, Any]
+    verts: _Floats
+    faces: _Index
+    features: NDArray[np.float32]
+    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+
+    def evaluate(self, corners: _Index, weights: _Floats) -> _Floats:
+        """Return points (P, 3) of the surface, in the world, from corners (P, 3) in the base and weights (P, 3)."""
+        points = np.einsum("pk,pkc->pc", weights, self.verts[corners])
+        features = np.einsum("pk,pkd->pd", weights, self.features[corners])
+        waves = [points * (2.0**k * math.pi) for k in range(self.header["octaves"])]
+        x = np.concatenate([features, points, *[part for wave in waves for part in (np.sin(wave), np.cos(wave))]], 1)
+        for weight, bias in self.layers[:-1]:
+            x = x @ weight.T + bias
+            x = x / (1 + np.exp(-np.clip(x, -80, 80)))  # SiLU
+        moved = points + x @ self.layers[-1][0].T + self.layers[-1][1]
+        return np.asarray(self.header["centre"] + self.header["scale"] * moved)
+
+    def unfold(self, level: int) -> tuple[_Floats, _Index]:
+        """Return the vertices (V', 3) and faces (F 4^level, 3) of a level: each edge in 2^level parts."""
+        from meshdeform.fields.patches import level_of
+
+        found = level_of(self.faces, len(self.verts), level)
+        return self.evaluate(found.corners, found.weights), found.faces
+
+
+def read_field(data: bytes | Path) -> NeuralField:
+    """Read a `.ndf` file.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, incomplete, or of another version.
+    """
+    data = data.read_bytes() if isinstance(data, Path) else data
+    if data[:3] != _MAGIC[:3] or len(data) < 12:
+        raise ValueError("The file is not a .ndf.")
+    if data[:4] != _MAGIC:
+        raise ValueError(f"The .ndf has version {data[3]}; this reader knows version 1.")
+    if zlib.crc32(data[:-4]) != struct.unpack("<I", data[-4:])[0]:
+        raise ValueError("The .ndf is damaged or incomplete: its checksum is wrong.")
+    try:
+        return _read(data)
+    except (KeyError, IndexError, TypeError, StopIteration, zlib.error) as error:
+        raise ValueError("The .ndf contradicts itself.") from error
+
+
+def _read(data: bytes) -> NeuralField:
+    at = 8 + struct.unpack("<I", data[4:8])[0]
+    header = json.loads(data[8:at])
+    vertices, count = header["vertices"], header["faces"]
+    if not (0 < count <= _MAX_FACES and 0 < vertices <= 3 * count):
+        raise ValueError("The .ndf states impossible counts.")
+    found = []
+    for size, expected in header["sections"]:
+        found.append(_numbers(data[at : at + size], expected))
+        at += size
+    faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
+    halves = found[2].view("<f2").astype(np.float32)
+    features, rest = np.split(halves, [vertices * header["features"]])
+    layers = []
+    for before, after in itertools.pairwise(header["widths"]):
+        weight, bias, rest = np.split(rest, [after * before, after * before + after])
+        layers.append((weight.reshape(after, before), bias))
+    return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers)
+
+
+def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:
+    """Unpack a section of 16-bit numbers, whose low bytes come first, then the high ones."""
+    out = zlib.decompressobj(-15).decompress(data, size + 1)
+    if len(out) != size:
+        raise ValueError("A section of the .ndf has another size than stated.")
+    return np.frombuffer(np.frombuffer(out, np.uint8).reshape(2, -1).T.tobytes(), "<u2")
+
+
+def _base(codes: NDArray[Any], steps: NDArray[Any], vertices: int, count: int, bits: int) -> tuple[_Index, _Floats]:
+    """Decode faces and vertices, in the order in which a walk over the surface meets them."""
+    moves = steps.astype(np.int64).reshape(-1, 3)
+    moves = (moves >> 1) ^ -(moves & 1)  # zigzag
+    symbols = iter(codes.tolist())
+    faces, verts = np.empty((count, 3), np.int64), np.empty((vertices, 3), np.int64)
+    made = done = 0
+    open_edges: dict[tuple[int, int], int] = {}  # each with the corner of its face that is not on it
+
+    def corner(symbol: int, guess: _Index) -> int:
+        nonlocal made
+        if symbol == 0:
+            verts[made] = guess + moves[made]
+            made += 1
+            return made - 1
+        return made - symbol
+
+    def add(a: int, b: int, c: int) -> None:
+        nonlocal done
+        faces[done] = a, b, c
+        done += 1
+        for one, other, rest in ((a, b, c), (b, c, a), (c, a, b)):
+            if open_edges.pop((other, one), None) is None:
+                open_edges[one, other] = rest
+
+    while done < count:
+        if not open_edges:  # the first face of a part
+            a = corner(next(symbols), verts[made - 1] if made else np.zeros(3, np.int64))
+            b = corner(next(symbols), verts[a])
+            add(a, b, corner(next(symbols), verts[b]))
+            continue
+        edge = next(iter(open_edges))
+        rest = open_edges.pop(edge)
+        symbol = next(symbols)
+        if symbol:  # 0 is a border
+            open_edges[edge] = rest  # `add` closes it
+            add(edge[1], edge[0], corner(symbol - 1, verts[edge[0]] + verts[edge[1]] - verts[rest]))
+    return faces, verts / (2 ** (bits - 1) - 1) - 1

@@ -1,0 +1,253 @@
+"""Project points to a surface, whatever describes it: a mesh, oriented points, a distance grid, a network.
+
+Each gives `project` and a reference: a dense mesh from which the base is made, and with which the result is compared.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from torch import Tensor
+from torch.nn import functional
+
+from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
+from meshdeform.errors import AssetError
+from meshdeform.fields.cleaning import CleanMesh, clean
+from meshdeform.fields.isosurface import isosurface
+from meshdeform.fields.oriented_points import poisson_grid
+from meshdeform.geometry.mesh import connected_components, face_normals
+from meshdeform.geometry.nearest_places import SurfaceTree
+
+__all__ = ["GridSurface", "MeshSurface", "NetworkSurface", "PointSurface", "Surface", "surface_of"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+_CELLS = 96
+"""Cells along the longest side where a surface must first be extracted."""
+_POINT_CELLS = 64
+"""The same for points, whose details are below neither their distances nor the noise."""
+_NEIGHBOURS = 16
+_NEWTON_STEPS = 4
+_OPPOSITE = 2.0
+_CHUNK = 65_536
+
+
+class Surface(Protocol):
+    """A surface in the source's own coordinates.
+
+    Attributes
+    ----------
+    kind : str
+        `mesh`, `points`, `grid` or `network`.
+    reference : CleanMesh
+    """
+
+    kind: str
+    reference: CleanMesh
+
+    def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
+        """Return the nearest places on the surface (P, 3), and its unit normals (P, 3) there.
+
+        Parameters
+        ----------
+        points : (P, 3) float64
+            Near the surface.
+        normals : (P, 3) float64
+            Unit normals of the surface to which the points belong; zero if unknown. They tell the sides of a thin wall.
+        """
+
+
+def surface_of(source: CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork) -> Surface:
+    """Return the surface that a file describes.
+
+    Raises
+    ------
+    AssetError
+        It has no surface of which a base can be made.
+    """
+    if isinstance(source, OrientedPoints):
+        return PointSurface(source)
+    if isinstance(source, DistanceGrid):
+        return GridSurface(source)
+    return NetworkSurface(source) if isinstance(source, ImplicitNetwork) else MeshSurface(source)
+
+
+class MeshSurface:
+    """A mesh: the nearest place, and the normal of its triangle."""
+
+    kind = "mesh"
+
+    def __init__(self, mesh: CleanMesh) -> None:
+        self.reference = mesh
+        self._normals = face_normals(torch.from_numpy(mesh.verts), torch.from_numpy(mesh.faces)).numpy()
+        corners = mesh.verts[mesh.faces]
+        area = float(
+            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+        )
+        edge = math.sqrt(area / len(mesh.faces))
+        self._tree = SurfaceTree(
+            mesh.verts, mesh.faces, self._normals, spacing=edge, opposite=_OPPOSITE * edge, slack=0.1
+        )
+
+    def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
+        """Return the nearest places, and the normals of their triangles."""
+        face, weights = self._tree.find(points, normals)
+        return np.einsum("pk,pkc->pc", weights, self.reference.verts[self.reference.faces[face]]), self._normals[face]
+
+
+class PointSurface:
+    """Oriented points: the zero set of the implicit moving least squares of their tangent planes.
+
+    Source: Shen, O'Brien and Shewchuk 2004; Kolluri 2008, Provably Good Moving Least Squares.
+    """
+
+    kind = "points"
+
+    def __init__(self, cloud: OrientedPoints) -> None:
+        self._points, self._normals = cloud.points, cloud.normals
+        self._tree = cKDTree(cloud.points)
+        count = min(_NEIGHBOURS, len(cloud.points))
+        self._count, self._width = count, float(np.median(self._tree.query(cloud.points, k=count)[0][:, -1])) / 2
+        phi, origin, spacing = poisson_grid(cloud.points, cloud.normals, _POINT_CELLS)
+        verts, faces = isosurface(phi, origin, np.full(3, spacing))
+        self.reference = _reference(verts, faces, self, "The points enclose nothing.")
+
+    def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
+        """Return points of the zero set, by moving along the mean normal of the neighbours, and that normal."""
+        near = self._tree.query(points, k=self._count)[1]
+        places, directions = self._points[near], self._normals[near]
+        # Neighbours on the other side of a thin wall do not count.
+        facing = np.clip((directions * normals[:, None]).sum(2), 0.0, 1.0) + 1e-6
+        facing[(normals == 0).all(1)] = 1.0
+        found = points
+        for _ in range(_NEWTON_STEPS):
+            apart = found[:, None] - places
+            weights = facing * np.exp(-(apart**2).sum(2) / (2 * self._width**2)) + 1e-12 * facing
+            weights /= weights.sum(1, keepdims=True)
+            normal = (weights[:, :, None] * directions).sum(1)
+            normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+            height = (weights * (apart * directions).sum(2)).sum(1)
+            found = found - height[:, None] * normal
+        return found, normal
+
+
+class _Implicit:
+    """The zero set of a function with a gradient: Newton's method along the gradient."""
+
+    _reach: float
+    _largest: float
+
+    def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        raise NotImplementedError
+
+    def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:  # noqa: ARG002 - a field has sides
+        """Return points of the zero set and the directions of the gradient there."""
+        found, directions = np.empty_like(points), np.empty_like(points)
+        for start in range(0, len(points), _CHUNK):
+            at = torch.from_numpy(points[start : start + _CHUNK])
+            for _ in range(_NEWTON_STEPS):
+                value, gradient = self._value(at)
+                squared = (gradient**2).sum(1, keepdim=True).clamp_min(1e-24)
+                step = value[:, None] * gradient / squared
+                length = step.norm(dim=1, keepdim=True).clamp_min(1e-300)
+                at = at - step * (self._reach / length).clamp_max(1.0)
+            gradient = self._value(at)[1]
+            found[start : start + _CHUNK] = at.numpy()
+            directions[start : start + _CHUNK] = functional.normalize(gradient, dim=1).numpy()
+        return found, directions
+
+
+class GridSurface(_Implicit):
+    """A grid of signed distances, interpolated linearly; its gradient is that of central differences."""
+
+    kind = "grid"
+
+    def __init__(self, grid: DistanceGrid) -> None:
+        self._origin, self._spacing = torch.from_numpy(grid.origin), torch.from_numpy(grid.spacing)
+        gradient = np.gradient(grid.values, *grid.spacing)
+        # grid_sample wants channels first, and the last axis of the grid first in coordinates.
+        self._volume = torch.from_numpy(np.stack([grid.values, *gradient])[None])
+        self._most = torch.tensor(grid.values.shape, dtype=torch.float64) - 1
+        self._reach = 2 * float(grid.spacing.max())
+        step = max(1, math.ceil(max(grid.values.shape) / (2 * _CELLS)))
+        coarse = grid.values[::step, ::step, ::step]
+        verts, faces = isosurface(coarse, grid.origin, grid.spacing * step)
+        self.reference = _reference(verts, faces, self, "The grid has no closed surface.")
+
+    def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        places = 2 * (points - self._origin) / self._spacing / self._most - 1
+        sampled = functional.grid_sample(
+            self._volume, places.flip(1)[None, :, None, None], align_corners=True, padding_mode="border"
+        )[0, :, :, 0, 0]
+        return sampled[0], sampled[1:].T
+
+
+class NetworkSurface(_Implicit):
+    """A network from a point to a signed value."""
+
+    kind = "network"
+
+    def __init__(self, network: ImplicitNetwork) -> None:
+        self._layers = [(torch.from_numpy(w), torch.from_numpy(b)) for w, b in network.layers]
+        self._activation, self._omega = network.activation, network.omega
+        low, high = network.bounds
+        spacing = float((high - low).max()) / _CELLS
+        self._reach = 2 * spacing
+        shape = np.maximum(np.ceil((high - low) / spacing).astype(int), 1) + 1
+        axes = [low[i] + spacing * np.arange(shape[i]) for i in range(3)]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+        values = np.concatenate(
+            [self._forward(torch.from_numpy(points[i : i + _CHUNK])).numpy() for i in range(0, len(points), _CHUNK)]
+        ).reshape(shape)
+        if not np.isfinite(values).all():
+            raise AssetError("The network returns values that are not finite.", advice="Train it again.")
+        network.check_values(values)
+        verts, faces = isosurface(values, low, np.full(3, spacing))
+        self.reference = _reference(verts, faces, self, "The network has no closed surface within its bounds.")
+
+    def _forward(self, points: Tensor) -> Tensor:
+        x = points
+        for i, (weight, bias) in enumerate(self._layers):
+            x = functional.linear(x, weight, bias)
+            if i + 1 < len(self._layers):
+                x = _activate(x, self._activation, self._omega)
+        return x[:, 0]
+
+    def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        with torch.enable_grad():
+            at = points.detach().requires_grad_()
+            value = self._forward(at)
+            (gradient,) = torch.autograd.grad(value.sum(), at)
+        return value.detach(), gradient
+
+
+def _activate(x: Tensor, name: str, omega: float) -> Tensor:
+    if name == "sine":
+        return (omega * x).sin()
+    if name == "relu":
+        return x.relu()
+    if name == "tanh":
+        return x.tanh()
+    return functional.softplus(x) if name == "softplus" else functional.silu(x)
+
+
+def _reference(verts: _Floats, faces: _Index, surface: Surface, otherwise: str) -> CleanMesh:
+    """Return the extracted mesh with its vertices moved to the surface, without tiny parts."""
+    if len(faces) < 4:
+        raise AssetError(otherwise, advice="Check the sign and the bounds.")
+    found = clean(*_largest(verts, faces))
+    normals = np.zeros_like(found.verts)
+    moved, _ = surface.project(found.verts, normals)
+    return CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned)
+
+
+def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:
+    """Return the parts that have at least a hundredth of the faces; others are noise."""
+    label = connected_components(torch.from_numpy(faces), len(verts)).numpy()[faces[:, 0]]
+    return verts, faces[(np.bincount(label) >= 0.01 * len(faces))[label]]

@@ -1,0 +1,59 @@
+"""Define the parameters of jobs of kind `surface_fit`. Torch-free."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from meshdeform.requests.parameters import MAX_STEPS
+from meshdeform.requests.strict import StrictModel
+
+__all__ = ["MAX_LEVEL", "SurfaceFitParams"]
+
+MAX_LEVEL = 4
+"""Highest level that a job writes as a mesh."""
+
+
+class SurfaceFitParams(StrictModel):
+    """Parameters of a neural displacement field and its fit."""
+
+    base_faces: int = Field(
+        1000,
+        ge=100,
+        le=4000,
+        description="Faces of the base mesh. It gets more where fewer would change the holes and parts of the surface.",
+        examples=[500],
+    )
+    features: int = Field(
+        8, ge=1, le=32, description="Features that are learned at each vertex of the base.", examples=[8]
+    )
+    octaves: int = Field(6, ge=0, le=8, description="Octaves of positions that the network sees.", examples=[6])
+    width: int = Field(32, ge=4, le=128, description="Neurons of each hidden layer.", examples=[32])
+    depth: int = Field(2, ge=1, le=6, description="Hidden layers.", examples=[2])
+    steps: int = Field(1500, ge=1, le=MAX_STEPS, description="Optimiser iterations.", examples=[1500])
+    seed: int = Field(
+        0,
+        ge=0,
+        le=2**63 - 1,
+        description="Seed of the first weights and of every random draw.",
+        examples=[0],
+    )
+    batch_faces: int = Field(96, ge=1, le=1024, description="Faces of the base in each step.", examples=[96])
+    learning_rate: float = Field(0.01, gt=0, le=1, description="Adam's highest step size.", examples=[0.01])
+    normal_weight: float = Field(
+        1e-4, ge=0, le=1, description="Weight of the normals beside the squared distance.", examples=[1e-4]
+    )
+    level: int = Field(
+        2,
+        ge=0,
+        le=MAX_LEVEL,
+        description="Highest level to write: `level_0.glb` to `level_N.glb`. Each has four times the faces of the one "
+        "before.",
+        examples=[2],
+    )
+    checkpoint_every_steps: int = Field(
+        100,
+        ge=1,
+        le=MAX_STEPS,
+        description="Steps between two checkpoints; at most this many are repeated after a crash.",
+        examples=[100],
+    )

@@ -1,0 +1,220 @@
+"""Run jobs of kind `surface_fit`: fit a neural displacement field to a surface."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from meshdeform.assets import load_asset
+from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, read_surface_file
+from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.fields.base_mesh import base_of
+from meshdeform.fields.cleaning import CleanMesh, clean
+from meshdeform.fields.container import EncodedBase, encode_base, write_field
+from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
+from meshdeform.fields.level_files import intrinsic_npz, level_glb
+from meshdeform.fields.measures import Reference, distances
+from meshdeform.fields.patches import level_of
+from meshdeform.fields.reader import read_field
+from meshdeform.fields.surface_sources import Surface, surface_of
+from meshdeform.rendering.preview import comparison_png
+from meshdeform.requests.surface_fit import SurfaceFitParams
+from meshdeform.runs.base import ArtifactData, RunInput, StepReport
+from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+
+__all__ = ["SurfaceFitRun", "start"]
+
+_GLB = "model/gltf-binary"
+_BYTES = "application/octet-stream"
+_SNAPSHOT_LEVEL = 1
+
+
+def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
+    """Read the surface, make its base, and prepare the fit.
+
+    Raises
+    ------
+    AssetError, CheckpointError
+        The input cannot be fitted; the error says what to do.
+    """
+    clock = PhaseClock()
+    file = given.files["asset"]
+    sha256 = file.sha256 or sha256_hex(file.data)
+    with clock.phase("read"):
+        surface = surface_of(_source(given))
+    with clock.phase("base"):
+        frame = FieldFrame.around(surface.reference.verts)
+        verts, faces = base_of(surface.reference, params.base_faces)
+        base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
+    shape = fingerprint(
+        asset=sha256, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
+    )
+    run = fingerprint(kind="surface_fit", asset=sha256, params=params.model_dump(mode="json"))
+    options = FitOptions(
+        **params.model_dump(
+            include={
+                "steps",
+                "seed",
+                "features",
+                "octaves",
+                "width",
+                "depth",
+                "batch_faces",
+                "learning_rate",
+                "normal_weight",
+            }
+        )
+    )
+    fit = FieldFit(
+        surface,
+        frame,
+        base.verts,
+        base.faces,
+        options,
+        checkpoint=load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None,
+        initial=load_shape(given.initial, shape) if given.initial is not None else None,
+    )
+    facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256}
+    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, clock)
+
+
+def _source(given: RunInput) -> CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork:
+    file = given.files["asset"]
+    found = read_surface_file(file.data, file.filename, given.limits)
+    if found is not None:
+        return found
+    surface = load_asset(file.data, file.filename, given.limits).surface
+    return clean(surface.positions, surface.triangles)
+
+
+class SurfaceFitRun:
+    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+
+    def __init__(
+        self,
+        surface: Surface,
+        frame: FieldFrame,
+        base: EncodedBase,
+        fit: FieldFit,
+        params: SurfaceFitParams,
+        facts: dict[str, Any],
+        run: str,
+        shape: str,
+        clock: PhaseClock,
+    ) -> None:
+        self._surface, self._frame, self._base, self._fit = surface, frame, base, fit
+        self._params, self._facts, self._run, self._shape, self._clock = params, facts, run, shape, clock
+        self._history = LossHistory()
+        self._first_step = fit.step
+
+    @property
+    def total_steps(self) -> int:
+        """Total number of steps."""
+        return self._params.steps
+
+    @property
+    def step(self) -> int:
+        """Number of steps done."""
+        return self._fit.step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the remaining steps."""
+        begin = time.perf_counter()
+        for step in self._fit:
+            self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - begin
+            self._history.add(step.step, step.losses)
+            yield StepReport(step.step, self.total_steps, step.losses)
+            begin = time.perf_counter()
+
+    def checkpoint(self) -> bytes:
+        """Return the complete state of the run; call only between two steps."""
+        return dump_checkpoint(self._fit.checkpoint(), self._run, self._shape)
+
+    def snapshot(self) -> ArtifactData:
+        """Return the field as it is, as a GLB of level 1."""
+        level = level_of(self._fit.faces, len(self._fit.verts), min(_SNAPSHOT_LEVEL, self._params.level))
+        verts = self._frame.leave(self._fit.positions(level.corners, level.weights))
+        return ArtifactData(level_glb(verts, level.faces), _GLB)
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return the container, the levels, the intrinsic triangulation, the report and the picture."""
+        with self._clock.phase("unfold"):
+            made = {"source": self._facts["sha256"], "seed": self._params.seed, "steps": self.step}
+            data = write_field(
+                self._base, self._fit.field, centre=self._frame.centre, scale=self._frame.scale, provenance=made
+            )
+            # Read back, so that everything else describes what is in the file.
+            field = read_field(data)
+            artifacts = {"surface.ndf": ArtifactData(data, _BYTES)}
+            levels: list[dict[str, Any]] = []
+            meshes = []
+            for k in range(self._params.level + 1):
+                begin = time.perf_counter()
+                verts, faces = field.unfold(k)
+                seconds = time.perf_counter() - begin
+                artifacts[f"level_{k}.glb"] = ArtifactData(level_glb(verts, faces), _GLB)
+                levels.append({"level": k, "faces": len(faces), "vertices": len(verts), "unfold_s": seconds})
+                meshes.append((verts, faces))
+            mesh = delaunay(verts, faces)
+            artifacts["intrinsic.npz"] = ArtifactData(intrinsic_npz(mesh, verts), _BYTES)
+        with self._clock.phase("measure"):
+            for level, (points, triangles) in zip(levels, meshes, strict=True):
+                level["distance"] = distances(self._surface, points, triangles)
+            reference = Reference(self._surface)
+            compared = reference.compare(mesh, verts)
+        with self._clock.phase("draw"):
+            artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
+        report = self._report(data, artifacts, levels, mesh, compared)
+        artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
+        return artifacts
+
+    def _picture(self, artifacts: dict[str, ArtifactData]) -> bytes:
+        mesh = self._surface.reference
+        ours = artifacts[f"level_{self._params.level}.glb"].data
+        return comparison_png({"input": level_glb(mesh.verts, mesh.faces), "field": ours})
+
+    def _report(
+        self,
+        data: bytes,
+        artifacts: dict[str, ArtifactData],
+        levels: list[dict[str, Any]],
+        mesh: IntrinsicMesh,
+        compared: dict[str, Any],
+    ) -> dict[str, Any]:
+        reference = self._surface.reference
+        top = artifacts[f"level_{self._params.level}.glb"].data
+        return {
+            "kind": "surface_fit",
+            "fingerprint": self._run,
+            "result": {"bytes": len(data), "sha256": sha256_hex(data)},
+            "input": {
+                **self._facts,
+                "described_by": self._surface.kind,
+                "faces": len(reference.faces),
+                "components": reference.topology.components,
+                "border_edges": reference.topology.border_edges,
+                "genus": reference.topology.genus,
+                "cleaned": reference.cleaned,
+            },
+            "params": self._params.model_dump(mode="json"),
+            "steps": self.step,
+            "resumed_from": self._first_step or None,
+            "base": {"faces": len(self._base.faces), "vertices": len(self._base.verts)},
+            "bytes": {
+                "surface.ndf": len(data),
+                "top_level_glb": len(top),
+                "ratio_to_input": len(data) / max(self._facts["bytes"], 1),
+                "ratio_to_top_level_glb": len(data) / len(top),
+            },
+            "levels": levels,
+            "intrinsic": {"flips": mesh.flips, "all_delaunay": mesh.certified, "least_cotangent_sum": mesh.least},
+            **compared,
+            "losses": self._history.to_list(),
+            "seconds": {name: round(value, 3) for name, value in self._clock.seconds.items()},
+            "versions": versions(),
+        }

@@ -1,0 +1,110 @@
+"""Describe the kind `surface_fit`: its files, the check of its requests, and its artifacts. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from meshdeform.errors import ParameterError
+from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
+from meshdeform.requests.surface_fit import MAX_LEVEL, SurfaceFitParams
+from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["SURFACE_FIT", "params_of"]
+
+_GLB = "model/gltf-binary"
+_SAME = ("base_faces", "features", "octaves", "width", "depth")
+
+
+def params_of(request: JobRequest, kept: Mapping[str, Any] | None = None) -> SurfaceFitParams:
+    """Return the parameters: those stored when the request was accepted, if this version can read them."""
+    params: Any = request.params
+    assert isinstance(params, SurfaceFitParams)
+    try:
+        return params if kept is None else SurfaceFitParams.model_validate(kept)
+    except ValidationError:
+        return params
+
+
+def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> SurfaceFitParams:  # noqa: ARG001
+    if request.output != OutputOptions():
+        detail = "A surface_fit job has no output options."
+        errors = [{"loc": ["output"], "msg": detail, "type": "value_error"}]
+        raise ParameterError(detail, advice="Leave `output` out; params.level chooses the meshes.", errors=errors)
+    return params_of(request)
+
+
+def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
+    """Return the branch's request with the base and the network of its job, whose weights it starts with."""
+    wanted, own = params_of(job), params_of(branch)
+    for name in _SAME:
+        if name in own.model_fields_set and getattr(own, name) != getattr(wanted, name):
+            raise ParameterError(
+                f"A branch starts with the weights of its job, so it needs the same params.{name}.",
+                advice=f"Leave params.{name} out, or post a new job.",
+                errors=[{"loc": ["params", name], "msg": "differs from that of the job", "type": "value_error"}],
+            )
+    params = own.model_copy(update={name: getattr(wanted, name) for name in _SAME})
+    return branch.model_copy(update={"params": params})
+
+
+def _load() -> StartRun:
+    from meshdeform.runs import surface_fit
+
+    def start(given: RunInput) -> JobRun:
+        return surface_fit.start(given, params_of(given.request, given.resolved))
+
+    return start
+
+
+SURFACE_FIT = Kind(
+    name=JobKind.SURFACE_FIT,
+    summary="Fits a coarse mesh and a small network to a surface, as a file of a few kilobytes.",
+    reads=(
+        FilePart(
+            "asset",
+            "The surface: a mesh (GLB, OBJ, PLY, STL, ZIP), oriented points (PLY, XYZ), a signed distance grid (NPZ) "
+            "or a network (safetensors).",
+            required=True,
+            media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip", "application/octet-stream"),
+            content="surface",
+        ),
+    ),
+    params=SurfaceFitParams,
+    check=_check,
+    steps=lambda request, _model, kept: params_of(request, kept).steps,
+    load=_load,
+    artifacts=(
+        ArtifactKind("surface.ndf", "application/octet-stream", "The field: base mesh and network."),
+        *(
+            ArtifactKind(
+                f"level_{k}.glb",
+                _GLB,
+                "The base mesh."
+                if k == 0
+                else f"The surface with {4**k} triangles per face of the base"
+                + (", if `params.level` is as high." if k > 0 else "."),
+            )
+            for k in range(MAX_LEVEL + 1)
+        ),
+        ArtifactKind(
+            "intrinsic.npz",
+            "application/octet-stream",
+            "Faces, edge lengths and vertices of the highest level after intrinsic Delaunay flips.",
+        ),
+        ArtifactKind(
+            "report.json",
+            "application/json",
+            "Parameters, bytes, distances both ways, normals, eigenvalues and geodesics against the input.",
+        ),
+        ArtifactKind("preview.png", "image/png", "The input and the highest level, from four sides."),
+    ),
+    as_branch=_as_branch,
+    goal=lambda _request, names: f"field of {PurePath(names['asset']).stem}" if "asset" in names else "field",
+)

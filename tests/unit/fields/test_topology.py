@@ -1,0 +1,119 @@
+"""Cleaning, bases and extraction: what is one surface stays one, with its handles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
+from meshdeform.errors import AssetError
+from meshdeform.fields.base_mesh import base_of
+from meshdeform.fields.cleaning import clean
+from meshdeform.fields.gluing import glue, topology
+from meshdeform.fields.isosurface import isosurface
+from meshdeform.fields.patches import level_of
+from meshdeform.fields.surface_sources import surface_of
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
+
+
+def arrays(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.verts.numpy(), mesh.faces.numpy()
+
+
+def lattice(cells: int, reach: float) -> np.ndarray:
+    axis = np.linspace(-reach, reach, cells)
+    return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)
+
+
+def ring(at: np.ndarray, major: float = 0.9, minor: float = 0.35) -> np.ndarray:
+    """Return the signed distance from a torus around the z axis."""
+    return np.hypot(np.hypot(at[..., 0], at[..., 1]) - major, at[..., 2]) - minor
+
+
+def volume(verts: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = verts[faces].transpose(1, 0, 2)
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+def test_solids_that_touch_along_an_edge_are_separated() -> None:
+    one, other = box(1), box(1)
+    other = TriangleMesh(other.verts + torch.tensor([1.0, 1.0, 0.0], dtype=torch.float64), other.faces)
+    found = clean(*arrays(join(one, other)))
+    assert found.topology.characteristics == (2, 2)
+    assert found.topology.border_edges == 0
+    assert found.cleaned["non_manifold_edges"] == 1
+    assert found.cleaned["separated_vertices"] == 2
+
+
+def test_a_doubled_and_a_collapsed_face_are_removed() -> None:
+    verts, faces = arrays(icosphere(1))
+    found = clean(verts, np.concatenate([faces, faces[:2], [[0, 0, 1]]]))
+    assert (len(found.faces), found.topology.genus) == (len(faces), 0)
+    assert found.cleaned["duplicate_faces"] == 2
+    assert found.cleaned["degenerate_faces"] == 1
+
+
+def test_a_surface_without_an_outside_and_a_heap_of_parts_are_refused() -> None:
+    verts, faces = arrays(icosphere(1))
+    turned = faces.copy()
+    turned[::2] = turned[::2, ::-1]
+    with pytest.raises(AssetError, match="opposite sides"):
+        clean(verts, turned)
+    tetrahedron = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    many = 65
+    with pytest.raises(AssetError, match="65 separate parts"):
+        clean(
+            np.concatenate([tetrahedron + [3 * i, 0, 0] for i in range(many)]),
+            np.concatenate([sides + 4 * i for i in range(many)]),
+        )
+
+
+def test_a_base_has_the_handles_and_borders_of_the_surface() -> None:
+    for mesh, genus in ((torus(), 1), (join(torus(), icosphere(3)), 1), (grid(30), None)):
+        surface = clean(*arrays(mesh))
+        verts, faces = base_of(surface, 150)
+        found = topology(faces, glue(verts, faces))
+        assert len(faces) < 400
+        assert found.genus == genus
+        assert found.characteristics == surface.topology.characteristics
+
+
+def test_a_level_is_one_mesh_whose_points_lie_in_the_base() -> None:
+    verts, faces = arrays(torus(n=6, m=4))
+    for level in (0, 1, 3):
+        found = level_of(faces, len(verts), level)
+        points = np.einsum("pk,pkc->pc", found.weights, verts[found.corners])
+        assert len(found.faces) == len(faces) * 4**level
+        assert len(np.unique(points.round(9), axis=0)) == len(points)
+        assert volume(points, found.faces) == pytest.approx(volume(verts, faces))
+        assert topology(found.faces, glue(points, found.faces)).genus == 1
+
+
+def test_a_distance_grid_becomes_its_torus() -> None:
+    reach, cells = 1.4, 28
+    at = lattice(cells, reach)
+    spacing = 2 * reach / (cells - 1)
+    verts, faces = isosurface(ring(at), np.full(3, -reach), np.full(3, spacing))
+    found = topology(faces, glue(verts, faces))
+    assert (found.components, found.genus) == (1, 1)
+    assert volume(verts, faces) == pytest.approx(2 * np.pi**2 * 0.9 * 0.35**2, rel=0.05)
+    surface = surface_of(DistanceGrid(ring(at), np.full(3, -reach), np.full(3, spacing)))
+    place, normal = surface.project(np.array([[1.4, 0.0, 0.1], [0.0, 0.5, 0.0]]), np.zeros((2, 3)))
+    assert np.abs(ring(place)).max() < 0.01
+    assert normal[1] == pytest.approx([0, -1, 0], abs=0.05)
+
+
+def test_noisy_points_become_a_closed_surface_within_the_noise() -> None:
+    random = np.random.default_rng(0)
+    normals = random.normal(size=(1500, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    cloud = OrientedPoints(normals * (1 + 0.01 * random.normal(size=(1500, 1))), normals)
+    surface = surface_of(cloud)
+    assert surface.reference.topology.genus == 0
+    assert np.abs(np.linalg.norm(surface.reference.verts, axis=1) - 1).max() < 0.03
+    place, normal = surface.project(np.array([[0.0, 0.0, 1.1]]), np.array([[0.0, 0.0, 1.0]]))
+    assert np.linalg.norm(place) == pytest.approx(1, abs=0.02)
+    assert normal[0, 2] > 0.98

@@ -1,0 +1,163 @@
+"""Jobs of kind `surface_fit`: the run by itself, its refusals, and a job over HTTP with a worker."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from safetensors.numpy import save
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.client import Client
+from meshdeform.errors import AssetEmptyError, AssetError, CheckpointError, ParameterError
+from meshdeform.fields.base_mesh import base_of
+from meshdeform.fields.cleaning import clean
+from meshdeform.fields.reader import read_field
+from meshdeform.geometry.shapes import icosphere, join, torus
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request, kind_of, start_run
+from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.settings import Settings
+from tests.integration.conftest import DEADLINE_S, serving
+from tests.worker_world import working
+
+SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
+
+
+@pytest.fixture(scope="module")
+def ring() -> bytes:
+    mesh = torus(n=16, m=10)
+    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+
+
+def begin(
+    data: bytes,
+    name: str = "ring.glb",
+    *,
+    checkpoint: bytes | None = None,
+    initial: bytes | None = None,
+    **params: object,
+) -> JobRun:
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": {**SMALL, **params}})
+    return start_run(RunInput(request, {"asset": InputFile(data, name)}, checkpoint=checkpoint, initial=initial))
+
+
+def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes) -> None:
+    run = begin(ring)
+    assert [report.step for report in run] == [1, 2, 3, 4]
+    assert len(load_asset(run.snapshot().data).surface.triangles) > 100
+    found = run.finish()
+    assert set(found) == {
+        "surface.ndf", "level_0.glb", "level_1.glb", "intrinsic.npz", "report.json", "preview.png"
+    }  # fmt: skip
+    kind = kind_of(JobRequest.model_validate({"kind": "surface_fit"}).kind)
+    declared = {artifact.name: artifact.media_type for artifact in kind.artifacts}
+    assert {name: each.content_type for name, each in found.items()}.items() <= declared.items()
+    report = json.loads(found["report.json"].data)
+    field = read_field(found["surface.ndf"].data)
+    verts, faces = field.unfold(1)
+    surface = load_asset(found["level_1.glb"].data).surface
+    assert np.abs(surface.positions - verts).max() < 1e-6
+    assert len(surface.triangles) == len(faces) == 4 * len(field.faces) == report["levels"][1]["faces"]
+    assert report["input"]["genus"] == 1
+    assert report["intrinsic"]["all_delaunay"] is True
+    assert report["bytes"]["surface.ndf"] == len(found["surface.ndf"].data)
+    assert len(report["eigenvalues"]["input"]) == 20
+    assert 0 < report["levels"][1]["distance"]["mean"] < 0.05
+    arrays = np.load(io.BytesIO(found["intrinsic.npz"].data))
+    assert arrays["faces"].shape == arrays["lengths"].shape == faces.shape
+
+
+def test_a_resumed_run_writes_the_same_file(ring: bytes) -> None:
+    run = begin(ring)
+    steps = iter(run)
+    next(steps)
+    next(steps)
+    state = run.checkpoint()
+    list(steps)
+    resumed = begin(ring, checkpoint=state)
+    assert resumed.step == 2
+    list(resumed)
+    assert resumed.finish()["surface.ndf"] == run.finish()["surface.ndf"]
+    with pytest.raises(CheckpointError):
+        begin(ring, checkpoint=state, seed=1)
+    branch = begin(ring, initial=state, seed=1)
+    assert branch.step == 0
+    with pytest.raises(CheckpointError):
+        begin(ring, initial=state, width=9)
+
+
+def octahedron() -> bytes:
+    """Return a network whose value is nearly |x| + |y| + |z| - 1."""
+    slope = 20.0
+    weight = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32) * slope
+    tensors = {
+        "layers.0.weight": weight,
+        "layers.0.bias": np.zeros(6, np.float32),
+        "layers.1.weight": np.full((1, 6), 1 / slope, np.float32),
+        "layers.1.bias": np.array([-1.0], np.float32),
+    }
+    return save(tensors, {"activation": "softplus", "bounds": "[-1.5,-1.5,-1.5,1.5,1.5,1.5]"})
+
+
+def test_an_octahedron_is_fitted_from_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.fields.surface_sources._CELLS", 16)
+    run = begin(octahedron(), "octahedron.safetensors", steps=1)
+    list(run)
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["input"]["described_by"] == "network"
+    assert report["input"]["genus"] == 0
+    assert report["levels"][1]["distance"]["mean"] < 0.02
+
+
+def test_what_cannot_be_fitted_is_refused_with_the_reason() -> None:
+    plane = build_glb(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(AssetEmptyError, match="only 1 different"):
+        begin(plane)
+    with pytest.raises(ValidationError, match="base_faces"):
+        JobRequest.model_validate({"kind": "surface_fit", "params": {"base_faces": 1}})
+    with pytest.raises(ValidationError, match="preset"):
+        JobRequest.model_validate({"kind": "surface_fit", "params": {"preset": "preview"}})
+    asked = JobRequest.model_validate({"kind": "surface_fit", "output": {"usd": True}})
+    with pytest.raises(ParameterError, match="no output options"):
+        check_request(asked, Settings(), files=["asset"])
+    many = join(*[torus(n=12, m=8) for _ in range(20)])
+    apart = many.verts.numpy() + np.repeat(np.arange(20), 96)[:, None] * 3.0
+    with pytest.raises(AssetError, match="holes and parts"):
+        base_of(clean(apart, many.faces.numpy()), 20)
+
+
+def test_a_branch_has_the_network_of_its_job() -> None:
+    kind = kind_of(JobRequest.model_validate({"kind": "surface_fit"}).kind)
+    job = JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 16, "steps": 9}})
+    branch = kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"steps": 5}}))
+    assert branch.params.model_dump()["width"] == 16
+    assert branch.params.model_dump()["steps"] == 5
+    with pytest.raises(ParameterError, match=r"same params\.width"):
+        kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 8}}))
+
+
+def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(tmp_path: Path, redis_url: str) -> None:
+    mesh = icosphere(3)
+    points = mesh.verts.numpy()
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, np.concatenate([points, points], 1), fmt="%.5f")
+    unsigned = tmp_path / "unsigned.npz"
+    np.savez(unsigned, sdf=np.ones((8, 8, 8)), origin=np.zeros(3), spacing=0.1)
+    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-surface-fit")
+    with serving(settings) as url, Client(url) as client:
+        with pytest.raises(AssetError, match="one sign, as unsigned"):
+            client.submit(unsigned, kind="surface_fit", params=SMALL)
+        checked = client.validate(cloud, kind="surface_fit", params=SMALL)
+        assert (checked.asset.format, checked.asset.vertices, checked.asset.triangles) == ("xyz", len(points), 0)
+        with pytest.raises(AssetError):
+            client.submit(cloud, "a mushroom")
+        with working(settings, start_run):
+            result = client.deform(cloud, kind="surface_fit", params=SMALL, timeout_s=DEADLINE_S)
+        verts, _ = read_field(result.read("surface.ndf")).unfold(2)
+        assert np.linalg.norm(verts, axis=1).mean() == pytest.approx(1, abs=0.05)
+        assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}
