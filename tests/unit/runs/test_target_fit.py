@@ -7,12 +7,14 @@ import json
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.fit import fit_line
 from meshdeform.errors import AlignmentError, ParameterError
-from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 
@@ -85,3 +87,30 @@ def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> No
     with pytest.raises(ParameterError) as refused:
         finished(glb(), glb(), **params)
     assert refused.value.extra["errors"][0]["loc"] == place
+
+
+def test_a_fit_keeps_what_a_region_keeps_and_its_symmetry() -> None:
+    region = {"box": {"min": [-2, 0.3, -2], "max": [2, 2, 2]}}
+    positions, report = finished(glb(), glb((1.3, 1.0, 0.9)), regions=[region], symmetry="x", steps=12)
+    rest = load_asset(glb()).surface.positions
+    faces = SPHERE.faces.numpy()
+    kept = np.unique(faces[(rest[faces][:, :, 1] >= 0.3).all(1)])
+    assert len(kept) > 20
+    assert np.array_equal(positions[kept], rest[kept])
+    assert np.abs(positions - rest).max() > 0.05
+    assert report["regions"]["max_moved"] == 0.0
+    partner = np.linalg.norm(rest[:, None] * [-1, 1, 1] - rest[None], axis=2).argmin(0)
+    assert np.abs(positions[partner] * [-1, 1, 1] - positions).max() < 1e-6
+
+
+def test_parts_on_a_lattice_are_fitted_and_a_rigid_one_keeps_its_shape() -> None:
+    two = join(SPHERE, TriangleMesh(0.4 * SPHERE.verts + torch.tensor([1.6, 0.0, 0.0]), SPHERE.faces))
+    asset = build_glb(two.verts.numpy(), two.faces.numpy())
+    target = build_glb(two.verts.numpy() * (1.0, 1.3, 1.0), two.faces.numpy())
+    positions, report = finished(asset, target, rigid=[{"component": 1}], steps=12)
+    assert report["carrier"]["kind"] == "lattice"
+    assert report["rigid"]["max_deviation"] < 1e-6
+    ball, rest = positions[len(SPHERE.verts) :], 0.4 * SPHERE.verts.numpy()
+    assert np.ptp(ball, axis=0) == pytest.approx(np.ptp(rest, axis=0), rel=0.02)
+    assert np.ptp(positions[:, 1]) > 2.1
+    assert report["quality"]["flipped_faces"] == 0
