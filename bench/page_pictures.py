@@ -1,6 +1,7 @@
 """Take the pictures of the web page for the docs, with a real browser and a real service.
 
-python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png and web_phone.png
+python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png
+                                              and web_control.png
 python -m bench.page_pictures --job ID --url http://127.0.0.1:8765    from a running service and one of its jobs
 """
 
@@ -66,6 +67,35 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
 
 
+def take_control(browser: Browser, url: str, path: Path) -> None:
+    """Save a picture of the form with painted triangles and a handle."""
+    context = browser.new_context(base_url=url, reduced_motion="reduce", viewport={"width": 1360, "height": 1120})
+    context.set_default_timeout(2 * DEADLINE_MS)
+    page: Page = context.new_page()
+    page.goto("/")
+    page.set_input_files("#asset-file", ROOT / "examples" / "vase.glb")
+    page.get_by_label("Prompt", exact=True).fill("a fat penguin")
+    page.get_by_text("Control", exact=True).click()
+    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
+    canvas = page.locator(".asset-panel .viewer").bounding_box()
+    assert canvas is not None
+    strokes = {"Paint": [(0.47, 0.68), (0.53, 0.68)], "Handle": [(0.42, 0.45), (0.3, 0.4)]}
+    for count, (tool, ends) in enumerate(strokes.items(), start=1):
+        page.get_by_role("group", name="Tool").get_by_text(tool, exact=True).click()
+        places = [(canvas["x"] + x * canvas["width"], canvas["y"] + y * canvas["height"]) for x, y in ends]
+        while rows.count() < count:  # until the tools are loaded
+            page.mouse.move(*places[0])
+            page.mouse.down()
+            page.mouse.move(*places[1], steps=8)
+            page.mouse.up()
+    page.locator("#estimate", has_text="steps").wait_for()
+    page.locator(".control-panel").scroll_into_view_if_needed()
+    page.wait_for_load_state("networkidle")
+    page.screenshot(path=path)
+    context.close()
+    assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
+
+
 def main() -> None:
     """Take the pictures of the web page."""
     parser = argparse.ArgumentParser(prog="python -m bench.page_pictures", description=main.__doc__)
@@ -90,6 +120,7 @@ def _all(browser: Browser, url: str, job: str, out: Path) -> None:
     take(browser, url, out / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
     take(browser, url, out / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
     take(browser, url, out / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
+    take_control(browser, url, out / "web_control.png")
 
 
 if __name__ == "__main__":

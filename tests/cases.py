@@ -36,7 +36,8 @@ def each_case(
     """
     wanted = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     table = [_values(case, len(wanted)) for case in cases]
-    labels = _labels(table, ids)
+    if ids is not None and not callable(ids):
+        ids = list(ids)
     if not table:
         raise ValueError(f"no cases for {', '.join(wanted)}")
 
@@ -50,6 +51,7 @@ def each_case(
         @functools.wraps(test)
         def over_all_cases(**fixtures: Any) -> None:
             subtests = fixtures[_FIXTURE] if asks_itself else fixtures.pop(_FIXTURE)
+            labels = _labels(table, ids)  # here, because every worker of the tests imports every file
             for label, values in zip(labels, table, strict=True):
                 with subtests.test(label):
                     test(**fixtures, **dict(zip(wanted, values, strict=True)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from meshdeform.errors import AssetError, DependencyError, MeshdeformError, UnavailableError
+from meshdeform.errors import AssetError, DependencyError, MeshdeformError, ParameterError, UnavailableError
 
 __all__ = [
     "ChildOutcome",
@@ -123,7 +123,8 @@ def error_to_json(error: MeshdeformError) -> dict[str, Any]:
 
 def error_from(found: dict[str, Any]) -> MeshdeformError:
     """Return the error that a child has printed."""
-    kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), DependencyError]
+    others = (DependencyError, ParameterError, UnavailableError)
+    kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), *others]
     kind = next((kind for kind in kinds if kind.code == found["code"]), AssetError)
     return kind(found["detail"], advice=found["advice"], **found["extra"])
 

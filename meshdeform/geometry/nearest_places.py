@@ -193,7 +193,9 @@ def _descend(
                     )
                     if squared < best:
                         best, face = squared, other
-                        weights[number] = found
+                        # One by one: to assign a row, numba compiles the text of an error for seconds.
+                        for i in range(3):
+                            weights[number, i] = found[i]
             if face == here:
                 break
         faces_found[number] = face

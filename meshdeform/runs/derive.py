@@ -1,4 +1,8 @@
-"""Make `morph.glb` and `result.usdz` from an asset and its `result.glb`, in a child process with bounded resources."""
+"""Make `morph.glb`, `result.usdz` or another strength from an asset and its `result.glb`, in a child process.
+
+This module imports neither torch nor numpy, which only the child needs. The child has no secrets in its environment,
+and bounded memory and time.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import AssetError, AssetTooLargeError, AssetUnsupportedError, DependencyError, ParameterError
+from meshdeform.errors import (
+    AssetTooLargeError,
+    AssetUnsupportedError,
+    DependencyError,
+    MeshdeformError,
+    ParameterError,
+    UnavailableError,
+)
 from meshdeform.requests.document import OutputOptions
 from meshdeform.requests.morph import MorphPath
 
@@ -20,12 +31,15 @@ if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
     from meshdeform.assets.surface import Surface
 
-__all__ = ["DERIVED", "DerivedInput", "derive", "main", "require_package"]
+__all__ = ["DERIVED", "STRENGTH", "DerivedInput", "derive", "main", "require_package"]
+
+STRENGTH = "result.glb"
+"""The name for `derive` of a result at another strength."""
 
 _WIDER = 16
 """How much larger an artifact may be than the largest asset."""
 
-_BASE_BYTES = {"morph.glb": 16 * 2**30, "result.usdz": 2 * 2**30}
+_BASE_BYTES = {"morph.glb": 16 * 2**30, "result.usdz": 2 * 2**30, STRENGTH: 16 * 2**30}
 """Address space beyond that of two checks: torch maps several gigabytes, usd-core more than one, whatever they do."""
 
 _SECONDS = 2.0
@@ -45,13 +59,21 @@ class DerivedInput:
         Those of the job's request.
     exclude : sequence of str or int
         `params.exclude` of the run.
+    strength : float
+        Of `STRENGTH` only: 0 is the source, 1 the result.
     """
 
     def __init__(
-        self, source: Path, result: Path, filename: str, output: OutputOptions, exclude: Sequence[str | int] = ()
+        self,
+        source: Path,
+        result: Path,
+        filename: str,
+        output: OutputOptions,
+        exclude: Sequence[str | int] = (),
+        strength: float = 1.0,
     ) -> None:
         self.source, self.result, self.filename = source.absolute(), result.absolute(), filename
-        self.output, self.exclude = output, list(exclude)
+        self.output, self.exclude, self.strength = output, list(exclude), strength
 
     @property
     def size(self) -> int:
@@ -79,7 +101,7 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     Parameters
     ----------
     name : str
-        A key of `DERIVED`.
+        A key of `DERIVED`, or `STRENGTH`.
     given : DerivedInput
     target : Path
         The file to write; its folder also takes the child's temporary files.
@@ -89,10 +111,12 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     ------
     AssetError
         The files cannot be read, do not belong together, or need too much memory or time.
+    ParameterError
+        The result whose strength is changed was not made from the source.
     DependencyError
         A package is not installed.
     UnavailableError
-        The machine cannot start a process at the moment.
+        The machine cannot start a process at the moment, or another strength needs too much memory or time.
     """
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s
@@ -102,6 +126,7 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
         "provenance": given.output.provenance,
         "morph_path": given.output.morph_path.model_dump(mode="json"),
         "exclude": given.exclude,
+        "strength": given.strength,
         "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(given.size),
         "seconds": seconds,
         "limits": asdict(limits),
@@ -110,9 +135,9 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     try:
         outcome = run_child(__name__, arguments, timeout_s=seconds, temporary=target.absolute().parent)
     except TimeoutError as error:
-        raise _too_large(name, f"within {seconds:g} s") from error
+        raise _too_much(name, f"within {seconds:g} s") from error
     if outcome.verdict is None:
-        raise _too_large(name, "with the memory and time that it may use")
+        raise _too_much(name, "with the memory and time that it may use")
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
 
@@ -123,7 +148,12 @@ def _plain(filename: str) -> str:
     return f"asset.{extension}" if extension.isascii() and extension.isalnum() and len(extension) < 10 else "asset"
 
 
-def _too_large(name: str, how: str) -> AssetTooLargeError:
+def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
+    if name == STRENGTH:
+        return UnavailableError(
+            f"The strength could not be applied {how} on this server.",
+            advice="Download the result and its source, and run `meshdeform apply`.",
+        )
     return AssetTooLargeError(
         f"{name} could not be made {how}.", advice="Request it with the job, or make it from the downloaded files."
     )
@@ -132,7 +162,7 @@ def _too_large(name: str, how: str) -> AssetTooLargeError:
 def main(arguments: list[str] | None = None) -> int:
     """Make one artifact and print a JSON verdict: `{"ok": true}` or `{"ok": false, "error": ...}`."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("name", choices=sorted(DERIVED))
+    parser.add_argument("name", choices=sorted(_MAKERS))
     for path in ("source", "result", "target"):
         parser.add_argument(path, type=Path)
     parser.add_argument("options", type=json.loads)
@@ -142,11 +172,11 @@ def main(arguments: list[str] | None = None) -> int:
     verdict: dict[str, Any] = {"ok": True}
     try:
         require_package(given.name)
-        given.target.write_bytes(DERIVED[given.name](given.source, given.result, given.options, limits))
-    except (AssetError, DependencyError) as error:
+        given.target.write_bytes(_MAKERS[given.name](given.source, given.result, given.options, limits))
+    except MeshdeformError as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
-        verdict = {"ok": False, "error": error_to_json(_too_large(given.name, "with the memory that it may use"))}
+        verdict = {"ok": False, "error": error_to_json(_too_much(given.name, "with the memory that it may use"))}
     print(json.dumps(verdict))
     return 0 if verdict["ok"] else 1
 
@@ -191,8 +221,25 @@ def _usdz(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits
     return write_usdz(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
 
 
+def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+
+    if find_spec("torch") is None:
+        raise DependencyError(
+            "Other strengths need the extra `deform` where they are made.",
+            advice="Download the result and its source, and run `meshdeform apply`, or install the extra.",
+        )
+    from meshdeform.runs.strength import with_strength
+
+    asset = load_asset(source.read_bytes(), options["filename"], limits)
+    given = {"exclude": options["exclude"], "limits": limits, "compact": options["compact"]}
+    return with_strength(asset, result.read_bytes(), options["strength"], **given)
+
+
 DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
     "result.usdz": _usdz,
 }
 """What can be made afterwards, by the artifact's name."""
+
+_MAKERS = {**DERIVED, STRENGTH: _strength}

@@ -12,7 +12,7 @@ from anyio import CapacityLimiter, to_thread
 from meshdeform.errors import NotFoundError, ParameterError
 from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
-from meshdeform.runs.strength_process import apply_strength
+from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import StoredObject
 from service.http.slots import FairSlots
 
@@ -23,7 +23,6 @@ __all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths"]
 
 MAX_STRENGTH, STRENGTH_STEP = 1.5, 0.01
 _AT_ONCE, _PER_OWNER, _WAIT_S = 2, 1, 120.0
-_TIMEOUT_S = 120.0
 _KEPT_PER_JOB = 16
 _REMEMBERED = 512
 
@@ -83,17 +82,9 @@ class Strengths:
             source, result, output = (folder / name for name in ("source", "result", "output"))
             app.store.fetch(job.source.key, source, sha256=job.source.sha256)
             app.store.fetch(artifact.key, result, sha256=artifact.sha256)
-            apply_strength(
-                source,
-                result,
-                output,
-                strength,
-                filename=job.source.filename,
-                exclude=getattr(job.request.params, "exclude", ()),
-                compact=job.request.output.compact,
-                limits=app.assets.limits,
-                timeout_s=_TIMEOUT_S,
-            )
+            exclude = getattr(job.request.params, "exclude", ())
+            given = DerivedInput(source, result, job.source.filename, job.request.output, exclude, strength)
+            derive(STRENGTH, given, output, app.assets.limits)
             made = self._keep(app, job, artifact, output, key)
         self._remember(key, made)
         return made

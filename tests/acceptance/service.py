@@ -147,7 +147,9 @@ class Service:
     def post(
         self, asset: bytes, filename: str, request: Mapping[str, Any], target: Path | None = None
     ) -> httpx.Response:
-        """Post a job."""
+        """Post a job; one with a prompt keeps its front unless it says more: the search takes as long as the rest."""
+        if "prompt" in request:
+            request = {**request, "params": {"orientation": "keep", **request.get("params", {})}}
         files: dict[str, Any] = {"asset": (filename, asset)}
         if target is not None:
             files["target"] = (target.name, target.read_bytes())

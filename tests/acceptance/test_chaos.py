@@ -40,7 +40,7 @@ def postgres(server_folder: Path) -> Iterator[PostgresServer]:
 @pytest.mark.parametrize(
     ("count", "pause_s"),
     [
-        pytest.param(12, (0.4, 2.0), id="12 jobs, often"),
+        pytest.param(6, (0.4, 2.0), id="6 jobs, often"),
         pytest.param(200, (0.1, 0.8), id="200 jobs, all the time", marks=pytest.mark.long),
     ],
 )

@@ -108,6 +108,7 @@ def gone(process: psutil.Process) -> bool:
     return True
 
 
+@pytest.mark.long  # test_faults.py does the same with a sum, and test_serve.py with Ctrl-C and SIGKILL
 def test_sigterm_hands_the_job_back_and_the_next_worker_ends_it_with_the_same_bytes(
     deployment: Deployment, tmp_path: Path
 ) -> None:

@@ -20,7 +20,7 @@ from meshdeform.record.keys import KeyRing  # noqa: E402
 from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
 from tests.acceptance.service import Service  # noqa: E402
-from tests.browser.conftest import watched  # noqa: E402
+from tests.browser.conftest import Watch, watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
 from tests.fake_kind import FakeKind  # noqa: E402
 from tests.integration.conftest import serving  # noqa: E402
@@ -65,6 +65,10 @@ def views(page: Page, finished: str) -> Iterator[str]:
     open_form(page)
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_text(re.compile(r"^All \d+ nouns")).click()
+    page.get_by_text("Control", exact=True).click()
+    for tool in ("Add a box", "Add triangles", "Add a handle"):
+        page.get_by_role("button", name=tool).click()
+    page.get_by_label("Length along x", exact=True).select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
     page.goto(f"/#/jobs/{finished}")
@@ -141,7 +145,8 @@ def test_a_server_that_wants_a_key_is_given_one(
         expect(page.get_by_role("dialog", name="API key")).to_be_visible()
 
 
-def test_the_keyboard_is_enough(page: Page, service: Service, small_sphere: Path) -> None:
+def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
+    watch.allow(r"status of 422 .*/v1/jobs:validate")  # of a prompt that is still being typed
     open_form(page)
     page.keyboard.press("Tab")
     expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
@@ -162,7 +167,7 @@ def test_the_keyboard_is_enough(page: Page, service: Service, small_sphere: Path
     assert seen[-1] == "prompt", seen
     assert "Choose a file" in seen
     page.keyboard.type("a mushroom")
-    for _ in range(40):
+    for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
         if focused == "Advanced":
@@ -176,6 +181,7 @@ def test_the_keyboard_is_enough(page: Page, service: Service, small_sphere: Path
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
+    assert service.finished(job_id)["state"] == "succeeded"
     expect(badge(page)).to_have_text("Succeeded")
     assert service.job(job_id)["params"]["steps"] == 8
     # The focus is at the new content, and the morph is moved by the arrows.

@@ -6,16 +6,17 @@ import asyncio
 import hashlib
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
+from meshdeform.assets.limits import Limits
 from meshdeform.client import AsyncClient, Client
 from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
+from meshdeform.runs.derive import DerivedInput
 from service.downloads import strengths
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem
@@ -58,7 +59,7 @@ def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
     np.testing.assert_allclose(positions(half.content), positions(sphere) * [1.0, 1.5, 1.0], atol=0.02)
     assert half.headers["content-disposition"] == 'attachment; filename="sphere-an-egg-seed0-strength50.glb"'
     assert half.headers["etag"] == f'"{hashlib.sha256(half.content).hexdigest()}"'
-    monkeypatch.setattr(strengths, "apply_strength", None)  # from here on nothing is made
+    monkeypatch.setattr(strengths, "derive", None)  # from here on nothing is made
     again = {"If-None-Match": half.headers["etag"]}
     assert api.http.get(url, params={"strength": 0.5}, headers=again).status_code == 304
     part = api.http.get(url, params={"strength": 0.5}, headers={"Range": "bytes=100-199"})
@@ -84,10 +85,10 @@ def test_the_ends_and_the_clients(api: Api, job_id: str, sphere: bytes, tmp_path
 
 
 def test_only_a_few_strengths_of_a_job_are_kept(api: Api, job_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fake(_source: Path, _result: Path, output: Path, strength: float, **_more: Any) -> None:
-        output.write_bytes(f"{strength}".encode())
+    def fake(_name: str, given: DerivedInput, output: Path, _limits: Limits) -> None:
+        output.write_bytes(f"{given.strength}".encode())
 
-    monkeypatch.setattr(strengths, "apply_strength", fake)
+    monkeypatch.setattr(strengths, "derive", fake)
     monkeypatch.setattr(strengths, "_KEPT_PER_JOB", 2)
     for strength in ("0.1", "0.2", "0.3", "0.1"):
         answer = api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb", params={"strength": strength})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import random
 import re
 import subprocess
 import sys
@@ -38,7 +39,7 @@ from tests.unit.storage.test_store import (  # noqa: F401 - the same tests, here
 
 DATA = bytes(range(256)) * 17
 # Three parts of a multipart upload, the last one short.
-BIG = b"".join(hashlib.sha256(number.to_bytes(4, "big")).digest() for number in range(600_000))
+BIG = random.Random(1).randbytes(19_200_000)
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ from tests.acceptance.service import Service, until
 glb = pytest.importorskip("meshdeform_blender.glb")
 client_module = pytest.importorskip("meshdeform_blender.client")
 job_module = pytest.importorskip("meshdeform_blender.job")
+control = pytest.importorskip("meshdeform_blender.control")
 errors = pytest.importorskip("meshdeform_blender.errors")
 
 TARGET = {"params": {"guidance": "target", "steps": 5, "checkpoint_every_steps": 5}}
@@ -74,6 +75,29 @@ def test_what_comes_back_is_vertex_by_vertex_what_was_sent(shear: float) -> None
 def test_what_is_sent_is_valid(shear: float, validate_glb: Callable[[bytes], dict[str, Any]]) -> None:
     report = validate_glb(glb.write_glb([part("a", turned(shear)), part("b")]))
     assert report["issues"]["messages"] == []
+
+
+def test_vertex_groups_and_empties_mean_the_faces_and_places_of_the_file() -> None:
+    parts = [part("a", turned()), part("b", turned(0.7)), part("c")]
+    weights = [None, (parts[1].positions[:, 2] > 0.3).astype(np.float32), np.full(len(parts[2].positions), 0.5)]
+    [region] = control.region_documents(parts, weights, "Head", "keep")
+    items = [item if isinstance(item, list) else [item, item] for item in region["faces"]]
+    numbers = np.concatenate([np.arange(first, last + 1) for first, last in items])
+    surface = load_asset(glb.write_glb(parts)).surface
+    vertices = np.unique(surface.triangles[numbers]) - len(parts[0].positions)
+    # Of the second part alone; in the third, no corner weighs more than a half.
+    assert (parts[1].positions[vertices, 2] > 0.3).all()
+    expected = (parts[1].positions[parts[1].triangles][..., 2] > 0.3).all(1)
+    assert len(numbers) == expected.sum() > 10
+    # A vertex in Blender's world is where the service has it.
+    place = parts[0].matrix[:3, :3] @ parts[0].positions[7] + parts[0].matrix[:3, 3]
+    handle = control.handle_document(place, place + [0, 0, 1], 0.5)
+    np.testing.assert_allclose(handle["position"], surface.positions[7], rtol=1e-5)
+    np.testing.assert_allclose(np.subtract(handle["to"], handle["position"]), [0, 1, 0], atol=1e-9)
+    assert handle["weight"] == 0.5
+    assert "weight" not in control.handle_document(place, place)
+    with pytest.raises(errors.AddonError, match="“Tail”"):
+        control.region_documents(parts, [None, None, None], "Tail", "only")
 
 
 def test_what_cannot_be_sent_is_told_at_once() -> None:

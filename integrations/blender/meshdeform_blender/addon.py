@@ -10,7 +10,7 @@ import bpy
 
 from .client import Client
 from .errors import AddonError
-from .session import current
+from .session import HANDLE_START, current
 
 _REDRAW_S = 0.2
 _PRESETS = [
@@ -29,6 +29,19 @@ _FRONTS = [
     ("90", "+X", "The right view shows the front"),
     ("180", "+Y", "The back view shows the front"),
     ("270", "-X", "The left view shows the front"),
+]
+_REGIONS = [
+    ("none", "None", "Everything may move"),
+    ("keep", "Keep", "What is in the vertex group does not move at all"),
+    ("only", "Only", "Only what is in the vertex group moves"),
+]
+# Blender's axes: its Y is the file's Z, up to the sign.
+_SYMMETRIES = [
+    ("none", "None", "No symmetry is kept"),
+    ("auto", "Automatic", "The symmetry that the meshes have, if any"),
+    ("x", "X", "Left and right are mirror images"),
+    ("z", "Y", "Front and back are mirror images"),
+    ("y", "Z", "Top and bottom are mirror images"),
 ]
 _APPLY = [
     ("SHAPE_KEY", "Shape Key", "Add the result as a shape key, so that a slider blends between source and result"),
@@ -72,6 +85,17 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
     front: bpy.props.EnumProperty(
         name="Front", items=_FRONTS, description="The side that becomes the front of what is in the prompt"
     )
+    region: bpy.props.EnumProperty(name="Region", items=_REGIONS, description="What the vertex group is for")
+    group: bpy.props.StringProperty(
+        name="Vertex Group", maxlen=63, description="Faces count as in it if all their corners weigh more than 0.5"
+    )
+    handles: bpy.props.PointerProperty(
+        name="Handles", type=bpy.types.Collection, description="The empties that take points of the surface along"
+    )
+    handle_weight: bpy.props.FloatProperty(
+        name="Pull", default=1.0, min=0.01, max=1.0, description="1: the points are exactly where the empties are"
+    )
+    symmetry: bpy.props.EnumProperty(name="Symmetry", items=_SYMMETRIES)
     apply: bpy.props.EnumProperty(name="Result", items=_APPLY)
 
     def request(self) -> dict[str, Any]:
@@ -153,6 +177,32 @@ class MESHDEFORM_OT_deform(bpy.types.Operator):
         return {"FINISHED"} if outcome == "applied" else {"CANCELLED"}
 
 
+class MESHDEFORM_OT_add_handle(bpy.types.Operator):
+    """Add an empty at the 3D cursor. Move it: the nearest point of the surface goes with it in the next deformation"""
+
+    bl_idname = "meshdeform.add_handle"
+    bl_label = "Add Handle"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender's own form
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Return whether objects can be added."""
+        return bool(context.mode == "OBJECT")
+
+    def execute(self, context: Any) -> set[str]:
+        """Add the empty to the collection of handles, which is made if there is none."""
+        settings = context.scene.meshdeform
+        if settings.handles is None:
+            settings.handles = bpy.data.collections.new("Meshdeform Handles")
+            context.scene.collection.children.link(settings.handles)
+        empty = bpy.data.objects.new("Handle", None)
+        empty.empty_display_type, empty.empty_display_size = "SPHERE", 0.1
+        empty.location = context.scene.cursor.location
+        empty[HANDLE_START] = list(context.scene.cursor.location)
+        settings.handles.objects.link(empty)
+        return {"FINISHED"}
+
+
 class MESHDEFORM_OT_cancel(bpy.types.Operator):
     """Stop the running deformation"""
 
@@ -209,6 +259,7 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
             layout.prop(settings, "front")
         for name in ("preset", "steps", "seed", "apply"):
             layout.prop(settings, name)
+        self._draw_control(context, settings)
         status = current.status
         if status is not None:
             row = layout.row()
@@ -222,11 +273,28 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
                 icon = "NONE" if number else ("ERROR" if current.is_error else "INFO")
                 box.label(text=line, icon=icon)
 
+    def _draw_control(self, context: Any, settings: Any) -> None:
+        """Draw what says where the meshes may deform."""
+        column = self.layout.column(heading="Control")
+        column.prop(settings, "region")
+        active = context.view_layer.objects.active
+        if settings.region != "none":
+            if active is not None and active.type == "MESH":
+                column.prop_search(settings, "group", active, "vertex_groups")
+            else:
+                column.prop(settings, "group")
+        column.prop(settings, "symmetry")
+        column.prop(settings, "handles")
+        if settings.handles is not None:
+            column.prop(settings, "handle_weight")
+        column.operator("meshdeform.add_handle", icon="EMPTY_DATA")
+
 
 _CLASSES = (
     MESHDEFORM_preferences,
     MESHDEFORM_settings,
     MESHDEFORM_OT_deform,
+    MESHDEFORM_OT_add_handle,
     MESHDEFORM_OT_cancel,
     MESHDEFORM_OT_check,
     MESHDEFORM_PT_panel,

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from . import meshes
+from . import control, meshes
 from .client import Client, is_loopback
 from .errors import AddonError
 from .glb import read_positions, write_glb
@@ -61,7 +61,9 @@ class Session:
         target = write_glb([source.part for source in meshes.gather([target_object])]) if target_object else None
         asset = write_glb([source.part for source in sources])
         name = sources[0].part.name
-        job = JobThread(preferences.url, preferences.api_key, asset, f"{name}.glb", settings.request(), target)
+        request = settings.request()
+        request["params"] |= _control(sources, settings)
+        job = JobThread(preferences.url, preferences.api_key, asset, f"{name}.glb", request, target)
         self._sources, self._how = sources, settings.apply
         self._name = settings.prompt.strip() or (target_object.name if target_object else "Meshdeform")
         self.job, self.message, self.is_error = job, "", False
@@ -105,5 +107,37 @@ class Session:
         self.message, self.is_error, self._sources = message, how == "failed", []
         return how
 
+
+def _control(sources: Sequence[meshes.Source], settings: Any) -> dict[str, Any]:
+    """Return the parameters that say where the meshes may deform.
+
+    Raises
+    ------
+    AddonError
+        The vertex group selects nothing.
+    """
+    params: dict[str, Any] = {}
+    if settings.region != "none" and settings.group:
+        parts = [source.part for source in sources]
+        weights = meshes.group_weights(sources, settings.group)
+        params["regions"] = control.region_documents(parts, weights, settings.group, settings.region)
+    elif settings.region != "none":
+        raise AddonError("There is no vertex group.", "Choose one, or set Region to None.")
+    if settings.handles:
+        bpy.context.view_layer.update()  # places that a script has set count, too
+        empties = [obj for obj in settings.handles.objects if obj.type == "EMPTY" and HANDLE_START in obj]
+        params["handles"] = [
+            control.handle_document(obj[HANDLE_START], obj.matrix_world.translation, settings.handle_weight)
+            for obj in empties
+        ]
+        if not empties:
+            raise AddonError(f"The collection “{settings.handles.name}” has no handles.", "Add some with Add Handle.")
+    if settings.symmetry != "none":
+        params["symmetry"] = settings.symmetry
+    return params
+
+
+HANDLE_START = "meshdeform_start"
+"""The custom property of an empty with the place at which it was added, that is, the point that it takes along."""
 
 current = Session()

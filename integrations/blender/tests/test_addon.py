@@ -151,6 +151,31 @@ def test_several_objects_are_deformed_together_each_in_its_own_space(scene: Any)
     assert twin.data == first.data
 
 
+def test_a_vertex_group_stays_and_an_empty_takes_a_point_along(scene: Any) -> None:
+    target, suzanne = ball(), monkey(location=(0.5, 0, 0))
+    before = coordinates(suzanne.data.vertices)
+    group = suzanne.vertex_groups.new(name="Ear")
+    inside = before[:, 0] > 0.3
+    group.add(np.flatnonzero(inside).tolist(), 1.0, "REPLACE")
+    held = int(np.argmin(before[:, 0]))
+    scene.cursor.location = suzanne.matrix_world @ suzanne.data.vertices[held].co
+    assert bpy.ops.meshdeform.add_handle() == {"FINISHED"}
+    [empty] = scene.meshdeform.handles.objects
+    empty.location.x -= 0.4
+    select(suzanne)
+    towards(scene, target, "REPLACE")
+    scene.meshdeform.region, scene.meshdeform.group = "keep", "Ear"
+    assert bpy.ops.meshdeform.deform() == {"FINISHED"}
+    after = coordinates(suzanne.data.vertices)
+    triangles = np.array([triangle.vertices for triangle in suzanne.data.loop_triangles])
+    kept_vertices = np.unique(triangles[inside[triangles].all(1)])
+    np.testing.assert_array_equal(after[kept_vertices], before[kept_vertices])
+    np.testing.assert_allclose(after[held], before[held] - [0.4, 0, 0], atol=1e-3)
+    scene.meshdeform.group = "Nose"
+    with pytest.raises(RuntimeError, match="Nose"):
+        bpy.ops.meshdeform.deform()
+
+
 def test_undo_takes_it_back_and_redo_brings_it(scene: Any) -> None:
     target, suzanne = ball(), monkey()
     before = coordinates(suzanne.data.vertices)

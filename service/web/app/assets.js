@@ -34,14 +34,17 @@ export class Asset {
    * What to send with a document, as `POST /v1/jobs` wants it.
    *
    * @param {Record<string, any>} document
+   * @param {Record<string, Asset>} [others] More files, by the names of their parts.
    * @returns {Promise<{json?: any, body?: FormData}>}
    */
-  async submission(document) {
-    const upload = this.size > SMALL_BYTES ? await this._uploaded() : "";
-    if (upload) return { json: { ...document, asset: { upload_id: upload } } };
+  async submission(document, others = {}) {
+    const all = Object.entries({ asset: /** @type {Asset} */ (this), ...others });
+    const large = all.some(([, { size }]) => size > SMALL_BYTES);
+    const uploads = large ? await Promise.all(all.map(([, file]) => file._uploaded())) : [];
+    if (large && uploads.every(Boolean)) return { json: { ...document, files: Object.fromEntries(all.map(([part], i) => [part, { upload_id: uploads[i] }])) } };
     const body = new FormData();
     body.append("request", JSON.stringify(document));
-    body.append("asset", this.blob, this.name);
+    for (const [part, file] of all) body.append(part, file.blob, file.name);
     return { body };
   }
 

@@ -5,7 +5,8 @@
  * tab, for a week. A write to IndexedDB that begins as the page goes is lost.
  *
  * @typedef {import("./assets.js").Asset} Asset
- * @typedef {{from: string | null, wish: any, asset: Asset | null, stored?: boolean}} Draft `stored`: read back from the browser.
+ * @typedef {{from: string | null, wish: any, asset: Asset | null, files?: Record<string, Asset>, stored?: boolean}} Draft `files`: by the
+ *   names of their parts. `stored`: read back from the browser.
  */
 import { Asset as AssetFile } from "./assets.js";
 
@@ -46,7 +47,8 @@ export async function lastDraft() {
   const found = records.find((record) => record.tab === words.tab);
   const asset = found?.file ? new AssetFile(found.file, found.name) : null;
   // Who typed meanwhile has a newer one.
-  held ??= { from: words.from, wish: words.wish, asset, stored: true };
+  const files = Object.fromEntries(Object.entries(found?.files ?? {}).map(([part, { file, name }]) => [part, new AssetFile(file, name)]));
+  held ??= { from: words.from, wish: words.wish, asset, files, stored: true };
   return held;
 }
 
@@ -91,9 +93,11 @@ function tabId() {
 /** Write the draft to IndexedDB. */
 async function store() {
   if (!held) return;
-  const { from, wish, asset } = held;
+  const { from, wish, asset, files = {} } = held;
   const small = asset !== null && asset.size <= LARGEST_BYTES;
-  const record = { tab: tabId(), at: Date.now(), from, wish, file: small ? asset.blob : null, name: asset?.name ?? "" };
+  const kept = Object.entries(files).filter(([, { size }]) => size <= LARGEST_BYTES);
+  const others = Object.fromEntries(kept.map(([part, { blob, name }]) => [part, { file: blob, name }]));
+  const record = { tab: tabId(), at: Date.now(), from, wish, file: small ? asset.blob : null, name: asset?.name ?? "", files: others };
   try {
     await change((store) => store.put(record));
     const records = (await all()).sort((a, b) => b.at - a.at);

@@ -24,6 +24,9 @@
  * @property {boolean} usd
  * @property {boolean} subdivide
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
+ * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles, symmetry and lengths; `of` is the
+ *   file that they are for.
+ * @property {(import("./create/guide/model.js").Guide & {target?: boolean}) | null} [guide] What its files besides the asset are for.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
  *
  * @typedef {object} Kept
@@ -31,6 +34,8 @@
  * @property {Record<string, any>} output
  */
 
+import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
+import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
 import { count } from "./format.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -102,7 +107,7 @@ export function integerProblem(text, min, max) {
  */
 export function documents(wish, steps, group, fields) {
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, preset: wish.preset };
+  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), wish.guide?.target ?? false, wish.prompt.trim()), preset: wish.preset };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -113,7 +118,7 @@ export function documents(wish, steps, group, fields) {
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
   return Array.from({ length: wish.variations }, (_, index) => ({
-    prompt: wish.prompt.trim(),
+    ...(wish.guide?.target || (params.guidance && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
     output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}), ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
@@ -143,8 +148,8 @@ export function randomSeed(random = Math.random) {
   return Math.floor(random() * 100000);
 }
 
-// Not kept: what the form asks for itself, and the target of another kind of guidance, which it cannot send.
-const ASKED = ["preset", "model", "seed", "checkpoint_every_steps", "guidance"];
+// Not kept: what the form asks for itself.
+const ASKED = ["preset", "model", "seed", "checkpoint_every_steps", ...GUIDE_PARAMS];
 
 /** Nothing kept. @returns {Kept} */
 export function nothingKept() {
@@ -171,7 +176,7 @@ export function keptText(kept) {
  */
 export function wishOf(job, fields, defaults = {}) {
   const params = job.params ?? {};
-  const asked = new Set([...ASKED, ...fields.map((field) => field.name)]);
+  const asked = new Set([...ASKED, ...CONTROL_PARAMS, ...fields.map((field) => field.name)]);
   const advanced = Object.fromEntries(
     fields.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),
   );
@@ -185,11 +190,18 @@ export function wishOf(job, fields, defaults = {}) {
     usd: Boolean(job.output?.usd),
     subdivide: Boolean(job.output?.subdivide),
     advanced,
+    guide: { ...guideOf(params), target: Boolean(job.files?.target) },
+    control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
       output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd", "subdivide"].includes(name) && value && !same(value, defaults[name]))),
     },
   };
+}
+
+/** What tells one file from another on the form. @param {string} name @param {number} size */
+export function fileKey(name, size) {
+  return `${name} ${size}`;
 }
 
 /** Return whether two values are alike, in whatever order their members are. @param {any} a @param {any} b */

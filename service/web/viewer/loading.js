@@ -12,6 +12,19 @@ import { isGlb, readJson } from "./glb.js";
 /** @typedef {"glb" | "gltf" | "obj" | "ply" | "stl"} Format */
 /** @typedef {{ root: import("three").Object3D, animations: import("three").AnimationClip[] }} Loaded */
 
+/**
+ * What is needed of a file to number its faces as the service does: of a glTF its JSON and the nodes of its objects.
+ * @typedef {{ format: Format, buffer?: ArrayBuffer, json?: Record<string, any>, nodes?: Map<object, number> }} Origin
+ */
+
+/** @type {WeakMap<import("three").Object3D, Origin>} */
+const origins = new WeakMap();
+
+/** @param {import("three").Object3D} root as `parseAsset` made it */
+export function originOf(root) {
+  return origins.get(root) ?? null;
+}
+
 /** @type {import("../vendor/three/addons/loaders/DRACOLoader.js").DRACOLoader | undefined} */
 let draco;
 /** @type {import("../vendor/three/addons/loaders/KTX2Loader.js").KTX2Loader | undefined} */
@@ -37,6 +50,7 @@ export async function parseAsset(buffer, format, renderer) {
     throw new Error(`The ${kind.toUpperCase()} file cannot be read: ${reason(error)}`, { cause: error });
   }
   requireTriangles(root);
+  origins.set(root, { format: kind, buffer });
   return { root, animations: [] };
 }
 
@@ -79,6 +93,8 @@ async function parseGltf(buffer, renderer) {
   const root = gltf.scene ?? gltf.scenes[0];
   if (!root) throw new Error("The glTF file has no scene.");
   requireTriangles(root);
+  const nodes = [...gltf.parser.associations].filter(([, found]) => found?.nodes !== undefined);
+  origins.set(root, { format: "glb", json, nodes: new Map(nodes.map(([object, found]) => [object, Number(found.nodes)])) });
   return { root, animations: gltf.animations };
 }
 

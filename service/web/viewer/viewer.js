@@ -114,6 +114,11 @@ export class MeshViewer extends EventTarget {
     });
   }
 
+  /** @returns {import("three").Object3D | null} what is loaded */
+  get root() {
+    return this.#root;
+  }
+
   /** @returns {AssetInfo} of what is loaded; loaders of other formats than glTF repeat a vertex for each of its faces */
   get info() {
     const meshes = this.#root ? meshesOf(this.#root) : [];

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 import torch
 
@@ -44,26 +41,6 @@ def test_what_has_no_gradient_stays() -> None:
     optimizer.step()
     assert torch.equal(x, torch.ones(3))
     assert optimizer.state == {}
-
-
-@pytest.mark.slow
-def test_a_run_loads_no_compiler() -> None:
-    """What torch's own optimiser loads takes longer than a short run."""
-    code = """
-import sys, torch
-from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.deformation.loop import Deformation
-from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.priors import load_prior
-from meshdeform.geometry.shapes import icosphere
-
-torch.set_num_threads(1)
-guidance = ScoreDistillation(load_prior("builtin", device="cpu"), "a mushroom", guidance_scale=7.5)
-list(Deformation(icosphere(2, 0.6), guidance, resolve(DeformParams(steps=2))))
-print("torch._dynamo" in sys.modules)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 def test_its_state_goes_on_where_it_was() -> None:

@@ -49,8 +49,8 @@ def deformation(mesh: TriangleMesh, prompt: str = "a giraffe", **changes: object
     return Deformation(mesh, score_distillation(prior(), prompt, settings), settings)
 
 
-@pytest.mark.parametrize("degrees", [90.0, 180.0])
-def test_the_front_of_a_turned_animal_is_found(degrees: float) -> None:
+def test_the_front_of_a_turned_animal_is_found() -> None:
+    degrees = 90.0  # 180 is that of the resumed run below
     found = deformation(placed("quadruped", degrees)).orientation
     assert found.source is OrientationSource.FOUND
     assert abs((found.turn_deg - degrees + 180) % 360 - 180) <= 15
@@ -63,7 +63,7 @@ def test_an_animal_that_faces_forward_is_kept() -> None:
     assert "front" in found.to_dict()["notice"]
 
 
-@pytest.mark.parametrize(("source", "prompt"), [("sphere", "an airplane"), ("vase", "a rabbit"), ("cube", "a chair")])
+@pytest.mark.parametrize(("source", "prompt"), [("vase", "a rabbit"), ("cube", "a chair")])
 def test_a_symmetric_source_is_kept(source: str, prompt: str) -> None:
     found = deformation(placed(source), prompt).orientation
     assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNDECIDED)
@@ -89,10 +89,10 @@ def test_the_search_does_not_change_the_run_that_keeps_the_front() -> None:
 def test_a_resumed_run_has_the_turn_of_its_checkpoint_and_does_not_search(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = placed("quadruped", 180.0)
     whole = deformation(mesh, steps=4)
+    assert abs(abs(whole.orientation.turn_deg) - 180) <= 15
+    next(iter(whole))
+    stored = dump_checkpoint(whole.checkpoint(), "run")
     list(whole)
-    first = deformation(mesh, steps=4)
-    next(iter(first))
-    stored = dump_checkpoint(first.checkpoint(), "run")
     monkeypatch.setattr(ScoreDistillation, "grades", None)
     settings = params(steps=4)
     guidance = score_distillation(prior(), "a giraffe", settings)

@@ -26,6 +26,8 @@ export class AssetPanel {
     this.asset = null;
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
     this.choices = 0;
+    /** Takes pictures, and what is dropped on its place; null where nobody does. @type {((files: File[]) => void) | null} */
+    this.guide = null;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
     this.input = h("input", {
@@ -37,6 +39,7 @@ export class AssetPanel {
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
     this.below = h("div", null);
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
+    this.stage = h("div", { class: "stage" });
     this.element = this._build();
     this._wire();
   }
@@ -48,16 +51,15 @@ export class AssetPanel {
       );
     }
     const choose = button("Choose a file", () => this.input.click(), { icon: "upload" });
+    this.stage.append(
+      this.box.element,
+      h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
+      button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "stage-reset" }),
+    );
     return h(
       "section",
       { class: "asset-panel", "aria-label": "Asset" },
-      h(
-        "div",
-        { class: "stage" },
-        this.box.element,
-        h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
-        button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "stage-reset" }),
-      ),
+      this.stage,
       this.below,
       this.problem,
       h(
@@ -92,11 +94,20 @@ export class AssetPanel {
     scope.listen(document, "drop", (event) => {
       depth = 0;
       veil(false);
-      const file = event.dataTransfer?.files?.[0];
-      if (!file) return;
+      const files = [...(event.dataTransfer?.files ?? [])];
+      if (!files.length) return;
       event.preventDefault();
-      this.take(file);
+      const place = event.target instanceof Element && event.target.closest("[data-drop='guide']");
+      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
+      else this.take(files[0]);
     });
+  }
+
+  /** Show another view beside that of the asset. @param {ViewerBox} box */
+  besides(box) {
+    this.other = box;
+    box.element.dataset.drop = "guide";
+    this.box.element.after(box.element);
   }
 
   /** Put a control below the view. @param {HTMLElement} control */

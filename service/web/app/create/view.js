@@ -5,15 +5,17 @@ import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api
 import { Asset } from "../assets.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
-import { duration, roughly } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
-import { documents, fieldsOf, wishOf } from "../params.js";
+import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { ControlPanel } from "./control/panel.js";
+import { estimateWords } from "./estimate.js";
+import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
@@ -34,6 +36,8 @@ export class CreateView {
     this.checks = 0;
     /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
     this.fields = Promise.resolve([]);
+    /** Files of the job that the form begins with, besides its asset. @type {Record<string, Asset>} */
+    this.others = {};
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
@@ -45,8 +49,12 @@ export class CreateView {
       },
       (signal) => this._orientation(signal),
     );
+    this.control = new ControlPanel(this.assets.box, () => this._changed());
+    this.assets.addBelow(this.control.toolbar);
     this.assets.addBelow(this.front.element);
     this.prompt = new PromptField(() => this._changed());
+    this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
+    this.assets.guide = (files) => this.guide.take(files);
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
     this.problem = h("div", { class: "problem-slot" });
@@ -61,8 +69,10 @@ export class CreateView {
       { class: "create-form", "aria-label": "New job", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
       this.restored,
       this.prompt.element,
+      this.guide.element,
       this.problem,
       this.settings.element,
+      this.control.element,
       h("div", { class: "start-bar" }, this.estimate, this.start),
     );
     fill(
@@ -98,12 +108,12 @@ export class CreateView {
     if (this.scope.over) return;
     if (found.models.length) this.settings.offer(found);
     else this.settings.modelRow.hidden = true;
-    if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value });
+    if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value }, draft.files ?? {});
     this.begun ||= draft !== null; // its asset may take longer, and what is typed meanwhile counts
-    this.restored.hidden = !(draft?.stored && draft.wish.prompt);
+    this.restored.hidden = !(draft?.stored && (draft.wish.prompt || Object.keys(draft.files ?? {}).length));
     const wish = await first;
     if (this.scope.over) return;
-    if (wish) this._restore(wish);
+    if (wish) this._restore(wish, this.others);
     this.begun = true;
     this._changed();
   }
@@ -126,6 +136,8 @@ export class CreateView {
     this.from = null;
     this.begun = false;
     this.settings.reset();
+    this.control.restore(null);
+    this.guide.restore(null, {});
     this.prompt.set("");
     await this.assets.example(EXAMPLES[0].name);
     this.begun = true;
@@ -160,6 +172,7 @@ export class CreateView {
       const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
       const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
       const asset = new Asset(await response.blob(), job.asset.filename);
+      this.others = await this._filesOf(job);
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);
     } catch (error) {
@@ -170,16 +183,32 @@ export class CreateView {
     }
   }
 
-  /** @param {import("../params.js").Wish} wish */
-  _restore(wish) {
+  /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
+  async _filesOf(job) {
+    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+    const files = parts.map(async ([part, { filename }]) => {
+      const response = await request(`v1/jobs/${job.id}/files/${part}`, { signal: this.scope.signal });
+      return [part, new Asset(await response.blob(), filename)];
+    });
+    return Object.fromEntries(await Promise.all(files));
+  }
+
+  /** @param {import("../params.js").Wish} wish @param {Record<string, Asset>} files */
+  _restore(wish, files) {
     this.settings.restore(wish);
+    this.control.restore(wish.control);
+    this.guide.restore(wish.guide, files);
     this.prompt.set(wish.prompt);
   }
 
   _changed() {
     this.front.forget();
     this.front.show(this.settings.value("orientation"));
-    if (this.begun) keepDraft({ from: this.from, wish: this.settings.draft(this.prompt.input.value), asset: this.assets.asset });
+    const { asset } = this.assets;
+    if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
+    this.control.view.exclude(this.settings.kept.params.exclude ?? []);
+    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
+    this.prompt.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
   }
@@ -203,14 +232,24 @@ export class CreateView {
     this.start.textContent = variations > 1 ? `Deform, ${variations} variations` : "Deform";
   }
 
+  _wish() {
+    return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
+  }
+
+  /** Return whether all settings can be sent; what cannot is marked. */
+  _settle() {
+    const found = [this.settings.check(), this.control.check(this.settings.subdivide.checked), this.guide.check()];
+    return found.every(Boolean);
+  }
+
   async _check() {
     const asset = this.assets.asset;
-    const wish = this.settings.wish(this.prompt.value);
+    const wish = this._wish();
     this.checks += 1;
     const turn = this.checks;
     this.checking.abort();
     this.checking = new AbortController();
-    const good = this.settings.check();
+    const good = this._settle();
     const long = this.prompt.problemOfLength;
     this._block(!good || long !== "");
     if (long) this.prompt.refuse(long);
@@ -218,7 +257,7 @@ export class CreateView {
       this.estimate.textContent = good ? "" : "Correct the marked settings.";
       return;
     }
-    if (!asset || !wish.prompt) {
+    if (!asset || (!wish.prompt && this.guide.isEmpty)) {
       this.prompt.refuse(null);
       this.estimate.textContent = wish.prompt ? "" : "Enter a prompt, or pick one.";
       return;
@@ -226,7 +265,7 @@ export class CreateView {
     // What is quick needs no word.
     const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
     try {
-      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
+      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0], this.guide.parts);
       const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.checking.signal, ...sent });
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
@@ -249,6 +288,7 @@ export class CreateView {
     this.front.resolve(found.params.orientation);
     const { triangles, vertices, meshes, skipped, warnings } = found.asset;
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
+    this.control.offer(found.asset);
     this.assets.describe(triangles, vertices, more, warnings);
     fill(this.estimate, estimateWords(found, wish.variations));
   }
@@ -268,8 +308,10 @@ export class CreateView {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
     }
-    if (error instanceof ProblemError && error.status === 404) this.assets.asset?.forgetUpload();
-    const placed = error instanceof ProblemError && Array.isArray(error.document.errors) && this.settings.refuse(error.document.errors);
+    if (error instanceof ProblemError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
+    if (error instanceof ProblemError && this.guide.refuse(error)) return void fill(this.problem);
+    const errors = error instanceof ProblemError && Array.isArray(error.document.errors) ? error.document.errors : null;
+    const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
 
@@ -278,14 +320,17 @@ export class CreateView {
     event.preventDefault();
     if (this.busy) return;
     const asset = this.assets.asset;
-    const wish = this.settings.wish(this.prompt.value);
-    if (!wish.prompt) {
+    const wish = this._wish();
+    if (!wish.prompt && this.guide.isEmpty) {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
       return;
     }
     if (!asset) return;
-    if (!this.settings.check()) return this.settings.focusProblem();
+    if (!this._settle()) {
+      const at = [this.settings, this.guide, this.control].find((part) => part.element.querySelector('[aria-invalid="true"]'));
+      return (at ?? (this.guide.check() ? this.control : this.guide)).focusProblem();
+    }
     if (this.prompt.problemOfLength) return this.prompt.input.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
@@ -310,16 +355,17 @@ export class CreateView {
    * @param {import("../params.js").Wish} wish
    */
   async _post(asset, wish) {
+    const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
     const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
-    const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(wanted)) });
+    const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(wanted, parts)) });
     this.steps = checked.params.steps;
     const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
     /** @type {any[]} */
     const jobs = [];
     for (const document of documents(wish, this.steps, group, this.settings.offered)) {
       try {
-        jobs.push(await requestOnce("v1/jobs", { ...(await asset.submission(document)) }));
+        jobs.push(await requestOnce("v1/jobs", { ...(await asset.submission(document, parts)) }));
       } catch (error) {
         if (!jobs.length) throw error;
         // Some were accepted: show those, and say what became of the others.
@@ -341,17 +387,4 @@ export class CreateView {
 function aboutNegative(error, prompt) {
   const unknown = error.code === "prompt_unknown_words" ? (error.document.unknown ?? []) : [];
   return unknown.length > 0 && unknown.every((/** @type {string} */ word) => !prompt.toLowerCase().includes(word));
-}
-
-/**
- * @param {any} found What `POST /v1/jobs:validate` says.
- * @param {number} variations
- */
-function estimateWords(found, variations) {
-  const { queue_s: queue, run_s: run } = found.estimate;
-  const steps = `${found.params.steps.toLocaleString("en")} steps`;
-  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
-  const all = run * variations;
-  const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
-  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
 }

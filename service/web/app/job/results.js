@@ -95,7 +95,7 @@ export function parametersPanel(job, report) {
   const params = report?.params ?? written;
   const entry = (/** @type {string} */ name, /** @type {unknown} */ value) => [
     h("dt", { class: name in written ? "written" : null }, name),
-    h("dd", null, typeof value === "number" ? String(Number(value.toPrecision(8))) : String(value) || "–"),
+    h("dd", null, typeof value === "number" ? String(Number(value.toPrecision(8))) : value && typeof value === "object" ? JSON.stringify(value) : String(value) || "–"),
   ];
   const origin = job.origin
     ? h(

@@ -9,6 +9,7 @@ import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
 import { unpacked } from "../../viewer/zip.js";
 import { linkViews, ViewerBox } from "../viewer-box.js";
+import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
 import { segmented, showLegend, slider, toggle } from "./stage-controls.js";
@@ -89,7 +90,7 @@ export class JobStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": "Before and after" },
       h("div", { class: "stage pair-stage" }, this.before.element, this.after.element, this.legend),
-      h("div", { class: "stage-tools" }, this.heatmaps, wireframe, compare, reset),
+      h("div", { class: "stage-tools" }, this.heatmaps, wireframe, askedToggle(this.job, this.before, this.scope), compare, reset),
       this.step.row,
       this.morph.row,
       this.keep,

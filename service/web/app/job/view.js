@@ -13,6 +13,7 @@ import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
+import { askedPanel } from "./asked.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { JobStage } from "./stage.js";
@@ -81,7 +82,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : "To a target mesh"),
+        h("h1", { class: "prompt-title" }, job.prompt ? `“${job.prompt}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
@@ -89,7 +90,7 @@ export class JobView {
         "div",
         { class: "job" },
         h("div", { class: "job-main" }, this.stage.element, this.chart.element),
-        h("div", { class: "job-side" }, this.error, this.progress.element, this.results, this.folds, this.log.element),
+        h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
     document.title = `${job.prompt || "Job"} · Meshdeform`;

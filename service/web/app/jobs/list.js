@@ -11,6 +11,7 @@ import { problemBox } from "../problem-box.js";
 import { MAX_SEARCH, routeHash, STATES } from "../router.js";
 import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
+import { SheetPanel } from "./sheet.js";
 
 const PAGE = 24;
 const POLL_MS = 1500;
@@ -51,7 +52,8 @@ export class ListView {
       ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
       : h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
     const head = h("div", { class: "section-head" }, this.title, tools);
-    fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
+    this.sheet = new SheetPanel(scope, () => (group ? this._succeeded() : []));
+    fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more, this.sheet.element);
     scope.listen(document, CHANGED, () => this._deletionsChanged());
     this._run();
   }
@@ -70,6 +72,11 @@ export class ListView {
         wait = Math.min(15000, wait * 2);
       }
     } while (await this.scope.sleep(this._active() || wait > POLL_MS ? wait : 4 * POLL_MS));
+  }
+
+  /** @returns {any[]} in the order of the cards */
+  _succeeded() {
+    return [...this.jobs.values()].filter((job) => job.state === "succeeded" && !isDeleted(job.id)).sort((a, b) => (a.id < b.id ? -1 : 1));
   }
 
   _active() {
@@ -240,6 +247,7 @@ export class ListView {
     this.select.hidden = !jobs.length;
     if (!this.group) return void fill(this.summary, this._searchWords());
     this.cancelAll.hidden = !this._active();
+    this.sheet?.show();
     const prompt = jobs[0]?.prompt ?? "";
     fill(this.title, `“${prompt}”`);
     this.title.className = "prompt-title";

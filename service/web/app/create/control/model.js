@@ -1,0 +1,201 @@
+// @ts-check
+/**
+ * What a request says about where its asset may deform, as the form edits it: regions, handles, symmetry and lengths.
+ * No elements here, so that node can test it.
+ *
+ * @typedef {Record<string, any>} Region
+ * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
+ * @typedef {"keep" | {min?: number | null, max?: number | null}} Limit
+ * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, length: Record<string, Limit>}} Control
+ *   `falloff` as it was typed; empty: as the service decides.
+ */
+import { counted, figure } from "../../format.js";
+
+/** The parameters that the panel edits. */
+export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "length"];
+export const AXES = ["x", "y", "z"];
+export const SYMMETRIES = /** @type {[string, string][]} */ ([
+  ["none", "Not kept"],
+  ["auto", "Where the asset has one"],
+  ["x", "Left and right (x)"],
+  ["y", "Top and bottom (y)"],
+  ["z", "Front and back (z)"],
+]);
+
+/** @returns {Control} */
+export function noControl() {
+  return { regions: [], handles: [], symmetry: "none", falloff: "", length: {} };
+}
+
+/** @param {Control} control */
+export function isEmpty(control) {
+  return !Object.keys(controlParams(control)).length;
+}
+
+/**
+ * The parameters of a request.
+ *
+ * @param {Control} control
+ * @returns {Record<string, any>}
+ */
+export function controlParams({ regions, handles, symmetry, falloff, length }) {
+  // A box or a painted region that is still empty selects nothing.
+  const chosen = regions.filter((region) => !region.faces || region.faces.length);
+  const limits = Object.entries(length).filter(([, limit]) => limit === "keep" || given(limit.min) || given(limit.max));
+  return {
+    ...(chosen.length ? { regions: chosen } : {}),
+    ...(handles.length ? { handles } : {}),
+    ...(symmetry !== "none" ? { symmetry } : {}),
+    ...(chosen.length && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
+    ...(limits.length ? { length: Object.fromEntries(limits) } : {}),
+  };
+}
+
+/** @param {Record<string, any>} params Of a job. @returns {Control} */
+export function controlOf(params) {
+  const length = Object.fromEntries(Object.entries(params.length ?? {}).filter(([, limit]) => limit));
+  return structuredClone({
+    regions: (params.regions ?? []).map(withoutNulls),
+    handles: (params.handles ?? []).map(withoutNulls),
+    symmetry: params.symmetry ?? "none",
+    falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
+    length,
+  });
+}
+
+/** @param {Record<string, any>} document */
+function withoutNulls(document) {
+  return Object.fromEntries(Object.entries(document).filter(([, value]) => value !== null));
+}
+
+/** @param {unknown} value */
+function given(value) {
+  return typeof value === "number";
+}
+
+/** @param {Region} region What it is, in words. */
+export function regionWords(region) {
+  const { faces, box, sphere, capsule, joint, color, component, node, mesh, material } = region;
+  if (faces) return `Painted, ${counted(faceCount(faces), "triangle")}`;
+  if (box) return "Box";
+  if (sphere) return `Sphere of radius ${figure(sphere.radius)}`;
+  if (capsule) return `Capsule of radius ${figure(capsule.radius)}`;
+  if (joint) return `Joint ${joint.name}, above ${figure(joint.above ?? 0.5)}`;
+  if (color) return `Vertex colour ${color.rgb.map(figure).join(", ")}`;
+  if (component !== undefined) return `Component ${component}`;
+  if (node !== undefined) return `Node ${node}`;
+  return material !== undefined ? `Material ${material}` : `Mesh ${mesh}`;
+}
+
+/**
+ * All that is asked, in sentences for a list.
+ *
+ * @param {Control} control
+ * @returns {string[]}
+ */
+export function controlWords({ regions, handles, symmetry, length }) {
+  const limits = Object.entries(length).map(([axis, limit]) => {
+    if (limit === "keep") return `Length along ${axis}: kept`;
+    const [low, high] = [limit.min, limit.max].map((value) => (given(value) ? `${figure(Number(value))}×` : ""));
+    return `Length along ${axis}: ${low && high ? `${low} to ${high}` : low ? `at least ${low}` : `at most ${high}`}`;
+  });
+  return [
+    ...regions.map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
+    ...handles.map((handle) => `Handle: ${handle.position ? placeWords(handle.position) : `vertex ${handle.vertex}`} to ${placeWords(handle.to)}`),
+    ...(symmetry !== "none" ? [`Symmetry: ${(SYMMETRIES.find(([name]) => name === symmetry) ?? [symmetry, symmetry])[1].toLowerCase()}`] : []),
+    ...limits,
+  ];
+}
+
+/** @param {number[]} place */
+function placeWords(place) {
+  return `(${place.map(figure).join(", ")})`;
+}
+
+/** @param {(number | [number, number])[]} faces */
+export function faceCount(faces) {
+  return faces.reduce((/** @type {number} */ sum, item) => sum + (Array.isArray(item) ? item[1] - item[0] + 1 : 1), 0);
+}
+
+/** @param {(number | [number, number])[]} faces As they are typed: "0-12, 40". */
+export function facesText(faces) {
+  return faces.map((item) => (Array.isArray(item) ? item.join("-") : item)).join(", ");
+}
+
+/**
+ * @param {string} text
+ * @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges.
+ */
+export function facesOf(text) {
+  const items = text.split(/[\s,]+(?!-)/).filter(Boolean);
+  /** @type {(number | [number, number])[]} */
+  const found = [];
+  for (const item of items) {
+    const match = /^(\d+)(?:-(\d+))?$/.exec(item);
+    if (!match || (match[2] !== undefined && Number(match[2]) < Number(match[1]))) return null;
+    found.push(match[2] === undefined ? Number(match[1]) : [Number(match[1]), Number(match[2])]);
+  }
+  return found;
+}
+
+/** What is wrong with a fall-off; empty where it is fine. @param {string} text */
+export function falloffProblem(text) {
+  const value = Number(text);
+  if (text.trim() === "") return "";
+  return Number.isFinite(value) && value >= 0 && value <= 1 ? "" : "Enter a number from 0 to 1.";
+}
+
+/**
+ * What cannot be sent, in a sentence; empty where all is fine.
+ *
+ * @param {Control} control
+ * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
+ */
+export function controlProblem({ regions, handles, falloff, length }, subdivided) {
+  const painted = regions.some(({ faces }) => faces?.length) || handles.some(({ vertex }) => vertex !== undefined);
+  if (subdivided && painted) return "Painted triangles are numbered as in the file: they cannot be used with long edges split first. Use a box or a part.";
+  for (const { box } of regions) {
+    const axis = box ? AXES[[0, 1, 2].findIndex((i) => box.min[i] > box.max[i])] : undefined;
+    if (axis) return `A box ends before it begins along ${axis}.`;
+  }
+  for (const [axis, limit] of Object.entries(length)) {
+    if (limit === "keep") continue;
+    const values = [limit.min, limit.max].filter(given);
+    if (values.some((value) => Number(value) <= 0 || Number(value) > 1000)) return `The limits along ${axis} must be more than 0 and at most 1,000.`;
+    if (values.length === 2 && Number(values[0]) > Number(values[1])) return `The least length along ${axis} is more than the greatest.`;
+  }
+  return falloffProblem(falloff);
+}
+
+/** Past states of a document, for Undo. */
+export class History {
+  /** @param {Control} now */
+  constructor(now) {
+    /** @type {string[]} */
+    this.past = [];
+    this.now = JSON.stringify(now);
+  }
+
+  /** Remember a state as one step, if it is another one. @param {Control} control */
+  add(control) {
+    const text = JSON.stringify(control);
+    if (text === this.now) return;
+    this.past.push(this.now);
+    if (this.past.length > 100) this.past.shift();
+    this.now = text;
+  }
+
+  /** @returns {Control | null} The state before the last step; null where there is none. */
+  undo() {
+    const text = this.past.pop();
+    if (text === undefined) return null;
+    this.now = text;
+    return JSON.parse(text);
+  }
+
+  /** Begin anew. @param {Control} control */
+  reset(control) {
+    this.past = [];
+    this.now = JSON.stringify(control);
+  }
+}

@@ -1,0 +1,364 @@
+// @ts-check
+/** What stays, what goes where and how large the result may be: the tools below the view, and the lists in the form. */
+import { announce, toast } from "../../announce.js";
+import { button, fill, h } from "../../dom.js";
+import { segmented, slider } from "../../job/stage-controls.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES, AXES } from "./model.js";
+import { handleRow, lengthRow, regionRow } from "./rows.js";
+import { ControlView } from "./view.js";
+
+/** @typedef {import("./model.js").Control} Control */
+/** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
+/** @typedef {import("../../../viewer/control/tools.js").Box} Box */
+/** @typedef {{index: number, name: string}} Named */
+/** @typedef {{nodes: Named[], materials: Named[], mesh_names: Named[]}} Parts */
+
+/** @type {Parts} */
+const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
+const MOST_REGIONS = 64;
+const TOOLS = /** @type {[Tool, string][]} */ ([["turn", "Turn"], ["paint", "Paint"], ["box", "Box"], ["part", "Part"], ["handle", "Handle"]]);
+const HINTS = /** @type {Record<Tool, string>} */ ({
+  turn: "",
+  paint: "Drag on the asset to paint. Beside it, dragging turns the view.",
+  box: "Drag the points on the sides of the box.",
+  part: "Click a part of the asset.",
+  handle: "Drag a point of the asset to where it shall be.",
+});
+
+export class ControlPanel {
+  /**
+   * @param {import("../../viewer-box.js").ViewerBox} box
+   * @param {() => void} onChange
+   */
+  constructor(box, onChange) {
+    this.onChange = onChange;
+    this.control = noControl();
+    this.history = new History(this.control);
+    /** Name and size of the file that the regions and handles are for. */
+    this.of = "";
+    /** That which is shown. */
+    this.asset = "";
+    /** @type {Parts} */
+    this.parts = NO_PARTS;
+    this.offered = "";
+    /** @type {Tool} */
+    this.tool = "turn";
+    this.action = "keep";
+    this.erasing = false;
+    this.subdivided = false;
+    /** The region whose box is in the view, and the handle that was touched last. */
+    this.boxed = -1;
+    this.chosen = -1;
+    /** @type {import("./rows.js").Row[]} */
+    this.rows = [];
+    this.view = new ControlView(box, this);
+    this.lists = h("div", { class: "control-lists" });
+    this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
+    this.undoButton = button("Undo", () => this.undo(), { class: "chip chip-small" });
+    this.clearButton = button("Clear all", () => this._clear(), { class: "chip chip-small" });
+    this.count = h("span", { class: "small muted" });
+    this.part = h("select", { id: "control-part", "aria-label": "Part to add" });
+    this.falloff = h("input", { type: "text", id: "control-falloff", inputmode: "decimal", autocomplete: "off", placeholder: "0.1", "aria-describedby": "control-falloff-help" });
+    this.symmetry = h("select", { id: "control-symmetry" }, SYMMETRIES.map(([value, text]) => h("option", { value }, text)));
+    this.lengths = AXES.map((axis) =>
+      lengthRow(axis, () => this.control.length[axis], (limit) => {
+        if (limit === undefined) delete this.control.length[axis];
+        else this.control.length[axis] = limit;
+        this.changed();
+      }),
+    );
+    this.toolbar = this._toolbar();
+    this.element = this._fold();
+    this._show();
+  }
+
+  _toolbar() {
+    this.toolChoice = segmented("Tool", TOOLS, "turn", (tool) => this.use(/** @type {Tool} */ (tool)));
+    const actions = segmented("New regions", [["keep", "Keep"], ["only", "Only this moves"]], "keep", (action) => (this.action = action));
+    this.strokes = segmented("Brush", [["add", "Add"], ["erase", "Erase"]], "add", (stroke) => (this.erasing = stroke === "erase"));
+    const brush = slider("brush-slider", "Size", 30, () => (this.view.brush = Number(brush.input.value) / 100));
+    brush.input.min = "1";
+    brush.input.value = "5";
+    brush.row.hidden = false;
+    brush.input.addEventListener("input", () => (brush.value.textContent = `${brush.input.value}%`));
+    brush.value.textContent = "5%";
+    brush.input.setAttribute("aria-label", "Size of the brush, percent of the asset's diagonal");
+    this.by = segmented("Parts by", [["node", "Nodes"], ["material", "Materials"]], "node", (by) => (this.picking = by));
+    this.picking = "node";
+    this.hint = h("p", { class: "small muted tool-hint", "aria-live": "polite" });
+    this.actions = actions;
+    this.brushRow = h("div", { class: "row tool-row" }, this.strokes, brush.row);
+    const undo = button("Undo", () => this.undo(), { icon: "retry", quiet: true, class: "button-quiet", title: "Undo (Ctrl+Z)" });
+    this.undoTool = undo;
+    return h("div", { class: "control-tools", hidden: true, role: "group", "aria-label": "Control in the view" }, h("div", { class: "row tool-row" }, this.toolChoice, undo), h("div", { class: "row tool-row" }, this.actions, this.by), this.brushRow, this.hint);
+  }
+
+  _fold() {
+    const add = h(
+      "div",
+      { class: "chips" },
+      button("Add a box", () => this.addBox(), { class: "chip" }),
+      button("Add triangles", () => this.addRegion({ faces: [], action: this.action }), { class: "chip" }),
+      button("Add a handle", () => this.addHandle(this.view.top), { class: "chip" }),
+    );
+    const addPart = button("Add part", () => this._addPart(), { class: "chip" });
+    this.partRow = h("div", { class: "row part-row", hidden: true }, this.part, addPart);
+    this.falloffRow = h(
+      "div",
+      { class: "field", hidden: true },
+      h("label", { class: "field-label", for: "control-falloff" }, "Fall-off"),
+      this.falloff,
+      h("p", { class: "small muted", id: "control-falloff-help" }, "How far the surface bends to join what is kept, as a share of the asset's diagonal."),
+    );
+    this.falloff.addEventListener("input", () => {
+      this.control.falloff = this.falloff.value;
+      this.changed();
+    });
+    this.symmetry.addEventListener("change", () => {
+      this.control.symmetry = this.symmetry.value;
+      this.changed();
+    });
+    const fold = h(
+      "details",
+      { class: "advanced control-panel" },
+      h("summary", null, "Control ", this.count),
+      h("p", { class: "small muted" }, "What stays as it is, what goes where, and how large the result may be."),
+      add,
+      this.partRow,
+      this.lists,
+      this.falloffRow,
+      this.problem,
+      h("div", { class: "row" }, this.undoButton, this.clearButton),
+      h("div", { class: "field" }, h("label", { class: "field-label", for: "control-symmetry" }, "Symmetry"), this.symmetry),
+      h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Lengths"), this.lengths.map(({ element }) => element)),
+    );
+    fold.addEventListener("toggle", () => (this.toolbar.hidden = !fold.open || !this.view.possible));
+    return fold;
+  }
+
+  /** Return what the form holds, for a draft or a request. */
+  value() {
+    return { ...structuredClone(this.control), of: this.of };
+  }
+
+  /** @param {(Control & {of?: string}) | null | undefined} control As `value` gave it. */
+  restore(control) {
+    const { of = "", ...found } = /** @type {Control & {of?: string}} */ (control ?? noControl());
+    this.control = { ...noControl(), ...structuredClone(found) };
+    this.of = of || this.asset;
+    this.boxed = this.chosen = -1;
+    this._belong();
+    this.history.reset(this.control);
+    if (!isEmpty(this.control)) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    this._show();
+  }
+
+  /** Say which file is shown. @param {string} key */
+  assetIs(key) {
+    if (this.asset !== key) this.offer(NO_PARTS);
+    this.asset = key;
+    if (!this.of) this.of = key;
+    this._belong();
+  }
+
+  /** Nothing that was said about another file holds for the one that is shown. */
+  _belong() {
+    if (!this.asset || this.of === this.asset) return;
+    this.of = this.asset;
+    const { regions, handles } = this.control;
+    if (!regions.length && !handles.length) return;
+    this.control.regions = [];
+    this.control.handles = [];
+    this.history.reset(this.control);
+    this._show();
+    toast("Regions and handles belonged to the other file, and are removed");
+  }
+
+  /** @param {Parts} parts What the asset names, as the server lists it. */
+  offer({ nodes, materials, mesh_names }) {
+    const parts = { nodes, materials, mesh_names };
+    const text = JSON.stringify(parts);
+    if (text === this.offered) return;
+    this.offered = text;
+    this.parts = parts;
+    const chosen = this.part.value;
+    const options = [["node", "Nodes", parts.nodes], ["material", "Materials", parts.materials]].map(([kind, label, list]) =>
+      h("optgroup", { label: String(label) }, /** @type {Named[]} */ (list).map((part) => h("option", { value: JSON.stringify({ [String(kind)]: named(part, /** @type {Named[]} */ (list)) }) }, part.name || `${kind} ${part.index}`))),
+    );
+    fill(this.part, options);
+    if (chosen) this.part.value = chosen;
+    if (this.partRow) this.partRow.hidden = parts.nodes.length + parts.materials.length < 1;
+    this.view.draw();
+  }
+
+  /** @param {Tool} tool */
+  use(tool) {
+    this.tool = tool;
+    const at = TOOLS.findIndex(([name]) => name === tool);
+    const input = this.toolChoice?.querySelectorAll("input")[at];
+    if (input) input.checked = true;
+    if (tool === "box" && !this.control.regions[this.boxed]?.box) {
+      this.boxed = this.control.regions.findLastIndex((region) => region.box);
+      if (this.boxed < 0) this.addBox();
+    }
+    this._show();
+    this.view.use(tool);
+  }
+
+  addBox() {
+    this.addRegion({ box: this.view.firstBox, action: this.action });
+    if (this.view.possible) this.use("box");
+  }
+
+  _addPart() {
+    if (this.part.value) this.addRegion({ ...JSON.parse(this.part.value), action: this.action });
+  }
+
+  /** @param {Record<string, any>} region @returns {number} its place in the list */
+  addRegion(region) {
+    const { regions } = this.control;
+    if (regions.length >= MOST_REGIONS) {
+      announce(`${MOST_REGIONS} regions at most`);
+      return regions.length - 1;
+    }
+    regions.push(region);
+    if (region.box) this.boxed = regions.length - 1;
+    this._structure();
+    return regions.length - 1;
+  }
+
+  /** @param {number[]} position @returns {number} its place in the list */
+  addHandle(position) {
+    this.control.handles.push({ position: [...position], to: [...position] });
+    this.chosen = this.control.handles.length - 1;
+    this._structure();
+    return this.chosen;
+  }
+
+  /** @param {import("../../../viewer/control/surface.js").Part} part That was clicked. */
+  pick(part) {
+    const [kind, list] = /** @type {["node" | "material", Named[]]} */ (this.picking === "material" ? ["material", this.view.named.materials] : ["node", this.view.named.nodes]);
+    const index = part[kind];
+    if (index === null || index < 0) return announce(`This part has no ${kind} that is known`);
+    const name = named(list.find((found) => found.index === index) ?? { index, name: "" }, list);
+    const at = this.control.regions.findIndex((region) => region[kind] === name && (region.action ?? "keep") === this.action);
+    if (at >= 0) this._remove("regions", at);
+    else this.addRegion({ [kind]: name, action: this.action });
+    announce(`${kind} ${name} ${at >= 0 ? "removed" : "added"}`);
+  }
+
+  /** Put a state of `control` before the last change back. */
+  undo() {
+    const control = this.history.undo();
+    if (!control) return;
+    this.control = control;
+    this.boxed = this.chosen = -1;
+    this._show();
+    this.onChange();
+    announce("Undone");
+  }
+
+  _clear() {
+    this.control = noControl();
+    this.use("turn");
+    this._structure();
+    announce("Cleared");
+  }
+
+  /** @param {"regions" | "handles"} list @param {number} at */
+  _remove(list, at) {
+    this.control[list].splice(at, 1);
+    if (list === "regions") this.boxed = this.boxed === at ? -1 : this.boxed > at ? this.boxed - 1 : this.boxed;
+    else this.chosen = -1;
+    this._structure();
+  }
+
+  /** A row came or went. */
+  _structure() {
+    this._show();
+    this.changed();
+  }
+
+  /** A value is another one: the step is remembered, and the form told. */
+  changed() {
+    this.history.add(this.control);
+    this.refresh();
+    this.onChange();
+  }
+
+  /** Show the values again, as they change under the pointer. */
+  refresh() {
+    this.view.draw();
+    for (const row of [...this.rows, ...this.lengths]) row.update();
+    this._words();
+  }
+
+  _show() {
+    const { regions, handles } = this.control;
+    this.view.draw();
+    const region = (/** @type {any} */ each, /** @type {number} */ at) =>
+      regionRow(each, at + 1, {
+        changed: () => this.changed(),
+        remove: () => this._remove("regions", at),
+        edit: this.view.possible ? () => ((this.boxed = at), this.use("box")) : null,
+        selected: () => this.view.selected(at),
+      });
+    const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
+    this.rows = [...regions.map(region), ...handles.map(handle)];
+    fill(this.lists, this.rows.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, this.rows.map(({ element }) => element)) : null);
+    for (const row of this.lengths) row.update(true);
+    this.falloff.value = this.control.falloff;
+    this.symmetry.value = this.control.symmetry;
+    this._words();
+  }
+
+  _words() {
+    const { regions } = this.control;
+    const { tool } = this;
+    this.count.textContent = isEmpty(this.control) ? "" : "· in use";
+    this.undoButton.disabled = this.undoTool.disabled = !this.history.past.length;
+    this.clearButton.disabled = isEmpty(this.control) && !regions.length;
+    if (this.falloffRow) this.falloffRow.hidden = !regions.length;
+    if (this.actions) this.actions.hidden = !["paint", "box", "part"].includes(tool);
+    if (this.by) this.by.hidden = tool !== "part";
+    if (this.brushRow) this.brushRow.hidden = tool !== "paint";
+    if (this.hint) {
+      this.hint.textContent = this.view.numbered || tool === "turn" ? HINTS[tool] : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
+      this.hint.hidden = !this.hint.textContent;
+    }
+    this.toolbar.hidden = !(/** @type {HTMLDetailsElement} */ (this.element)?.open) || !this.view.possible;
+    const problem = controlProblem(this.control, this.subdivided) || this.view.problem;
+    this.problem.hidden = !problem;
+    this.problem.textContent = problem;
+  }
+
+  /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
+  check(subdivided) {
+    this.subdivided = subdivided;
+    this._words();
+    const wrong = this.element.querySelector('[aria-invalid="true"]');
+    const good = !wrong && !controlProblem(this.control, subdivided);
+    if (!good) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    return good;
+  }
+
+  /** Say what the server refuses beside it. @param {any[]} errors @returns {boolean} whether all of them belong here */
+  refuse(errors) {
+    const own = errors.filter((error) => CONTROL_PARAMS.includes(error.loc?.[1]));
+    if (!own.length) return false;
+    /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    this.problem.hidden = false;
+    this.problem.textContent = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
+    return own.length === errors.length;
+  }
+
+  focusProblem() {
+    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("summary"))?.focus();
+  }
+}
+
+/** The name of a part, or its number where no name says which it is. @param {Named} part @param {Named[]} all */
+function named(part, all) {
+  return part.name && all.filter(({ name }) => name === part.name).length === 1 ? part.name : part.index;
+}
+

@@ -1,0 +1,260 @@
+// @ts-check
+/** A target mesh in place of the prompt, or pictures from one to four sides: alone, or beside it. */
+import { announce } from "../../announce.js";
+import { Asset, formatOf } from "../../assets.js";
+import { button, fill, h } from "../../dom.js";
+import { bytes } from "../../format.js";
+import { numberField, placeFields } from "../control/rows.js";
+import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
+import { PictureView } from "./picture-view.js";
+import { TargetView } from "./target-view.js";
+
+const PICTURES = /\.(png|jpe?g|webp)$/i;
+
+export class GuidePanel {
+  /**
+   * @param {import("../asset-panel.js").AssetPanel} assets
+   * @param {import("../control/view.js").ControlView} control
+   * @param {import("../../scope.js").Scope} scope
+   * @param {() => void} onChange
+   */
+  constructor(assets, control, scope, onChange) {
+    this.onChange = onChange;
+    this.scope = scope;
+    this.guide = noGuide();
+    /** @type {Asset | null} */
+    this.target = null;
+    /** @type {Asset[]} */
+    this.files = [];
+    this.targets = new TargetView(assets, control, scope, this);
+    this.pictures = new PictureView(assets, scope, this);
+    /** @type {(() => void)[]} */
+    this.shows = [];
+    this.input = h("input", { type: "file", class: "visually-hidden", id: "target-file", tabindex: "-1", "aria-label": "Target mesh file", accept: ".glb,.obj,.ply,.stl,.zip" });
+    this.pictureInput = h("input", { type: "file", class: "visually-hidden", id: "picture-file", tabindex: "-1", "aria-label": "Picture file", multiple: true, accept: "image/png,image/jpeg,image/webp" });
+    for (const input of [this.input, this.pictureInput]) {
+      input.addEventListener("change", () => {
+        this.take([...(input.files ?? [])]);
+        input.value = "";
+      });
+    }
+    this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
+    this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
+    this.body = h("div", { class: "guide-body" });
+    this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });
+    this.element = h("div", { class: "field guide", data: { drop: "guide" } }, h("div", { class: "chips" }, this.chooseTarget, this.choosePicture, this.input, this.pictureInput), this.body, this.problem);
+    this._show();
+  }
+
+  /**
+   * Take files that were chosen or dropped.
+   *
+   * @param {File[]} files
+   */
+  take(files) {
+    const pictures = files.filter(({ name }) => PICTURES.test(name));
+    if (pictures.length) return this._takePictures(pictures);
+    const [file] = files;
+    if (!file) return;
+    if (!formatOf(file.name) || formatOf(file.name) === "gltf") return this._refuse(`${file.name} isn't supported. Use a GLB, OBJ, PLY, STL or ZIP as the target, or a PNG, JPEG or WebP as a picture.`);
+    this.guide = noGuide();
+    this.files = [];
+    this._use(new Asset(file, file.name));
+    announce(`${file.name} is the target`);
+  }
+
+  /** @param {File[]} files */
+  _takePictures(files) {
+    if (this.target) return this._refuse("A picture cannot guide beside a target mesh. Remove the target first.");
+    for (const file of files) {
+      if (this.files.length >= MOST_PICTURES) return this._refuse(`${MOST_PICTURES} pictures at most.`);
+      this.files.push(new Asset(file, file.name));
+      this.guide.pictures.push(this.pictures.direction(this.guide.pictures.length));
+    }
+    this._refuse("");
+    this._changed();
+    this.pictures.fit(this.files.length - 1);
+    announce(`${files[0].name} added`);
+  }
+
+  /** @param {Asset | null} target */
+  _use(target) {
+    this.target = target;
+    this.pictures.end();
+    this._refuse("");
+    this.targets.show(target);
+    this._changed();
+  }
+
+  /** Whether something besides a prompt says what to become. */
+  get isEmpty() {
+    return !this.target && !this.files.length;
+  }
+
+  /** @returns {Record<string, Asset>} by the names of their parts */
+  get parts() {
+    return guideFiles(this.target, this.files);
+  }
+
+  /** Return what the form holds, for a draft or a request. */
+  value() {
+    return { ...structuredClone(this.guide), target: this.target !== null };
+  }
+
+  /**
+   * @param {import("./model.js").Guide | null | undefined} guide As `value` gave it.
+   * @param {Record<string, Asset>} files
+   */
+  restore(guide, files) {
+    const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
+    this.target = files.target ?? null;
+    this.files = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
+    // Without its file, as after a reload with a large one, the rest means nothing.
+    this.guide = { align: this.target ? align : "", landmarks: this.target ? landmarks : [], pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
+    this.pictures.end();
+    this.targets.show(this.target);
+    this._show();
+  }
+
+  remove() {
+    this.guide = noGuide();
+    this._use(null);
+    announce("Target removed");
+  }
+
+  /** @param {number} at */
+  _removePicture(at) {
+    this.pictures.end();
+    this.files.splice(at, 1);
+    this.guide.pictures.splice(at, 1);
+    this._changed();
+  }
+
+  /** What came or went is shown, and the form told. */
+  _changed() {
+    this._show();
+    this.onChange();
+  }
+
+  /** A value is another one. */
+  changed() {
+    for (const show of this.shows) show();
+    this.targets.draw();
+    this.onChange();
+  }
+
+  _show() {
+    this.shows = [];
+    this.chooseTarget.hidden = !this.isEmpty;
+    this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
+    this.targets.draw();
+    fill(this.body, this.target ? this._targetFields(this.target) : this.files.map((file, i) => this._pictureRow(file, i)));
+  }
+
+  /** @param {Asset} target */
+  _targetFields(target) {
+    const align = h(
+      "select",
+      { id: "target-align" },
+      [["", "Turned, moved and scaled to fit"], ["none", "As the files have it"]].map(([value, text]) => h("option", { value }, text)),
+      this.guide.align.startsWith("[") ? h("option", { value: this.guide.align }, "By the matrix of that job") : null,
+    );
+    align.value = this.guide.align === "auto" ? "" : this.guide.align;
+    align.addEventListener("change", () => {
+      this.guide.align = align.value;
+      this.changed();
+    });
+    const pairs = h("button", { type: "button", class: "chip", "aria-pressed": String(this.targets.pairing), on: { click: () => this.targets.pair(!this.targets.pairing) } }, "Click pairs of points");
+    pairs.hidden = !this.targets.possible;
+    const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
+    return [
+      h("div", { class: "guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
+      h("label", { class: "field-label", for: "target-align" }, "Alignment"),
+      align,
+      h("div", { class: "chips" }, pairs, add),
+      this.targets.hint,
+      this.guide.landmarks.length ? h("ul", { class: "control-rows", "aria-label": "Pairs of points" }, this.guide.landmarks.map((pair, i) => this._pairRow(pair, i))) : null,
+    ];
+  }
+
+  /** @param {import("./model.js").Landmark} pair */
+  addPair(pair) {
+    this.guide.landmarks.push(pair);
+    this._changed();
+  }
+
+  /** @param {import("./model.js").Landmark} pair @param {number} at */
+  _pairRow(pair, at) {
+    const side = (/** @type {"source" | "target"} */ name, /** @type {string} */ label) => {
+      if (!Array.isArray(pair[name])) return h("p", { class: "small muted" }, `${label}: vertex ${pair[name]}`);
+      const fields = placeFields(label, () => /** @type {number[]} */ (pair[name]), (place) => {
+        pair[name] = place;
+        this.changed();
+      });
+      this.shows.push(fields.show);
+      return fields.element;
+    };
+    const words = `Pair ${at + 1}`;
+    const remove = () => {
+      this.guide.landmarks.splice(at, 1);
+      this._changed();
+    };
+    return h("li", { class: "control-row", "aria-label": words }, h("div", { class: "control-head" }, h("strong", null, words), button(`Remove pair ${at + 1}`, remove, { icon: "trash", quiet: true, class: "button-quiet" })), side("source", "Asset"), side("target", "Target"));
+  }
+
+  /** @param {Asset} file @param {number} at */
+  _pictureRow(file, at) {
+    const view = this.guide.pictures[at];
+    const angle = (/** @type {"azimuth" | "elevation"} */ name, /** @type {string} */ label) => {
+      const field = numberField(`${label} of picture ${at + 1}, degrees`, () => view[name], (value) => {
+        view[name] = Number(value);
+        this.changed();
+      });
+      this.shows.push(field.show);
+      return h("label", null, h("span", { class: "small muted" }, label), field.input);
+    };
+    const fit = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(this.pictures.fitting === at), on: { click: () => (this.pictures.fitting === at ? this.pictures.end() : this.pictures.fit(at)) } }, this.pictures.fitting === at ? "Done" : "Turn the asset to fit");
+    fit.hidden = !this.pictures.possible;
+    const image = h("img", { src: this.pictures.url(file), alt: "" });
+    return h(
+      "div",
+      { class: "control-row picture-row", role: "group", "aria-label": `Picture ${at + 1}` },
+      image,
+      h(
+        "div",
+        null,
+        h("div", { class: "control-head" }, h("strong", null, file.name), button(`Remove picture ${at + 1}`, () => this._removePicture(at), { icon: "trash", quiet: true, class: "button-quiet" })),
+        h("div", { class: "angles" }, angle("azimuth", "Azimuth"), angle("elevation", "Elevation")),
+        fit,
+      ),
+    );
+  }
+
+  /** @param {string} text Empty: all is well. */
+  _refuse(text) {
+    this.problem.hidden = !text;
+    this.problem.textContent = text;
+  }
+
+  /** Return whether it can be sent; what cannot is said. */
+  check() {
+    const problem = guideProblem(this.guide);
+    const wrong = this.element.querySelector('[aria-invalid="true"]');
+    this._refuse(problem);
+    return !problem && !wrong;
+  }
+
+  /** Say what the server refuses beside it. @param {import("../../api.js").ProblemError} error @returns {boolean} whether it belongs here */
+  refuse(error) {
+    const errors = Array.isArray(error.document.errors) ? error.document.errors : [];
+    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
+    const part = String(error.document.part ?? error.document.file ?? "");
+    if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
+    this._refuse([error.message, error.advice].filter(Boolean).join(" "));
+    return true;
+  }
+
+  focusProblem() {
+    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("button:not([hidden])"))?.focus();
+  }
+}

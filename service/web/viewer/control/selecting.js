@@ -1,0 +1,151 @@
+// @ts-check
+/** Which faces the regions of a request select, and which of them do not move. No WebGL here, so that node can test it. */
+
+/** @typedef {import("./surface.js").NumberedSurface} Surface */
+/** @typedef {Record<string, any>} Region as in `params.regions` of a request */
+
+/** The server's bound on `faces`. */
+export const MOST_RANGES = 20_000;
+
+/**
+ * @param {Region} region
+ * @param {Pick<Surface, "count" | "places" | "corners" | "parts" | "below">} surface
+ * @param {{ nodes: Named[], materials: Named[], mesh_names: Named[] }} named what the asset names
+ * @returns {Uint8Array | null} (F) 1 where it selects the face; null where only the service can tell
+ *
+ * @typedef {{ index: number, name: string }} Named
+ */
+export function selectedFaces(region, surface, named) {
+  const flags = new Uint8Array(surface.count);
+  if (region.faces) {
+    for (const [first, last] of region.faces.map((/** @type {any} */ item) => (Array.isArray(item) ? item : [item, item]))) flags.fill(1, first, last + 1);
+    return flags;
+  }
+  const inside = insideOf(region);
+  if (inside) {
+    const holds = Uint8Array.from({ length: surface.places.length / 3 }, (_, v) => Number(inside(surface.places.subarray(3 * v, 3 * v + 3))));
+    return flags.map((_, f) => holds[surface.corners[3 * f]] & holds[surface.corners[3 * f + 1]] & holds[surface.corners[3 * f + 2]]);
+  }
+  for (const [what, list] of /** @type {["node" | "material" | "mesh", Named[]][]} */ ([["node", named.nodes], ["material", named.materials], ["mesh", named.mesh_names]])) {
+    const wanted = region[what];
+    if (wanted === undefined || wanted === null) continue;
+    const found = typeof wanted === "number" ? [wanted] : list.filter(({ name }) => name === wanted).map(({ index }) => index);
+    const indices = new Set(what === "node" ? found.flatMap((node) => [...surface.below(node)]) : found);
+    for (const part of surface.parts) {
+      const index = part[what];
+      if (index === null) return null;
+      if (indices.has(index)) flags.fill(1, part.first, part.first + part.count);
+    }
+    return flags;
+  }
+  return null;
+}
+
+/** @param {Region} region @returns {((place: Float32Array) => boolean) | null} */
+function insideOf({ box, sphere, capsule }) {
+  if (box) return (place) => [0, 1, 2].every((axis) => place[axis] >= box.min[axis] && place[axis] <= box.max[axis]);
+  const [start, end, radius] = sphere ? [sphere.center, sphere.center, sphere.radius] : capsule ? [capsule.start, capsule.end, capsule.radius] : [null, null, 0];
+  if (!start) return null;
+  const line = [0, 1, 2].map((axis) => end[axis] - start[axis]);
+  const squared = line.reduce((sum, value) => sum + value * value, 0);
+  return (place) => {
+    const arm = [0, 1, 2].map((axis) => place[axis] - start[axis]);
+    const along = squared ? Math.min(1, Math.max(0, arm.reduce((sum, value, axis) => sum + value * line[axis], 0) / squared)) : 0;
+    return Math.hypot(...arm.map((value, axis) => value - along * line[axis])) <= radius;
+  };
+}
+
+/**
+ * The faces that do not move: those that a region keeps, and where regions say `only`, all outside of them.
+ * @param {{ action?: string, flags: Uint8Array | null }[]} regions
+ * @param {number} count of faces
+ * @returns {Uint8Array} (F); what only the service can tell is left out
+ */
+export function keptFaces(regions, count) {
+  const known = regions.filter(({ flags }) => flags);
+  const only = known.filter(({ action }) => action === "only");
+  // Where one `only` is not known, what lies outside of the others may still be in it.
+  const outside = only.length > 0 && only.length === regions.filter(({ action }) => action === "only").length;
+  const kept = new Uint8Array(count).fill(outside ? 1 : 0);
+  if (outside) for (const { flags } of only) flags?.forEach((on, f) => on && (kept[f] = 0));
+  for (const { action, flags } of known) if (action !== "only") flags?.forEach((on, f) => on && (kept[f] = 1));
+  return kept;
+}
+
+/** @param {Uint8Array} flags (F) @returns {(number | [number, number])[]} as `faces` has them: numbers, and ranges with both ends */
+export function rangesOf(flags) {
+  /** @type {(number | [number, number])[]} */
+  const found = [];
+  for (let first = 0; first < flags.length; first++) {
+    if (!flags[first]) continue;
+    let last = first;
+    while (flags[last + 1]) last++;
+    found.push(first === last ? first : [first, last]);
+    first = last;
+  }
+  return found;
+}
+
+/**
+ * The same faces on a surface of which other nodes take part.
+ * @param {Uint8Array} flags (F)
+ * @param {Pick<Surface, "parts">} from
+ * @param {Pick<Surface, "parts" | "count">} to
+ * @returns {Uint8Array} (F') by the numbers of `to`
+ */
+export function carriedFlags(flags, from, to) {
+  const found = new Uint8Array(to.count);
+  const partsOf = (/** @type {Pick<Surface, "parts">} */ surface, /** @type {number | null} */ node) => surface.parts.filter((part) => part.node === node);
+  for (const part of to.parts) {
+    const old = partsOf(from, part.node)[partsOf(to, part.node).indexOf(part)];
+    if (old) found.set(flags.subarray(old.first, old.first + old.count), part.first);
+  }
+  return found;
+}
+
+/** Who touches whom on a surface, for a brush that stays on it. */
+export class Neighbours {
+  /** @param {Pick<Surface, "corners" | "groups" | "shown">} surface */
+  constructor({ corners, groups, shown }) {
+    this.corners = Uint32Array.from(corners, (corner) => groups[corner]);
+    this.shown = shown;
+    // The faces around each place, one list after the other.
+    this.starts = new Uint32Array(groups.length + 1);
+    for (const place of this.corners) this.starts[place + 1]++;
+    for (let v = 0; v < groups.length; v++) this.starts[v + 1] += this.starts[v];
+    this.faces = new Uint32Array(this.corners.length);
+    const next = this.starts.slice();
+    this.corners.forEach((place, i) => (this.faces[next[place]++] = Math.floor(i / 3)));
+  }
+
+  /**
+   * The faces around a point of the surface: the one that it is on, and those joined to it whose middle is near enough.
+   * @param {number} face
+   * @param {[number, number, number]} point
+   * @param {number} radius
+   * @returns {number[]}
+   */
+  around(face, point, radius) {
+    const found = [face];
+    const seen = new Set(found);
+    for (const at of found) {
+      for (let c = 3 * at; c < 3 * at + 3; c++) {
+        const place = this.corners[c];
+        for (let i = this.starts[place]; i < this.starts[place + 1]; i++) {
+          const next = this.faces[i];
+          if (seen.has(next)) continue;
+          seen.add(next);
+          if (this.#distance(next, point) <= radius) found.push(next);
+        }
+      }
+    }
+    return found;
+  }
+
+  /** @param {number} face @param {[number, number, number]} point @returns {number} from the face's middle */
+  #distance(face, point) {
+    const [a, b, c] = this.corners.subarray(3 * face, 3 * face + 3);
+    const off = (/** @type {number} */ axis) => (this.shown[3 * a + axis] + this.shown[3 * b + axis] + this.shown[3 * c + axis]) / 3 - point[axis];
+    return Math.hypot(off(0), off(1), off(2));
+  }
+}

@@ -1,0 +1,253 @@
+// @ts-check
+/**
+ * The surface of an asset as one list of triangles, numbered as the service numbers them: the mesh instances of the
+ * scene depth first, of each its primitives, those that share their vertices together.
+ */
+import { Matrix4, Vector3 } from "../../vendor/three/three.module.js";
+import { meshesOf, originOf, triangleCount } from "../loading.js";
+import { floats } from "../topology.js";
+import { weld } from "../weld.js";
+import { readObjFaces } from "./obj-faces.js";
+
+/**
+ * Triangles that belong together. An index is -1 where there is none, null where it is not known.
+ * @typedef {{ node: number | null, mesh: number | null, material: number | null, first: number, count: number }} Part
+ */
+
+const FLAT = 1e-9;
+
+export class NumberedSurface {
+  /**
+   * @param {Float32Array} shown (3V) where the vertices are seen, in the world
+   * @param {Float32Array} places (3V) where the service has them: a skin in its rest pose
+   * @param {Uint32Array} corners (3F)
+   * @param {Part[]} parts
+   * @param {Record<string, any>[]} nodes of the file
+   */
+  constructor(shown, places, corners, parts, nodes) {
+    this.shown = shown;
+    this.places = places;
+    this.corners = corners;
+    this.parts = parts;
+    this.nodes = nodes;
+    /** @type {Uint32Array | null} */
+    this.welded = null;
+  }
+
+  /** @returns {number} of triangles */
+  get count() {
+    return this.corners.length / 3;
+  }
+
+  /** @returns {Uint32Array} (V) the first vertex at the place of each */
+  get groups() {
+    this.welded ??= weld(this.shown);
+    return this.welded;
+  }
+
+  /** @param {number} face @returns {Part} */
+  partOf(face) {
+    return /** @type {Part} */ (this.parts.find(({ first, count }) => face >= first && face < first + count));
+  }
+
+  /** @param {number} node @returns {Set<number>} the node with all below it */
+  below(node) {
+    return new Set(withChildren(this.nodes, [node]));
+  }
+}
+
+/**
+ * Number the faces of what is loaded.
+ * @param {import("three").Object3D} root
+ * @param {(string | number)[]} excluded nodes that the service leaves as they are, by name or index
+ * @returns {NumberedSurface | null} null where the numbers cannot be known
+ */
+export function numberedSurface(root, excluded = []) {
+  const origin = originOf(root);
+  if (!origin) return null;
+  root.updateWorldMatrix(true, true);
+  if (origin.json && origin.nodes) return ofGltf(root, origin.json, origin.nodes, excluded);
+  if (excluded.length) return null;
+  if (origin.format === "obj" && origin.buffer) {
+    const found = readObjFaces(new TextDecoder().decode(origin.buffer));
+    return found && ofFaces(Float32Array.from(found.positions), found.corners, found.counts);
+  }
+  const [mesh, ...more] = meshesOf(root);
+  if (more.length || (origin.format === "ply" && !onlyTriangles(origin.buffer, triangleCount(mesh)))) return null;
+  return ofFaces(floats(mesh.geometry.attributes.position, 3, null), cornersOf(mesh, 4), [triangleCount(mesh)]);
+}
+
+/**
+ * @param {Float32Array} positions
+ * @param {Uint32Array} corners
+ * @param {number[]} counts
+ */
+function ofFaces(positions, corners, counts) {
+  let first = 0;
+  const parts = counts.map((count, node) => ({ node, mesh: node, material: null, first: (first += count) - count, count }));
+  return new NumberedSurface(positions, positions, corners, parts, counts.map(() => ({})));
+}
+
+/** The loader divides quads along the other diagonal. @param {ArrayBuffer | undefined} buffer @param {number} triangles */
+function onlyTriangles(buffer, triangles) {
+  const head = new TextDecoder("latin1").decode(new Uint8Array(buffer ?? new ArrayBuffer(0)).subarray(0, 1 << 16));
+  return Number(/^element\s+face\s+(\d+)/m.exec(head)?.[1]) === triangles;
+}
+
+/**
+ * @param {import("three").Object3D} root
+ * @param {Record<string, any>} json
+ * @param {Map<object, number>} nodes
+ * @param {(string | number)[]} excluded
+ */
+function ofGltf(root, json, nodes, excluded) {
+  /** @type {Map<number, import("three").Mesh[]>} */
+  const meshes = new Map();
+  for (const mesh of meshesOf(root)) {
+    /** @type {import("three").Object3D | null} */
+    let at = mesh;
+    while (at && !nodes.has(at)) at = at.parent;
+    const node = at ? Number(nodes.get(at)) : -1;
+    meshes.set(node, [...(meshes.get(node) ?? []), mesh]);
+  }
+  const all = json.nodes ?? [];
+  const named = all.flatMap((/** @type {any} */ node, /** @type {number} */ at) => (excluded.includes(at) || excluded.includes(nameOf(json, node)) ? [at] : []));
+  const without = new Set(withChildren(all, named));
+  const made = new Joined();
+  for (const node of depthFirst(json)) {
+    const { mesh } = all[node];
+    if (mesh === undefined || without.has(node)) continue;
+    const primitives = (json.meshes[mesh].primitives ?? []).filter((/** @type {any} */ found) => (found.mode ?? 4) >= 4 && found.attributes?.POSITION !== undefined);
+    const drawn = meshes.get(node) ?? [];
+    if (drawn.length !== primitives.length) return null;
+    if (drawn.length && isFlat(placement(drawn[0]))) continue;
+    for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4, { node, mesh, material: primitives[at].material ?? -1 });
+  }
+  return new NumberedSurface(Float32Array.from(made.shown.flat()), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all);
+}
+
+/** What several meshes come to. */
+class Joined {
+  constructor() {
+    /** @type {number[][]} */
+    this.shown = [];
+    /** @type {number[][]} */
+    this.places = [];
+    /** @type {number[][]} */
+    this.corners = [];
+    /** @type {Part[]} */
+    this.parts = [];
+    this.vertices = 0;
+    this.faces = 0;
+  }
+
+  /** @param {import("three").Mesh} mesh @param {number} mode @param {{ node: number, mesh: number, material: number }} names */
+  add(mesh, mode, names) {
+    const positions = floats(mesh.geometry.attributes.position, 3, null);
+    const skinned = /** @type {any} */ (mesh).isSkinnedMesh ? /** @type {import("three").SkinnedMesh} */ (mesh) : null;
+    const [seen, at] = [mesh.matrixWorld, placement(mesh)];
+    const [point, shown, places] = [new Vector3(), /** @type {number[]} */ ([]), /** @type {number[]} */ ([])];
+    for (let i = 0; i < positions.length; i += 3) {
+      point.fromArray(positions, i).applyMatrix4(at);
+      places.push(point.x, point.y, point.z);
+      if (skinned) {
+        point.fromArray(positions, i);
+        skinned.applyBoneTransform(i / 3, point);
+        point.applyMatrix4(seen);
+      }
+      shown.push(point.x, point.y, point.z);
+    }
+    const corners = Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices);
+    const count = corners.length / 3;
+    this.parts.push({ ...names, first: this.faces, count });
+    this.shown.push(shown);
+    this.places.push(places);
+    this.corners.push(corners);
+    this.vertices += positions.length / 3;
+    this.faces += count;
+  }
+}
+
+/** @param {import("three").Mesh} mesh @param {number} mode of the file: 4 a list, 5 a strip, 6 a fan @returns {Uint32Array} */
+function cornersOf({ geometry }, mode) {
+  const count = 3 * Math.floor((geometry.index ? geometry.index.count : geometry.attributes.position.count) / 3);
+  const corners = Uint32Array.from({ length: count }, (_, i) => (geometry.index ? geometry.index.getX(i) : i));
+  if (mode === 4) return corners;
+  // What only joins the pieces of a strip is no triangle.
+  const kept = [];
+  for (let i = 0; i < count; i += 3) {
+    const [a, b, c] = corners.subarray(i, i + 3);
+    if (a !== b && b !== c && c !== a) kept.push(a, b, c);
+  }
+  return Uint32Array.from(kept);
+}
+
+/** @param {import("three").Mesh} mesh @returns {Matrix4} from its own space to the world of the service */
+function placement(mesh) {
+  const { isInstancedMesh, isSkinnedMesh, skeleton } = /** @type {any} */ (mesh);
+  if (isInstancedMesh) {
+    const first = new Matrix4();
+    /** @type {import("three").InstancedMesh} */ (mesh).getMatrixAt(0, first);
+    return first.premultiply(mesh.matrixWorld);
+  }
+  if (!isSkinnedMesh) return mesh.matrixWorld;
+  // That of the joint which agrees best with all others.
+  const all = /** @type {Matrix4[]} */ (skeleton.bones.map((/** @type {any} */ bone, /** @type {number} */ i) => new Matrix4().multiplyMatrices(bone.matrixWorld, skeleton.boneInverses[i])));
+  const mean = all[0].elements.map((_, i) => all.reduce((sum, { elements }) => sum + elements[i], 0) / all.length);
+  const far = (/** @type {Matrix4} */ { elements }) => elements.reduce((sum, value, i) => sum + Math.abs(value - mean[i]), 0);
+  return all.reduce((best, matrix) => (far(matrix) < far(best) ? matrix : best));
+}
+
+/** @param {Matrix4} matrix */
+function isFlat(matrix) {
+  const scale = matrix.getMaxScaleOnAxis();
+  return !(Math.abs(matrix.determinant()) > FLAT * scale ** 3);
+}
+
+/** @param {any[]} primitives @returns {number[]} their numbers: those that share their vertices one after the other */
+function together(primitives) {
+  /** @type {Map<string, number[]>} */
+  const found = new Map();
+  primitives.forEach(({ attributes }, at) => {
+    const key = [attributes.POSITION, attributes.NORMAL, attributes.TANGENT].join();
+    found.set(key, [...(found.get(key) ?? []), at]);
+  });
+  return [...found.values()].flat();
+}
+
+/** @param {Record<string, any>} json @returns {number[]} nodes of the default scene */
+function depthFirst(json) {
+  const visit = (/** @type {number} */ node) => /** @type {number[]} */ ([node, ...(json.nodes[node].children ?? []).flatMap(visit)]);
+  return (json.scenes?.[json.scene ?? 0]?.nodes ?? []).flatMap(visit);
+}
+
+/** @param {Record<string, any>[]} nodes @param {number[]} begin */
+function withChildren(nodes, begin) {
+  const found = [...begin];
+  for (const at of found) found.push(...(nodes[at]?.children ?? []));
+  return found;
+}
+
+/**
+ * What the file names, as the service lists it: nodes with triangles in or below them, materials and meshes in use.
+ * @param {import("three").Object3D} root
+ * @param {NumberedSurface} surface
+ */
+export function namedParts(root, surface) {
+  const json = originOf(root)?.json ?? {};
+  const used = (/** @type {"node" | "material" | "mesh"} */ what) => new Set(surface.parts.filter(({ count }) => count).map((part) => part[what]));
+  const owners = used("node");
+  const list = (/** @type {any[]} */ all, /** @type {(at: number) => boolean} */ takes, /** @type {(item: any) => string} */ name) =>
+    (all ?? []).flatMap((item, index) => (takes(index) ? [{ index, name: name(item) }] : []));
+  const plain = (/** @type {any} */ item) => String(item?.name ?? "").slice(0, 200);
+  return {
+    nodes: list(json.nodes, (at) => [...surface.below(at)].some((node) => owners.has(node)), (node) => nameOf(json, node)),
+    materials: list(json.materials, (at) => used("material").has(at), plain),
+    mesh_names: list(json.meshes, (at) => used("mesh").has(at), plain),
+  };
+}
+
+/** A node without a name has that of its mesh. @param {Record<string, any>} json @param {Record<string, any>} node */
+export function nameOf(json, node) {
+  return String(node?.name || json.meshes?.[node?.mesh]?.name || "").slice(0, 200);
+}

@@ -1,0 +1,278 @@
+// @ts-check
+/**
+ * Point at an asset: paint its faces, drag the sides of a box, pick a part, take a point somewhere else. What a tool
+ * takes hold of does not turn the camera; beside it, the pointer turns it as ever.
+ */
+import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, Raycaster, Triangle, Vector2, Vector3 } from "../../vendor/three/three.module.js";
+import { Overlay, sides } from "./overlay.js";
+import { Neighbours } from "./selecting.js";
+
+/** @typedef {"turn" | "paint" | "box" | "part" | "handle" | "point"} Tool */
+/** @typedef {import("./overlay.js").Place} Place */
+/** @typedef {import("./overlay.js").Box} Box */
+/** @typedef {import("./overlay.js").Marks} Marks */
+/** @typedef {{ face: number, point: Vector3, place: Place, normal: Vector3 }} Hit `place` as the service has it */
+
+/**
+ * @typedef {object} Listeners
+ * @property {(faces: number[]) => void} painted more of the stroke under way
+ * @property {(box: Box) => void} boxed
+ * @property {(part: import("./surface.js").Part) => void} picked
+ * @property {(position: Place) => number} held a new handle; returns its number
+ * @property {(handle: number, to: Place) => void} moved
+ * @property {(handle: number) => void} chosen
+ * @property {(place: Place) => void} pointed where a point was clicked
+ * @property {() => void} done the pointer let go of what it changed
+ */
+
+const GRIP = { mouse: 14, other: 26 }; // pixels
+const STRIDE = 8; // pixels between two dabs of a brush
+const MOST_DABS = 16; // for one movement of the pointer
+
+export class ControlTools {
+  /**
+   * @param {import("../viewer.js").MeshViewer} viewer
+   * @param {Listeners} listeners
+   */
+  constructor(viewer, listeners) {
+    this.viewer = viewer;
+    this.listeners = listeners;
+    this.canvas = viewer.surface.canvas;
+    this.overlay = new Overlay(viewer.stage.scene);
+    /** @type {Tool} */
+    this.tool = "turn";
+    /** Radius of the brush, as a share of the diagonal. */
+    this.brush = 0.05;
+    /** @type {import("./surface.js").NumberedSurface | null} */
+    this.surface = null;
+    /** @type {Neighbours | null} */
+    this.neighbours = null;
+    /** @type {Box | null} */
+    this.box = null;
+    /** @type {Marks[]} */
+    this.handles = [];
+    this.target = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ side: DoubleSide }));
+    this.caster = new Raycaster();
+    this.stop = new AbortController();
+    const options = { signal: this.stop.signal, capture: true };
+    this.canvas.addEventListener("pointerdown", (event) => this.#take(event), options);
+    this.canvas.addEventListener("pointermove", (event) => this.#hover(event), options);
+    this.canvas.addEventListener("pointerleave", () => this.#brushAt(null), options);
+  }
+
+  /** @param {import("./surface.js").NumberedSurface | null} surface of what is loaded */
+  setSurface(surface) {
+    this.surface = surface;
+    this.neighbours = null;
+    this.target.geometry.dispose();
+    this.target.geometry = new BufferGeometry();
+    if (surface) {
+      this.target.geometry.setAttribute("position", new BufferAttribute(surface.shown, 3));
+      this.target.geometry.setIndex(new BufferAttribute(surface.corners, 1));
+    }
+    this.overlay.setSurface(surface);
+    this.viewer.invalidate();
+  }
+
+  /** @returns {Box} around the asset, as the service has it */
+  get bounds() {
+    const places = this.surface?.places ?? new Float32Array(3);
+    const [min, max] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+    places.forEach((value, i) => {
+      min[i % 3] = Math.min(min[i % 3], value);
+      max[i % 3] = Math.max(max[i % 3], value);
+    });
+    return { min: /** @type {Place} */ (min), max: /** @type {Place} */ (max) };
+  }
+
+  /** @param {Tool} tool */
+  use(tool) {
+    this.tool = tool;
+    // A finger that paints must not scroll the page.
+    this.canvas.style.touchAction = tool === "turn" ? "pan-y" : "none";
+    this.canvas.style.cursor = "";
+    this.#brushAt(null);
+  }
+
+  /** @param {Uint8Array} kept (F) faces that do not move */
+  showKept(kept) {
+    if (this.surface) this.overlay.setKept(kept, this.surface.corners);
+    this.viewer.invalidate();
+  }
+
+  /** @param {Box | null} box that is edited @param {Marks[]} handles @param {number} chosen of the handles; -1: none @param {Place[]} points more */
+  showMarks(box, handles, chosen, points = []) {
+    this.box = box;
+    this.handles = handles;
+    this.overlay.setMarks(box, [...handles, ...points.map((to) => ({ position: null, to }))], chosen);
+    this.viewer.invalidate();
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event */
+  #aim({ clientX, clientY }) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    this.viewer.rig.camera.updateMatrixWorld();
+    this.caster.setFromCamera(new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height), this.viewer.rig.camera);
+    return this.caster.ray;
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @returns {Hit | null} */
+  #hit(event) {
+    if (!this.surface) return null;
+    this.#aim(event);
+    const found = this.caster.intersectObject(this.target, false)[0];
+    if (!found || found.faceIndex === null || found.faceIndex === undefined) return null;
+    const { shown, places, corners } = this.surface;
+    const face = found.faceIndex;
+    const [a, b, c] = [...corners.subarray(3 * face, 3 * face + 3)];
+    const at = (/** @type {Float32Array} */ values, /** @type {number} */ v) => new Vector3().fromArray(values, 3 * v);
+    const triangle = new Triangle(at(shown, a), at(shown, b), at(shown, c));
+    const shares = triangle.getBarycoord(found.point, new Vector3()) ?? new Vector3(1, 0, 0);
+    const place = at(places, a).multiplyScalar(shares.x).addScaledVector(at(places, b), shares.y).addScaledVector(at(places, c), shares.z);
+    const normal = triangle.getNormal(new Vector3());
+    if (normal.dot(this.caster.ray.direction) > 0) normal.negate();
+    return { face, point: found.point, place: /** @type {Place} */ (place.toArray()), normal };
+  }
+
+  /** @param {PointerEvent} event @param {Place[]} places @returns {number} the nearest that the pointer is on; -1: none */
+  #grip(event, places) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    let best = event.pointerType === "mouse" ? GRIP.mouse : GRIP.other;
+    let found = -1;
+    this.viewer.rig.camera.updateMatrixWorld();
+    places.forEach((place, i) => {
+      const seen = new Vector3().fromArray(place).project(this.viewer.rig.camera);
+      const apart = Math.hypot(((seen.x + 1) / 2) * width + left - event.clientX, ((1 - seen.y) / 2) * height + top - event.clientY);
+      if (apart >= best || Math.abs(seen.z) > 1) return;
+      best = apart;
+      found = i;
+    });
+    return found;
+  }
+
+  /** @param {Hit | null} hit */
+  #brushAt(hit) {
+    this.overlay.setBrush(hit?.point ?? null, hit?.normal, this.brush * this.overlay.diagonal);
+    this.viewer.invalidate();
+  }
+
+  /** @param {PointerEvent} event */
+  #hover(event) {
+    if (this.tool === "turn" || event.buttons || event.pointerType === "touch") return;
+    const grips = this.tool === "box" && this.box ? sides(this.box) : this.tool === "handle" ? this.handles.map(({ to }) => to) : [];
+    const hit = this.tool === "box" ? null : this.#hit(event);
+    this.canvas.style.cursor = this.#grip(event, grips) >= 0 ? "grab" : hit ? "crosshair" : "";
+    if (this.tool === "paint") this.#brushAt(hit);
+    // The arrow of the front must not take the cursor back.
+    event.stopImmediatePropagation();
+  }
+
+  /** @param {PointerEvent} event */
+  #take(event) {
+    if (this.tool === "turn" || event.button !== 0) return;
+    const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event), point: () => this.#point(event) }[this.tool]();
+    if (!drag) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.viewer.surface.container.focus({ preventScroll: true });
+    const dragging = new AbortController();
+    this.stop.signal.addEventListener("abort", () => dragging.abort(), { once: true });
+    const options = { signal: dragging.signal };
+    const mine = (/** @type {PointerEvent} */ other) => other.pointerId === event.pointerId;
+    addEventListener("pointermove", (moved) => mine(moved) && drag(moved), options);
+    for (const type of /** @type {const} */ (["pointerup", "pointercancel"])) {
+      addEventListener(type, (ended) => {
+        if (!mine(ended)) return;
+        dragging.abort();
+        this.listeners.done();
+      }, options);
+    }
+  }
+
+  /** @param {PointerEvent} event */
+  #paint(event) {
+    const { surface } = this;
+    const first = this.#hit(event);
+    if (!surface || !first) return null;
+    this.neighbours ??= new Neighbours(surface);
+    const dab = (/** @type {Hit} */ hit) => this.neighbours?.around(hit.face, /** @type {Place} */ (hit.point.toArray()), this.brush * this.overlay.diagonal) ?? [];
+    this.#brushAt(first);
+    this.listeners.painted(dab(first));
+    let [x, y] = [event.clientX, event.clientY];
+    return (/** @type {PointerEvent} */ moved) => {
+      const count = Math.min(MOST_DABS, Math.max(1, Math.round(Math.hypot(moved.clientX - x, moved.clientY - y) / STRIDE)));
+      /** @type {Set<number>} */
+      const faces = new Set();
+      let last = null;
+      for (let i = 1; i <= count; i++) {
+        last = this.#hit({ clientX: x + ((moved.clientX - x) * i) / count, clientY: y + ((moved.clientY - y) * i) / count });
+        if (last) for (const face of dab(last)) faces.add(face);
+      }
+      [x, y] = [moved.clientX, moved.clientY];
+      this.#brushAt(last);
+      if (faces.size) this.listeners.painted([...faces]);
+    };
+  }
+
+  /** @param {PointerEvent} event */
+  #dragSide(event) {
+    const { box } = this;
+    const side = box ? this.#grip(event, sides(box)) : -1;
+    if (!box || side < 0) return null;
+    const [axis, end] = [side >> 1, side & 1 ? /** @type {const} */ ("max") : /** @type {const} */ ("min")];
+    const grip = new Vector3().fromArray(sides(box)[side]);
+    const along = new Vector3().setComponent(axis, 1);
+    return (/** @type {PointerEvent} */ moved) => {
+      const { origin, direction } = this.#aim(moved);
+      // The point of the side's axis that is nearest to the pointer's ray.
+      const between = grip.clone().sub(origin);
+      const cosine = along.dot(direction);
+      const away = 1 - cosine * cosine;
+      if (away < 1e-4) return;
+      const value = grip.getComponent(axis) + (cosine * between.dot(direction) - between.dot(along)) / away;
+      const next = { min: /** @type {Place} */ ([...box.min]), max: /** @type {Place} */ ([...box.max]) };
+      next[end][axis] = end === "min" ? Math.min(value, box.max[axis]) : Math.max(value, box.min[axis]);
+      this.listeners.boxed(next);
+    };
+  }
+
+  /** @param {PointerEvent} event */
+  #pick(event) {
+    const hit = this.#hit(event);
+    if (!hit || !this.surface) return null;
+    this.listeners.picked(this.surface.partOf(hit.face));
+    return () => {};
+  }
+
+  /** @param {PointerEvent} event */
+  #point(event) {
+    const hit = this.#hit(event);
+    if (hit) this.listeners.pointed(hit.place);
+    return hit && (() => {});
+  }
+
+  /** @param {PointerEvent} event */
+  #dragHandle(event) {
+    let handle = this.#grip(event, this.handles.map(({ to }) => to));
+    if (handle >= 0) this.listeners.chosen(handle);
+    else {
+      const hit = this.#hit(event);
+      if (!hit) return null;
+      handle = this.listeners.held(hit.place);
+    }
+    const start = new Vector3().fromArray(this.handles[handle].to);
+    const plane = new Plane().setFromNormalAndCoplanarPoint(this.viewer.rig.camera.getWorldDirection(new Vector3()), start);
+    const from = this.#aim(event).intersectPlane(plane, new Vector3()) ?? start;
+    return (/** @type {PointerEvent} */ moved) => {
+      const now = this.#aim(moved).intersectPlane(plane, new Vector3());
+      if (now) this.listeners.moved(handle, start.clone().add(now).sub(from).toArray());
+    };
+  }
+
+  dispose() {
+    this.stop.abort();
+    this.overlay.dispose();
+    this.target.geometry.dispose();
+    this.target.material.dispose();
+  }
+}

@@ -1,0 +1,267 @@
+"""The page's tools for control: what is painted, boxed, picked and dragged is what the worker keeps and moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+from meshdeform.assets import load_asset  # noqa: E402
+from meshdeform.geometry.shapes import icosphere  # noqa: E402
+from tests.acceptance.service import Service, until  # noqa: E402
+from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn  # noqa: E402
+from tests.unit.assets.builders import Builder  # noqa: E402
+
+Locator, Page, expect = playwright_api.Locator, playwright_api.Page, playwright_api.expect
+expect.set_options(timeout=60_000)
+
+
+def two_parts(path: Path) -> Path:
+    """Two balls side by side: the left one mirrored and of two primitives, the right one an instance of both."""
+    builder = Builder()
+    mesh = icosphere(2)
+    verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy().astype(np.uint16)
+    builder.root["materials"] = [{"name": "upper"}, {"name": "lower"}]
+    above = verts[faces].mean(1)[:, 1] > 0
+    halves = [
+        {**builder.primitive(verts, faces[part], NORMAL=verts), "material": number}
+        for number, part in enumerate((above, ~above))
+    ]
+    ball = builder.mesh(*halves, name="ball")
+    builder.node(ball, name="left", translation=[-1.2, 0, 0], scale=[-1, 1, 1])
+    builder.node(ball, name="right", translation=[1.2, 0, 0])
+    path.write_bytes(builder.glb())
+    return path
+
+
+def tool(page: Page, name: str) -> None:
+    """Take a tool in hand."""
+    page.get_by_role("group", name="Tool").get_by_text(name, exact=True).click()
+
+
+def drag(page: Page, viewer: Locator, begin: tuple[float, float], end: tuple[float, float]) -> None:
+    """Drag over a viewer, from and to shares of its width and height."""
+    box = viewer.bounding_box()
+    assert box is not None
+    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (begin, end)]
+    page.mouse.move(*places[0])
+    page.mouse.down()
+    page.mouse.move(*places[1], steps=3)
+    page.mouse.up()
+
+
+def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service: Service, tmp_path: Path) -> None:
+    asset = two_parts(tmp_path / "balls.glb")
+    open_form(page)
+    choose(page, asset)
+    viewer = page.locator(".asset-panel .viewer")
+    until_drawn(viewer)
+    page.get_by_text("Control", exact=True).click()
+    tool(page, "Paint")
+    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
+
+    # The camera stands to the right of the front: the ball that it sees on the right is `right`.
+    def painted() -> bool:
+        drag(page, viewer, (0.66, 0.42), (0.7, 0.46))
+        return rows.count() > 0
+
+    until("the tools are loaded", painted)
+    expect(rows).to_have_count(1)
+    expect(rows.first).to_contain_text("Painted")
+    # Beside the asset the view turns, and nothing is painted.
+    said = rows.first.inner_text()
+    drag(page, viewer, (0.05, 0.1), (0.06, 0.1))
+    assert rows.first.inner_text() == said
+
+    tool(page, "Part")
+    page.get_by_role("group", name="Parts by").get_by_text("Materials", exact=True).click()
+    drag(page, viewer, (0.66, 0.6), (0.66, 0.6))
+    expect(rows.nth(1)).to_contain_text("Material lower")
+    page.keyboard.press("Control+z")
+    expect(rows).to_have_count(1)
+
+    tool(page, "Handle")
+    drag(page, viewer, (0.36, 0.45), (0.3, 0.3))
+    expect(rows.nth(1)).to_contain_text("Handle 1")
+    expect(page.get_by_label("Goes to y")).not_to_have_value(page.get_by_label("Point y").input_value())
+
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    set_steps(page, 3)
+    page.reload()  # a draft has all of it
+    expect(rows).to_have_count(2)
+    expect(page.locator("#estimate")).to_contain_text("3 steps")
+    job = start(page)
+    assert service.finished(job)["state"] == "succeeded"
+    expect(badge(page)).to_have_text("Succeeded")
+
+    params = service.job(job)["params"]
+    source = load_asset(asset.read_bytes())
+    items = params["regions"][0]["faces"]
+    ranges = [range(item[0], item[1] + 1) if isinstance(item, list) else [item] for item in items]
+    numbers = [number for each in ranges for number in each]
+    assert 1 < len(numbers) < 100
+    names = {node["index"]: node["name"] for node in source.parts().nodes}
+    assert {names[node] for node in source.parts().node_of_triangle[numbers]} == {"right"}
+    middles = source.surface.positions[source.surface.triangles[numbers]].mean(1)
+    assert np.ptp(middles, axis=0).max() < 1.2, "the brush stays where it was"
+    assert (middles[:, 2] > -0.2).all(), "and on the side that is seen"
+    result = load_asset(service.artifact(job, "result.glb")).surface
+    kept = np.unique(source.surface.triangles[numbers])
+    np.testing.assert_array_equal(result.positions[kept], source.surface.positions[kept])
+    assert np.abs(result.positions - source.surface.positions).max() > 0.01
+    [handle] = params["handles"]
+    assert np.linalg.norm(np.array(handle["position"]) - [-1.2, 0, 0]) == pytest.approx(1, abs=0.06)
+    nearest = np.linalg.norm(result.positions - handle["to"], axis=1).min()
+    assert nearest < 0.35, "the surface is where the point was dragged"
+
+    asked = page.get_by_role("region", name="Control")
+    expect(asked).to_contain_text(f"Keep: Painted, {len(numbers)} triangles")
+    expect(asked).to_contain_text("Handle: (")
+    expect(page.get_by_role("button", name="Control")).to_have_attribute("aria-pressed", "true")
+    page.get_by_role("button", name="Edit and run again").click()
+    expect(rows).to_have_count(2)
+    # Another file has other triangles.
+    page.get_by_role("button", name="Sphere", exact=True).click()
+    expect(page.get_by_text("belonged to the other file")).to_be_visible()
+    expect(rows).to_have_count(0)
+
+
+@pytest.mark.without_3d
+def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
+    open_form(page)
+    choose(page, two_parts(tmp_path / "balls.glb"))
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    set_steps(page, 2)
+    page.get_by_text("Control", exact=True).click()
+    expect(page.get_by_role("group", name="Tool")).to_be_hidden()
+    page.get_by_role("button", name="Add a box").click()
+    for end, place in (("From", (-3, -3, -3)), ("To", (3, 0, 3))):
+        for axis, value in zip("xyz", place, strict=True):
+            page.get_by_label(f"{end} {axis}").fill(str(value))
+    page.get_by_label("Region 1: what happens to it").select_option("only")
+    page.get_by_label("Part to add").select_option(label="left")
+    page.get_by_role("button", name="Add part").click()
+    page.get_by_role("button", name="Add triangles").click()
+    page.get_by_label("Triangles", exact=True).fill("0-3, 7-")
+    page.get_by_label("Symmetry").select_option("z")
+    page.get_by_label("Length along y", exact=True).select_option("limits")
+    page.get_by_label("Greatest length along y").fill("1.1")
+    page.get_by_label("Fall-off").fill("0.2")
+    begin = page.get_by_role("button", name="Deform")
+    begin.click()
+    expect(page.get_by_label("Triangles", exact=True)).to_be_focused()
+    page.get_by_label("Triangles", exact=True).fill("0-3, 7")
+    # Split edges number the triangles anew.
+    page.get_by_label("Split long edges first").check()
+    expect(page.get_by_text("Painted triangles are numbered as in the file")).to_be_visible()
+    begin.click()
+    assert watch.posted() == []
+    page.get_by_label("Split long edges first").uncheck()
+    expect(page.locator("#estimate")).to_contain_text("2 steps")
+    job = start(page)
+    params = service.job(job)["params"]
+    assert [{k: v for k, v in region.items() if v is not None} for region in params["regions"]] == [
+        {"box": {"min": [-3, -3, -3], "max": [3, 0, 3]}, "action": "only"},
+        {"node": "left", "action": "keep"},
+        {"faces": [[0, 3], 7], "action": "keep"},
+    ]
+    assert (params["symmetry"], params["falloff"]) == ("z", 0.2)
+    assert params["length"]["y"]["max"] == 1.1
+    assert service.finished(job)["state"] == "succeeded"
+    expect(badge(page)).to_have_text("Succeeded")
+    page.get_by_role("heading", name="Settings").click()
+    expect(page.locator(".parameters")).to_contain_text('"box":{')
+    # What the worker refuses is told; what the server refuses is said beside it.
+    page.get_by_role("button", name="Edit and run again").click()
+    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
+    expect(rows).to_have_count(3)
+    expect(page.get_by_label("Length along y", exact=True)).to_have_value("limits")
+    page.get_by_role("button", name="Clear all").click()
+    expect(rows).to_have_count(0)
+    page.get_by_role("button", name="Undo").first.click()
+    expect(rows).to_have_count(3)
+
+
+def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
+    open_form(page)
+    until_drawn(page.locator(".asset-panel .viewer"))
+    Image.fromarray(np.pad(np.zeros((40, 20), np.uint8), 20, constant_values=255)).save(tmp_path / "front.png")
+    page.set_input_files("#picture-file", tmp_path / "front.png")
+    azimuth = page.get_by_label("Azimuth of picture 1")
+    expect(azimuth).to_have_value("0")
+    expect(page.locator(".picture-veil")).to_be_visible()
+    drag(page, page.locator(".asset-panel .viewer"), (0.5, 0.5), (0.4, 0.5))
+    expect(azimuth).not_to_have_value("0")
+    assert 5 < float(azimuth.input_value()) < 90, "dragged to the left, the asset shows its left side"
+    azimuth.fill("90")
+    set_steps(page, 2)
+    expect(page.locator("#estimate")).to_contain_text("2 steps")  # the server takes the picture, without a prompt
+    expect(page.get_by_role("button", name="Fit to another mesh")).to_be_hidden()
+    page.get_by_role("button", name="Remove picture 1").click()
+    expect(page.locator("#estimate")).to_contain_text("Enter a prompt")
+
+    page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
+    expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
+    source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
+    until_drawn(target)
+    page.get_by_role("button", name="Click pairs of points").click()
+    pairs = page.get_by_role("list", name="Pairs of points").get_by_role("listitem")
+
+    def paired() -> bool:
+        drag(page, source, (0.5, 0.5), (0.5, 0.5))
+        drag(page, target, (0.7, 0.5), (0.7, 0.5))
+        return pairs.count() > 0
+
+    until("the tools are loaded", paired)
+    number = pairs.count()
+    page.reload()  # a draft has both files
+    expect(pairs).to_have_count(number)
+    expect(target.locator(".viewer-tag")).to_have_text("Target")
+    expect(page.locator("#estimate")).to_contain_text("2 steps")
+    job = start(page)
+    document = service.job(job)
+    assert (document["params"]["guidance"], document["target"]["filename"]) == ("target", "balls.glb")
+    [pair, *_] = document["params"]["landmarks"]
+    radius = np.abs(load_asset(service.http.get(f"/v1/jobs/{job}/asset").content).surface.positions).max()
+    assert np.linalg.norm(pair["source"]) == pytest.approx(radius, rel=0.02)
+    assert np.linalg.norm(np.array(pair["target"]) - [1.2, 0, 0]) == pytest.approx(1, abs=0.06)
+    service.http.post(f"/v1/jobs/{job}/cancel")
+    service.finished(job)
+    expect(page.get_by_text("Target: balls.glb")).to_be_visible()
+    page.get_by_role("button", name="Edit and run again").click()
+    expect(pairs).to_have_count(number)
+    expect(target.locator(".viewer-tag")).to_have_text("Target")
+
+
+def test_variations_at_several_strengths_on_one_sheet(page: Page, service: Service, tmp_path: Path) -> None:
+    asset = two_parts(tmp_path / "balls.glb")
+    for seed, prompt in enumerate(("a tall vase", "a fat penguin")):
+        params = {"preset": "preview", "steps": 6, "seed": seed}
+        job = service.submit(asset, {"prompt": prompt, "params": params, "metadata": {"group": "strengths"}})
+        assert service.finished(job)["state"] == "succeeded"
+    # What the service makes of strength 0, in a process that takes its time: the source's bytes.
+    page.route("**/result.glb?strength=0", lambda route: route.fulfill(body=asset.read_bytes()))
+    page.goto("/#/groups/strengths")
+    page.get_by_role("heading", name="Contact sheet").click()
+    make, strengths = page.get_by_role("button", name="Make the sheet"), page.get_by_label("Strengths in percent")
+    strengths.fill("50, 200")
+    make.click()
+    expect(page.get_by_role("alert").filter(has_text="from 0 to 150")).to_be_visible()
+    strengths.fill("0, 100")
+    make.click()
+    expect(page.get_by_role("img", name="2 variations, each at 0%, 100%")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the sheet").click()
+    assert download.value.suggested_filename.startswith("balls-")
+    sheet = np.asarray(Image.open(download.value.path()).convert("RGB"), dtype=np.int16)
+    cell = round(sheet.shape[1] / 2.28)
+    edge = sheet.shape[1] - 2 * cell
+    cells = [[sheet[edge + y * cell :, edge + x * cell :][:cell, :cell] for x in range(2)] for y in range(2)]
+    assert min(each.std() for row in cells for each in row) > 5, "nothing is drawn"
+    assert difference(cells[0][0], cells[1][0]) == 0, "the same asset, at strength 0"
+    assert min(difference(row[0], row[1]) for row in cells) > 0.005

@@ -1,0 +1,116 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
+import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
+import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
+import { carriedFlags, keptFaces, Neighbours, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
+
+const ASKED = {
+  regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
+  handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],
+  symmetry: "x",
+  falloff: 0.2,
+  length: { x: "keep", y: { min: 0.9, max: null } },
+};
+
+test("a request asks for what the form holds, and the form holds what a job asked", () => {
+  const control = controlOf(ASKED);
+  assert.deepEqual(controlParams(control), ASKED);
+  assert.deepEqual(controlParams(noControl()), {});
+  assert.equal(isEmpty({ ...noControl(), regions: [{ faces: [], action: "keep" }] }), true);
+  // As the API returns them: with members that are null.
+  const told = controlOf({ regions: [{ node: "Hinge", box: null, action: "keep" }], handles: [{ vertex: null, position: [0, 0, 0], to: [1, 0, 0], weight: 0.5 }], length: { x: null, y: null, z: "keep" } });
+  assert.deepEqual(told.regions, [{ node: "Hinge", action: "keep" }]);
+  assert.deepEqual([told.handles[0].vertex, told.length], [undefined, { z: "keep" }]);
+});
+
+test("a job that is asked for again brings its control, and nothing twice", () => {
+  const job = { prompt: "a vase", params: { ...ASKED, rigid: [{ node: "wheel" }] }, output: {}, asset: { filename: "a.glb", size: 7 } };
+  const wish = wishOf(job, []);
+  assert.equal(wish.control.of, fileKey("a.glb", 7));
+  assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
+  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", [])[0].params;
+  assert.deepEqual(params, job.params);
+});
+
+test("triangles are typed as numbers and ranges", () => {
+  assert.deepEqual(facesOf("0-12, 40 41"), [[0, 12], 40, 41]);
+  assert.deepEqual(facesOf(""), []);
+  for (const text of ["a", "3-1", "1.5", "-2", "1-"]) assert.equal(facesOf(text), null, text);
+  assert.equal(facesText([[0, 12], 40]), "0-12, 40");
+});
+
+test("what cannot be sent is said", () => {
+  const good = controlOf(ASKED);
+  assert.equal(controlProblem(good, false), "");
+  assert.match(controlProblem(good, true), /numbered as in the file/);
+  assert.match(controlProblem({ ...good, falloff: "2" }, false), /from 0 to 1/);
+  assert.match(controlProblem({ ...good, length: { z: { min: 2, max: 1 } } }, false), /along z/);
+  assert.match(controlProblem({ ...good, length: { z: { min: 0, max: null } } }, false), /more than 0/);
+  assert.match(controlProblem({ ...noControl(), regions: [{ box: { min: [0, 3, 0], max: [1, 2, 1] } }] }, false), /along y/);
+});
+
+test("all that was asked is said in words", () => {
+  assert.deepEqual(controlWords(controlOf(ASKED)), [
+    "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)", "Length along x: kept", "Length along y: at least 0.9×",
+  ]);
+});
+
+test("undo goes back step by step, and the same state is no step", () => {
+  const history = new History(noControl());
+  history.add({ ...noControl(), symmetry: "x" });
+  history.add({ ...noControl(), symmetry: "x" });
+  history.add({ ...noControl(), symmetry: "y" });
+  assert.equal(history.undo().symmetry, "x");
+  assert.equal(history.undo().symmetry, "none");
+  assert.equal(history.undo(), null);
+});
+
+// A strip of four triangles over five places, in two parts.
+const STRIP = {
+  count: 4,
+  places: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
+  shown: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
+  groups: Uint32Array.from([0, 1, 2, 3, 4, 5]),
+  corners: Uint32Array.from([0, 1, 2, 1, 3, 2, 2, 3, 4, 3, 5, 4]),
+  parts: [{ node: 1, mesh: 0, material: 0, first: 0, count: 3 }, { node: 2, mesh: 1, material: -1, first: 3, count: 1 }],
+  below: (node) => new Set(node === 0 ? [0, 1, 2] : [node]),
+};
+const NAMED = { nodes: [{ index: 1, name: "body" }, { index: 2, name: "wheel" }, { index: 3, name: "wheel" }], materials: [{ index: 0, name: "red" }], mesh_names: [] };
+
+test("a region selects what the service selects", () => {
+  const faces = (region) => selectedFaces(region, STRIP, NAMED) && [...selectedFaces(region, STRIP, NAMED)];
+  assert.deepEqual(faces({ faces: [0, [2, 3]] }), [1, 0, 1, 1]);
+  assert.deepEqual(faces({ box: { min: [0, 0, 0], max: [3, 1, 0] } }), [1, 1, 0, 0]);
+  assert.deepEqual(faces({ sphere: { center: [1, 0.5, 0], radius: 1.2 } }), [1, 0, 0, 0]);
+  assert.deepEqual(faces({ capsule: { start: [2, 0, 0], end: [4, 0, 0], radius: 1 } }), [0, 0, 1, 0]);
+  assert.deepEqual(faces({ node: "wheel" }), [0, 0, 0, 1]);
+  assert.deepEqual(faces({ node: 0 }), [1, 1, 1, 1]);
+  assert.deepEqual(faces({ material: "red" }), [1, 1, 1, 0]);
+  assert.equal(faces({ joint: { name: "Head" } }), null);
+});
+
+test("what is kept: each keep, and what lies outside of every only", () => {
+  const flags = (...on) => Uint8Array.from([0, 1, 2, 3], (face) => Number(on.includes(face)));
+  assert.deepEqual([...keptFaces([{ flags: flags(0) }], 4)], [1, 0, 0, 0]);
+  assert.deepEqual([...keptFaces([{ action: "only", flags: flags(0, 1) }, { action: "keep", flags: flags(1) }], 4)], [0, 1, 1, 1]);
+  // One `only` that the page does not know may hold anything.
+  assert.deepEqual([...keptFaces([{ action: "only", flags: flags(0) }, { action: "only", flags: null }], 4)], [0, 0, 0, 0]);
+  assert.deepEqual(rangesOf(flags(0, 2, 3)), [0, [2, 3]]);
+  assert.deepEqual([...carriedFlags(flags(3), STRIP, { count: 1, parts: [{ node: 2, first: 0, count: 1 }] })], [1]);
+});
+
+test("a brush stays on the surface and within its radius", () => {
+  const neighbours = new Neighbours(STRIP);
+  assert.deepEqual(neighbours.around(0, [1, 0.3, 0], 0.1), [0]);
+  assert.deepEqual(neighbours.around(0, [1, 0.3, 0], 1.2).sort(), [0, 1]);
+  assert.deepEqual(neighbours.around(3, [4, 0.7, 0], 100).sort(), [0, 1, 2, 3]);
+  // Two triangles at one place that share no vertex are two surfaces.
+  const apart = new Neighbours({ corners: Uint32Array.from([0, 1, 2, 3, 4, 5]), groups: Uint32Array.from([0, 1, 2, 3, 4, 5]), shown: STRIP.shown });
+  assert.deepEqual(apart.around(0, [1, 0, 0], 100), [0]);
+});
+
+test("an OBJ without faces, or with one that refers to nothing, is not numbered", () => {
+  assert.equal(readObjFaces("v 0 0 0\n"), null);
+  assert.equal(readObjFaces("v 0 0 0\nf 1 2 3\n"), null);
+});
