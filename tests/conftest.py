@@ -224,3 +224,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Genera
     for reason, count in sorted(reasons.items()):
         terminalreporter.write_line(f"NOT RUN HERE: {count} test{'s' * (count > 1)}: {reason}", yellow=True)
     return result
+
+
+@pytest.fixture(scope="session")
+def tiny_shap_e(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a Shap-E pipeline of the real classes with small random weights."""
+    from tests.tiny_shap_e import build_tiny_shap_e
+
+    return build_tiny_shap_e(tmp_path_factory.mktemp("models") / "tiny-shap-e")

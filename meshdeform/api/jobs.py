@@ -130,7 +130,8 @@ class JobView(_Document):
     )
     progress: Progress = Field(description="The job's progress.")
     artifacts: list[ArtifactView] = Field(
-        default_factory=list, description="The results, sorted by name; empty unless the job has succeeded."
+        default_factory=list,
+        description="The results, sorted by name. Unless the job has succeeded, only a generated target.",
     )
 
     @classmethod

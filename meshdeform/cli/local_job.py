@@ -7,7 +7,7 @@ import shlex
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,14 +17,17 @@ from typing import Any
 from meshdeform.assets import Limits
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.goals import stage_words
 from meshdeform.cli.progress import ProgressView
 from meshdeform.errors import AlignmentError, UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
-from meshdeform.requests.document import GuidanceKind, JobRequest, resolve
+from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.requests.stages import needs_prior, stage_at
 from meshdeform.runs import text_deform
-from meshdeform.runs.base import ArtifactData, JobRun
+from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
+from meshdeform.runs.generated_target import generated_target
 from meshdeform.settings import Settings
 from meshdeform.support.atomic_files import write_files
 
@@ -55,6 +58,8 @@ class LocalJob:
     outputs : Outputs
     target : Path, optional
         The mesh of `params.guidance = target`.
+    targets : mapping of str to Path
+        Target meshes by part, for stages.
     pictures : sequence of Path
         The pictures of `params.silhouettes`.
     resume : Path, optional
@@ -71,12 +76,15 @@ class LocalJob:
         outputs: Outputs,
         *,
         target: Path | None = None,
+        targets: Mapping[str, Path] | None = None,
         pictures: Sequence[Path] = (),
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
         self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
-        self._target, self._pictures, self._resume, self._load = target, pictures, resume, load
+        self._targets = {**({"target": target} if target else {}), **(targets or {})}
+        self._pictures, self._resume, self._load = pictures, resume, load
+        self._shown: list[Path] = []
         self._last_losses: dict[str, float] = {}
         self._last_step: tuple[int, int] | None = None
         self._saved_step: int | None = None
@@ -105,7 +113,7 @@ class LocalJob:
         start = time.perf_counter()
         progress.phase("loading")
         self._check_folders()
-        run = self._start()
+        run = self._start(progress)
         first = run.step
         progress.phase("optimizing")
         self._optimize(run, progress)
@@ -119,6 +127,7 @@ class LocalJob:
             "preview": str(self._outputs.preview),
             "morph": str(self._outputs.morph) if self._outputs.morph else None,
             "usd": str(self._outputs.usd) if self._outputs.usd else None,
+            "targets": [str(path) for path in self._shown],
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
@@ -126,6 +135,7 @@ class LocalJob:
             "appearance": report["appearance"],
             "likeness": report.get("likeness"),
             "texture_stretch": report["texture_stretch"],
+            "stages": report.get("stages"),
             "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
@@ -142,18 +152,30 @@ class LocalJob:
             with writing("The checkpoint", "--checkpoint"):
                 try_folder(outputs.checkpoint)
 
-    def _start(self) -> JobRun:
+    def _start(self, progress: ProgressView) -> JobRun:
         limits = Limits.from_settings(self._settings)
         asset = read_with_files(self._asset, limits)
         use_threads(self._settings.threads)
         device = resolve_device(self._settings.device)
         params = resolve(self._request.params, default_model=self._settings.model)
         prior = None
-        if params.guidance is GuidanceKind.SDS:
+        if needs_prior(params):
             revision = self._settings.model_revision if params.model == self._settings.model else ""
             prior = self._load(params.model, device=device, revision=revision, dtype=self._settings.dtype)
+        files = {"asset": InputFile(asset, self._asset.name)}
+        files |= {part: InputFile(read_with_files(path, limits), path.name) for part, path in self._targets.items()}
+        given = RunInput(
+            request=self._request,
+            files=files,
+            checkpoint=self._resume.read_bytes() if self._resume else None,
+            default_model=self._settings.model,
+            limits=limits,
+            device=device,
+            on_phase=progress.phase,
+            on_artifact=self._show,
+        )
         with self._alignment_picture():
-            return self._begin(asset, prior, limits, device)
+            return self._begin(given, prior, params.seed)
 
     @contextmanager
     def _alignment_picture(self) -> Iterator[None]:
@@ -168,19 +190,26 @@ class LocalJob:
                 error.advice_text += f" {path} shows the asset in blue and the target in orange."
             raise
 
-    def _begin(self, asset: bytes, prior: Prior | None, limits: Limits, device: str) -> JobRun:
+    def _show(self, name: str, artifact: ArtifactData) -> None:
+        """Write what is shown before the run has ended beside the result."""
+        path = self._outputs.result.with_suffix(f".{name}")
+        with writing(name):
+            write_files({path: artifact.data})
+        self._shown.append(path)
+
+    def _begin(self, given: RunInput, prior: Prior | None, seed: int) -> JobRun:
         return text_deform.start(
-            asset=asset,
-            filename=self._asset.name,
-            request=self._request,
+            asset=given.files["asset"].data,
+            filename=given.files["asset"].filename,
+            request=given.request,
             prior=prior,
-            target=read_with_files(self._target, limits) if self._target else None,
-            target_filename=self._target.name if self._target else "",
+            targets=given.files,
+            generate=lambda wanted, name: generated_target(wanted, name, seed, given),
             pictures=[path.read_bytes() for path in self._pictures],
-            checkpoint=self._resume.read_bytes() if self._resume else None,
-            default_model=self._settings.model,
-            limits=limits,
-            device=device,
+            checkpoint=given.checkpoint,
+            default_model=given.default_model,
+            limits=given.limits,
+            device=given.device,
         )
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
@@ -189,6 +218,8 @@ class LocalJob:
             for report in run:
                 self._last_losses = report.losses
                 self._last_step = (report.step, report.total_steps)
+                if found := stage_at(self._request.params.stages, report.step - 1, report.total_steps):
+                    progress.phase(stage_words(found.model_dump(), "optimizing"))
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):

@@ -59,11 +59,13 @@ def models(
             entry["id"],
             "default" if entry["id"] == document["default"] else "",
             _STATES.get(entry["available"], ""),
+            entry.get("purpose") or "",
+            entry.get("licence") or "",
             entry.get("title") or "",
         )
         for entry in found
     ]
-    typer.echo(table(("MODEL", "", "STATE", "TITLE"), rows))
+    typer.echo(table(("MODEL", "", "STATE", "PURPOSE", "LICENCE", "TITLE"), rows))
 
 
 def _local() -> dict[str, Any]:
@@ -82,6 +84,7 @@ def _described(entry: dict[str, Any]) -> str:
     for name in ("nouns", "attributes", "examples"):
         if words.get(name):
             lines.append(f"{name}: {', '.join(words[name])}")
+    lines.append(f"Licence: {entry.get('licence') or 'not stated here; see its model card'}")
     if not words:
         lines.append("Accepts any prompt.")
     return "\n".join(lines)

@@ -12,6 +12,7 @@ from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.fit import fit_line
+from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import (
     ExcludeOption,
@@ -26,7 +27,10 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
+    StageOption,
     SymmetryOption,
+    TargetModelOption,
+    TargetPromptOption,
 )
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
@@ -53,7 +57,7 @@ def run(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become, e.g. "a mushroom". Or give --target or --silhouette.'),
+        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -128,6 +132,9 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    target_prompt: TargetPromptOption = None,
+    target_model: TargetModelOption = None,
+    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -157,11 +164,14 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
+    goals = parse_goals(target, target_prompt, target_model, stage)
     pictures = parse_pictures(silhouette)
+    if silhouette and not prompt and not goals.params:
+        goals.params["guidance"] = "silhouettes"
     params = merge_params(
         param or [],
         preset=preset,
-        guidance="target" if target else "silhouettes" if silhouette and not prompt else None,
+        **goals.params,
         silhouettes=pictures.views or None,
         model=model,
         steps=steps,
@@ -175,7 +185,7 @@ def run(
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
-    morph = morph or bool(morph_path)
+    morph = morph or bool(morph_path) or bool(params.get("stages"))
     written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
     written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = make_request(prompt, params, output=written)
@@ -188,29 +198,33 @@ def run(
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
-        check_outputs({**paths, **drawn}, [path for path in (asset, target, resume, *pictures.paths) if path])
+        check_outputs(
+            {**paths, **drawn}, [path for path in (asset, *goals.files.values(), resume, *pictures.paths) if path]
+        )
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     if usd:
         from meshdeform.assets.usd import require_usd
 
         require_usd()
+    from meshdeform.requests.stages import generated_targets
     from meshdeform.runs import text_deform_kind
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
+    target_models = [target.model for target in generated_targets(request.params)]
     text_deform_kind.check(
         request,
         default_model=settings.model,
-        allowed_models=[request.params.model] if request.params.model else [],
+        allowed_models=[name for name in (request.params.model, *target_models) if name],
         revision=settings.model_revision,
-        has_target=target is not None,
+        targets=goals.files,
         pictures=pictures.parts,
     )
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, target=target, pictures=pictures.paths, resume=resume)
+    job = LocalJob(asset, request, settings, outputs, targets=goals.files, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:

@@ -12,6 +12,7 @@ from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
+from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.options import (
     ApiKeyFileOption,
     ApiKeyOption,
@@ -27,7 +28,10 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
+    StageOption,
     SymmetryOption,
+    TargetModelOption,
+    TargetPromptOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
@@ -56,7 +60,7 @@ def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become, e.g. "a mushroom". Or give --target or --silhouette.'),
+        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -98,6 +102,9 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    target_prompt: TargetPromptOption = None,
+    target_model: TargetModelOption = None,
+    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -164,11 +171,14 @@ def submit(
 
     meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
     """
+    goals = parse_goals(target, target_prompt, target_model, stage)
     pictures = parse_pictures(silhouette)
+    if silhouette and not prompt and not goals.params:
+        goals.params["guidance"] = "silhouettes"
     params = merge_params(
         settings or [],
         preset=preset,
-        guidance="target" if target else "silhouettes" if silhouette and not prompt else None,
+        **goals.params,
         silhouettes=pictures.views or None,
         model=model,
         steps=steps,
@@ -202,8 +212,7 @@ def submit(
             params=request.params,
             output=request.output,
             metadata=request.metadata,
-            target=target,
-            files=pictures.parts,
+            files={**goals.files, **pictures.parts},
             priority=request.priority,
             deadline_s=request.deadline_s,
             idempotency_key=idempotency_key,

@@ -313,6 +313,8 @@ class ModelView(_Open):
     description: str = ""
     available: bool = True
     vocabulary: Vocabulary | None = None
+    purpose: str = "guidance"
+    licence: str = ""
 
 
 class ModelList(_Open):

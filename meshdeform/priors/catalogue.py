@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
 from meshdeform.priors.public_names import hidden_folders, public_names
+from meshdeform.priors.text_to_3d import check_generator, is_generator
 from meshdeform.requests.document import BUILTIN_MODEL
 
 __all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "list_models"]
@@ -23,6 +27,11 @@ EXAMPLES: tuple[str, ...] = (
     "a twisted bottle",
 )
 """Example prompts for the builtin prior."""
+
+_GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended."
+_TARGETS = "A text-to-3D model: makes the target mesh of params.target. A GPU is recommended."
+_CARD = 10_000
+"""Characters of a model card that are read."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,10 @@ class ModelInfo:
         Why the model is not available, and what to do.
     vocabulary : Vocabulary or None
         None if the model takes any prompt.
+    purpose : "guidance" or "target"
+        Whether it guides a deformation (`params.model`) or makes target meshes (`params.target`).
+    licence : str
+        What its model card says, or an empty text.
     """
 
     id: str
@@ -74,6 +87,8 @@ class ModelInfo:
     available: bool | None
     problem: str | None
     vocabulary: Vocabulary | None
+    purpose: Literal["guidance", "target"] = "guidance"
+    licence: str = ""
 
 
 def list_models(
@@ -107,17 +122,32 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
             available=True,
             problem=None,
             vocabulary=Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), NOUNS, MAX_ATTRIBUTES, EXAMPLES),
+            licence="Apache-2.0",
         )
+    makes_targets = is_generator(model)
     available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
         id=name,
         # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
-        description="A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended.",
+        description=_TARGETS if makes_targets else _GUIDES,
         available=available,
         problem=problem,
         vocabulary=None,
+        purpose="target" if makes_targets else "guidance",
+        licence=_licence(model),
     )
+
+
+def _licence(model: str) -> str:
+    """Return the licence that the model card in a folder states; empty if there is none."""
+    try:
+        with (Path(model).expanduser() / "README.md").open(encoding="utf-8") as card:
+            head = card.read(_CARD)
+    except (OSError, ValueError):
+        return ""
+    found = re.search(r"^license:[ \t]*([\w.+-]{1,60})[ \t]*$", head, re.MULTILINE)
+    return found[1] if found and head.startswith("---") else ""
 
 
 def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None, str | None]:
@@ -125,7 +155,10 @@ def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None
         return None, None  # this environment does not run models; the worker may have it
     try:
         with hidden_folders(hidden):
-            check_model(model, revision)
+            if is_generator(model):
+                check_generator(model)
+            else:
+                check_model(model, revision)
     except MeshdeformError as error:
         return False, f"{error.detail} {error.advice_text}"
     return True, None

@@ -34,7 +34,7 @@ from meshdeform.rendering.shading import RenderStyle
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
 
-__all__ = ["StableDiffusionPrior"]
+__all__ = ["StableDiffusionPrior", "no_progress_bar"]
 
 _PREDICTIONS = ("epsilon", "v_prediction")
 
@@ -84,7 +84,7 @@ class StableDiffusionPrior:
                 advice='Install the extra: pip install "meshdeform[sd]".',
             ) from error
         try:
-            with _no_progress_bar():
+            with no_progress_bar():
                 self._unet = self._network(UNet2DConditionModel, files, "unet")
                 self._vae = self._network(AutoencoderKL, files, "vae")
                 self._text_encoder = self._network(CLIPTextModel, files, "text_encoder")
@@ -227,7 +227,7 @@ def _side(sample_size: Any, model: str) -> int:
 
 
 @contextmanager
-def _no_progress_bar() -> Iterator[None]:
+def no_progress_bar() -> Iterator[None]:
     """Keep transformers from printing its own progress bar on standard error."""
     from transformers.utils import logging
 

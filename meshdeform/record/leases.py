@@ -205,6 +205,13 @@ class Leases:
         reached = sa.select(sa.func.max(events.c.data["step"].as_integer())).where(earlier)
         return (connection.execute(reached).scalar() or 0) >= step
 
+    def show_artifact(self, job_id: str, attempt: int, found: Artifact) -> None:
+        """Publish an artifact before the job has ended, in place of that of an earlier attempt."""
+        with changing(self._database) as change:
+            if not change.update(rows.fenced(job_id, attempt), {}):
+                raise stale(change.connection, job_id, attempt)
+            self._publish(change, job_id, attempt, [found])
+
     def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
         """Remove a checkpoint from the record, so that its objects can be deleted."""
         with self._database.write() as connection:
@@ -281,6 +288,9 @@ class Leases:
         return JobState(changed[0].state)
 
     def _publish(self, change: Change, job_id: str, attempt: int, results: Sequence[Artifact]) -> None:
+        names = [result.name for result in results]
+        shown = sa.and_(artifacts.c.job_id == job_id, artifacts.c.name.in_(names))
+        change.connection.execute(sa.delete(artifacts).where(shown))
         for result in results:
             values = {**result.model_dump(), "job_id": job_id, "attempt": attempt}
             change.connection.execute(sa.insert(artifacts).values(values))

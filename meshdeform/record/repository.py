@@ -248,7 +248,7 @@ class JobRecord:
         return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
-        """Return the results of a job, sorted by name; none before it has succeeded.
+        """Return the results of a job, sorted by name. Before it has succeeded, only those that it shows early.
 
         Raises
         ------
@@ -355,10 +355,10 @@ _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 def _with_artifacts(connection: sa.Connection, found: list[Job]) -> list[Job]:
     """Return the jobs with their results."""
-    succeeded = [job.id for job in found if job.state is JobState.SUCCEEDED]
-    if not succeeded:
+    begun = [job.id for job in found if job.attempt]
+    if not begun:
         return found
-    query = sa.select(artifacts).where(artifacts.c.job_id.in_(succeeded)).order_by(artifacts.c.name)
+    query = sa.select(artifacts).where(artifacts.c.job_id.in_(begun)).order_by(artifacts.c.name)
     results: dict[str, list[Artifact]] = {}
     for row in connection.execute(query):
         results.setdefault(row.job_id, []).append(rows.artifact(row))

@@ -21,6 +21,7 @@ from meshdeform.record.models import (
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.document import JobRequest, read_stored
+from meshdeform.requests.stages import stage_at
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
 
@@ -83,10 +84,13 @@ def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
 
 def job(row: Row) -> Job:
     """Return the job of a row."""
+    request = read_stored(row.request)
+    # Parameters of another kind of job have no stages.
+    stages = getattr(request.params, "stages", ())
     return Job(
         id=row.id,
         state=JobState(row.state),
-        request=read_stored(row.request),
+        request=request,
         resolved=row.resolved,
         files={part: StoredFile.model_validate(file) for part, file in row.files.items()},
         error=JobError.model_validate(row.error) if row.error else None,
@@ -101,6 +105,7 @@ def job(row: Row) -> Job:
             losses=row.losses,
             eta_s=row.eta_s,
             attempt=row.attempt,
+            stage=stage_at(stages, row.step, row.total_steps),
         ),
         attempt=row.attempt,
         version=row.version,

@@ -30,6 +30,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.resolve import resolve
+from meshdeform.requests.stages import goal_guidance
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -131,7 +132,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if `params.guidance` is `sds`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -186,7 +187,8 @@ class JobRequest(StrictModel):
     def workload(self) -> str:
         """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
-        return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
+        guidance = goal_guidance(params) if isinstance(params, DeformParams) else getattr(params, "guidance", "")
+        return f"{self.kind}/{guidance}/{getattr(params, 'model', '') or ''}"
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

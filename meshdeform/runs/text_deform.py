@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,37 +13,37 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
+from meshdeform.deformation.stages import StagedDeformation
 from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
-from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.guidance.base import Guidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.rendering.preview import preview_png
 from meshdeform.rendering.studio import Pose
 from meshdeform.requests.choices import RigMode
-from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.appearance_report import appearance_report, sees_colours
-from meshdeform.runs.base import ArtifactData, StepReport
+from meshdeform.runs.base import ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, read_control
 from meshdeform.runs.control_report import control_report
+from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
+from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
-from meshdeform.runs.strength import AssetPath, write_morph
+from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
-from meshdeform.runs.target_fit import TargetFit
-from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
 
 __all__ = ["TextDeformRun", "start"]
@@ -59,6 +60,8 @@ def start(
     prior: Prior | None = None,
     target: bytes | None = None,
     target_filename: str = "",
+    targets: Mapping[str, InputFile] | None = None,
+    generate: GenerateTarget = cannot_generate,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
@@ -75,6 +78,10 @@ def start(
     asset, target : bytes
         A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
+    targets : mapping of str to InputFile, optional
+        Further target meshes by part, for stages.
+    generate : callable
+        Returns the GLB of a target that a text-to-3D model makes.
     pictures : sequence of bytes
         One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
@@ -116,52 +123,43 @@ def start(
     shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
-        fit, silhouettes = None, SilhouetteFit.of(params, pictures)
-        if params.guidance is GuidanceKind.TARGET:
-            if target is None:
-                raise ParameterError(
-                    "params.guidance is `target`, but there is no target mesh.",
-                    advice="Send one as the part `target`.",
-                )
-            fit = TargetFit.of(params, loaded, welded.mesh, load_asset(target, target_filename, limits))
-            guidance: Guidance = fit.guidance(mesh, params, device, sha256_hex(target))
-        elif params.guidance is GuidanceKind.SILHOUETTES and silhouettes is not None:
-            guidance = silhouettes.guidance(device)
-        else:
-            guidance = _prompted(request, params, prior)
-            guidance = guidance if silhouettes is None else silhouettes.beside(guidance, device)
+        meshes = dict(targets or {})
+        if target is not None:
+            meshes["target"] = InputFile(target, target_filename)
+        silhouettes = SilhouetteFit.of(params, pictures)
+        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device)
+        goals = read_goals(request, params, given)
+        identities = [goal.guidance.identity for goal in goals]
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
             asset=shape,
-            guidance=guidance.identity,
+            guidance=identities if params.stages else identities[0],
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         start_shape = load_shape(initial, shape) if initial is not None else None
-        deformation = Deformation(
-            mesh,
-            guidance,
-            params,
-            device=device,
-            checkpoint=state,
-            initial=start_shape,
-            bodies=control.bodies,
-            appearance=welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None,
-            constraints=control.constraints,
-        )
-    facts = RunFacts(
-        request, params, asset_sha256, len(asset), filename, guidance.identity, run, device, shape, division
+        look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
+        begins = [_begin(goal, mesh, control, device, look) for goal in goals]
+        deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
+    facts = RunFacts(request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes)
+
+
+def _begin(
+    goal: Goal, mesh: RestMesh, control: Control, device: str, appearance: Appearance | None
+) -> Callable[..., Deformation]:
+    """Return the function that creates the optimisation of a goal (`deformation.stages.BeginStage`)."""
+    return partial(
+        Deformation,
+        mesh,
+        goal.guidance,
+        goal.params,
+        device=device,
+        bodies=control.bodies,
+        appearance=appearance if sees_colours(goal.params) else None,
+        constraints=control.constraints,
     )
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, fit, silhouettes)
-
-
-def _prompted(request: JobRequest, params: ResolvedParams, prior: Prior | None) -> Guidance:
-    if not request.prompt:
-        raise PromptError("The prompt is empty.")
-    if prior is None:
-        raise ParameterError("params.guidance is `sds`, which needs a prior.")
-    return score_distillation(prior, request.prompt, params)
 
 
 class TextDeformRun:
@@ -172,16 +170,16 @@ class TextDeformRun:
         asset: Asset,
         welded: WeldedMesh,
         frame: Frame,
-        deformation: Deformation,
+        deformation: StagedDeformation,
         facts: RunFacts,
         clock: PhaseClock,
         control: Control,
-        fit: TargetFit | None = None,
+        goals: list[Goal],
         silhouettes: SilhouetteFit | None = None,
     ) -> None:
         self._control = control
+        self._goals = goals
         self._silhouettes = silhouettes
-        self._fit = fit
         self._asset = asset
         self._drawn = drawn_triangles(asset, facts.params.backdrop)
         self._welded = welded
@@ -197,7 +195,7 @@ class TextDeformRun:
     @property
     def total_steps(self) -> int:
         """Total number of steps."""
-        return self._facts.params.steps
+        return self._facts.params.steps * len(self._goals)
 
     @property
     def step(self) -> int:
@@ -207,7 +205,7 @@ class TextDeformRun:
     @property
     def orientation(self) -> Orientation:
         """The turn of the cameras, and how it was chosen."""
-        return self._deformation.orientation
+        return self._deformation.current.orientation
 
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps."""
@@ -215,7 +213,7 @@ class TextDeformRun:
         for step in self._deformation:
             self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
             self._history.add(step.step, step.losses)
-            checked = step.step % EVERY_STEPS == 0 or step.step == self.total_steps
+            checked = self._deformation.current.step % EVERY_STEPS == 0 or self._deformation.current.done
             self._holds.add(step.losses, checked=checked)
             yield StepReport(step.step, self.total_steps, step.losses)
             start = time.perf_counter()
@@ -254,8 +252,8 @@ class TextDeformRun:
             # Read the file back, so that the report describes what is in the file.
             written = read_result(result).without(self._asset.excluded)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
-            if self._facts.request.output.morph:
-                artifacts["morph.glb"] = ArtifactData(self._morph(surface), _GLB)
+            if self._facts.request.output.morph or self._facts.params.stages:
+                artifacts["morph.glb"] = ArtifactData(self._morph(surface, verts), _GLB)
             usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
@@ -263,27 +261,29 @@ class TextDeformRun:
             source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
             appearance = self._asset.appearance().of_triangles(self._drawn)
             artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
+        stages = self._stages(verts)
         report = build_report(
             self._facts,
             asset=self._asset,
             welded=self._welded,
             verts=verts,
-            orientation=self._deformation.orientation,
-            appearance=appearance_report(self._facts.params, self._deformation),
+            orientation=self._deformation.current.orientation,
+            appearance=appearance_report(self._goals[-1].params, self._deformation.current),
             result=result,
             written=written,
             usdz=usdz,
             history=self._history,
             holds=self._holds,
-            optimized_faces=self._deformation.optimized_faces,
+            optimized_faces=self._deformation.current.optimized_faces,
             rebuilt_normals=self._rebuilt_normals,
-            cells=self._deformation.cells,
+            cells=self._deformation.current.cells,
             first_step=self._first_step,
             clock=self._clock,
             look=appearance,
             drawn=self._drawn,
-            likeness=self._likeness(verts),
-            fit=self._fitted(verts),
+            stages=stages,
+            likeness=self._likeness(self._goals[-1], verts) if stages is None else stages[-1].get("likeness"),
+            fit=self._fitted(self._goals[-1], verts) if stages is None else stages[-1].get("fit"),
             silhouettes=self._overlaps(verts),
             bodies=self._control.bodies,
             control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
@@ -298,9 +298,30 @@ class TextDeformRun:
         shape = surface.positions, surface.normals, surface.tangents
         return self._asset.replace(*shape, jacobians=jacobians, **self._file_options())
 
-    def _morph(self, surface: DeformedSurface) -> bytes:
-        path = AssetPath(self._asset, surface.positions, self._welded)
-        return write_morph(self._asset, path, surface, self._facts.request.output.morph_path, **self._file_options())
+    def _morph(self, surface: DeformedSurface, verts: Tensor) -> bytes:
+        way, options = self._facts.request.output.morph_path, self._file_options()
+        if self._facts.params.stages:
+            shapes = dict(zip(unique_names(self._goals), self._ends(verts), strict=True))
+            return write_stages(self._asset, self._welded, shapes, surface, way, **options)
+        return write_morph(
+            self._asset, AssetPath(self._asset, surface.positions, self._welded), surface, way, **options
+        )
+
+    def _ends(self, verts: Tensor) -> list[Tensor]:
+        """Return the world positions in which the stages ended; `verts` are those of the last one."""
+        return [*map(self._in_world, self._deformation.ends), verts]
+
+    def _stages(self, verts: Tensor) -> list[dict[str, Any]] | None:
+        if not self._facts.params.stages:
+            return None
+        with self._clock.phase("measure"):
+            return stage_reports(
+                self._goals,
+                self._welded.mesh,
+                self._ends(verts),
+                fitted=lambda fit, shape: fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(shape)),
+                likeness=self._compared,
+            )
 
     def _file_options(self) -> dict[str, Any]:
         output = self._facts.request.output
@@ -309,21 +330,24 @@ class TextDeformRun:
             "provenance": provenance(self._facts, self.step) if output.provenance else None,
         }
 
-    def _likeness(self, verts: Tensor) -> dict[str, Any] | None:
+    def _likeness(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
-        if self._facts.guidance["id"] != BUILTIN_MODEL:
+        if goal.guidance.identity["id"] != BUILTIN_MODEL:
             return None
+        with self._clock.phase("measure"):
+            return self._compared(goal.prompt, verts)
+
+    def _compared(self, prompt: str, verts: Tensor) -> dict[str, Any] | None:
         from meshdeform.runs.likeness import likeness
 
-        with self._clock.phase("measure"):
-            return likeness(TriangleMesh(verts, self._welded.mesh.faces), self._facts.request.prompt)
+        return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
 
-    def _fitted(self, verts: Tensor) -> dict[str, Any] | None:
+    def _fitted(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the target, if there is one."""
-        if self._fit is None:
+        if goal.fit is None:
             return None
         with self._clock.phase("measure"):
-            return self._fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
+            return goal.fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
 
     def _overlaps(self, verts: Tensor) -> list[dict[str, Any]] | None:
         """Compare the result with the pictures, if there are any."""
@@ -338,6 +362,9 @@ class TextDeformRun:
         return found
 
     def _world_verts(self) -> Tensor:
-        verts, kept = self._frame.leave(self._deformation.verts()), self._control.constraints.kept
+        return self._in_world(self._deformation.verts())
+
+    def _in_world(self, framed: Tensor) -> Tensor:
+        verts, kept = self._frame.leave(framed), self._control.constraints.kept
         # The way into the frame and back rounds.
         return verts if kept is None else torch.where(torch.from_numpy(kept)[:, None], self._welded.mesh.verts, verts)

@@ -15,7 +15,6 @@ from meshdeform.priors.public_names import configured_name, hidden_folders, publ
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
     DeformParams,
-    GuidanceKind,
     JobKind,
     JobRequest,
     ResolvedParams,
@@ -23,6 +22,14 @@ from meshdeform.requests.document import (
 )
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.requests.stages import (
+    TARGET_PARTS,
+    Stage,
+    generated_targets,
+    named_targets,
+    needs_prior,
+    with_target_models,
+)
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 from meshdeform.runs.picture_parts import check_pictures
 
@@ -46,6 +53,7 @@ def check(
     allowed_models: Sequence[str] = (),
     revision: str = "",
     has_target: bool = False,
+    targets: Collection[str] = (),
     pictures: Collection[str] = (),
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
@@ -61,6 +69,8 @@ def check(
         Revision of the default model.
     has_target : bool
         Whether the second mesh for `target` guidance is present.
+    targets : collection of str
+        The parts that are target meshes, for stages.
     pictures : collection of str
         The names of the parts with pictures that are present.
 
@@ -77,44 +87,73 @@ def check(
     params = request.params
     resolved = resolve(params, default_model=default_model)
     check_pictures(request, pictures)
-    if params.guidance is GuidanceKind.TARGET:
-        if not has_target:
-            raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
-        return resolved
-    if has_target:
+    _check_targets(resolved, {*targets, *(["target"] if has_target else [])})
+    known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
+    for generated in generated_targets(resolved):
+        if generated.model != default_model and generated.model not in allowed_models:
+            raise _not_allowed(generated.model, known)
+        from meshdeform.priors.text_to_3d import check_generator
+
+        check_generator(generated.model)
+    if resolved.stages and request.prompt:
+        raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
+    prompts = [stage.prompt for stage in resolved.stages if stage.prompt] if resolved.stages else [request.prompt]
+    if needs_prior(resolved):
+        model = params.model or default_model
+        _check_prompts(prompts, params, model)
+        if model != BUILTIN_MODEL:
+            if model != default_model and model not in allowed_models:
+                raise _not_allowed(model, known)
+            from meshdeform.priors import check_model
+
+            check_model(model, revision if model == default_model else "")
+    return resolved
+
+
+def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
+    """Refuse a request whose target meshes are not those that were sent."""
+    needed = named_targets(params)
+    for part in needed:
+        if part not in given:
+            detail = "`target` guidance needs a second mesh." if not params.stages else f"A stage needs `{part}`."
+            raise _refusal("stages" if params.stages else "guidance", detail, f"Send it as the part `{part}`.")
+    for part in sorted(set(given) - set(needed)):
+        if params.stages or params.target is not None:
+            whose = "no stage" if params.stages else "params.target, which is generated, not"
+            detail = f"`{part}` was sent, but {whose} uses it."
+            raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
         raise _refusal(
             "guidance",
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            "Set params.guidance to `target`, or omit the part `target`.",
+            f"Set params.guidance to `target`, or omit the part `{part}`.",
         )
-    if params.guidance is GuidanceKind.SILHOUETTES:
-        return resolved
-    if not request.prompt:
-        raise PromptError("The prompt is empty.")
-    model = params.model or default_model
-    if model == BUILTIN_MODEL:
+
+
+def _check_prompts(prompts: Sequence[str], params: DeformParams, model: str) -> None:
+    """Refuse prompts that are empty, or that the builtin model cannot read."""
+    for prompt in prompts:
+        if not prompt:
+            raise PromptError("The prompt is empty.")
+        if model != BUILTIN_MODEL:
+            continue
         from meshdeform.priors.builtin.grammar import parse, parse_negative
 
-        parse(request.prompt)
+        parse(prompt)
         if params.negative_prompt.strip():
             try:
-                parse_negative(params.negative_prompt, request.prompt)
+                parse_negative(params.negative_prompt, prompt)
             except (PromptError, VocabularyError) as error:
                 # Add which of the two texts the error is about.
                 error.extra |= _at("negative_prompt", error.detail)
                 raise
-        return resolved
-    if model != default_model and model not in allowed_models:
-        known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
-        raise ModelError(
-            f"This server does not run the model {model!r}.",
-            advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
-            models=known,
-        )
-    from meshdeform.priors import check_model
 
-    check_model(model, revision if model == default_model else "")
-    return resolved
+
+def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
+    return ModelError(
+        f"This server does not run the model {model!r}.",
+        advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
+        models=list(known),
+    )
 
 
 def _refusal(name: str, detail: str, advice: str) -> ParameterError:
@@ -135,17 +174,17 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
         )
     models = settings.offered_models
-    named = request.params.model
-    if named is not None:
-        params = request.params.model_copy(update={"model": configured_name(named, models)})
-        request = request.model_copy(update={"params": params})
+    params = with_target_models(request.params, lambda name: configured_name(name, models))
+    if params.model is not None:
+        params = params.model_copy(update={"model": configured_name(params.model, models)})
+    request = request.model_copy(update={"params": params})
     with hidden_folders(models):
         return check(
             request,
             default_model=settings.model,
             allowed_models=settings.allowed_models,
             revision=settings.model_revision,
-            has_target="target" in files,
+            targets=files & set(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),
         )
 
@@ -191,30 +230,40 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return _resolved(request, default_model, kept).steps
+        params = _resolved(request, default_model, kept)
+        return params.steps * max(len(params.stages), 1)
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
-        return request.params.steps if "steps" in request.params.model_fields_set else 0
+        written = request.params.steps if "steps" in request.params.model_fields_set else 0
+        return written * max(len(request.params.stages), 1)
 
 
 def _uses(request: JobRequest) -> list[str]:
-    target = ["target"] if request.params.guidance is GuidanceKind.TARGET else []
-    return ["asset", *target, *SILHOUETTE_PARTS[: len(request.params.silhouettes)]]
+    return ["asset", *named_targets(request.params), *SILHOUETTE_PARTS[: len(request.params.silhouettes)]]
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
+    if request.params.stages:
+        return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
     like = filenames.get("target") or filenames.get(SILHOUETTE_PARTS[0])
-    return request.prompt or (f"like {PurePath(like).stem}" if like else "")
+    generated = request.params.target.prompt if request.params.target else ""
+    return request.prompt or generated or (f"like {PurePath(like).stem}" if like else "")
+
+
+def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
+    part = stage.target if isinstance(stage.target, str) and not stage.name else None
+    return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
 
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
+    from meshdeform.runs.generated_target import generated_target
 
     def start(given: RunInput) -> JobRun:
-        asset, target = given.files["asset"], given.files.get("target")
+        asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = None
-        if params.guidance is GuidanceKind.SDS:
+        if needs_prior(params):
             with hidden_folders([params.model]):
                 prior = given.load_prior(params.model)
         return text_deform.start(
@@ -222,8 +271,8 @@ def _load() -> StartRun:
             filename=asset.filename,
             request=given.request,
             prior=prior,
-            target=target.data if target else None,
-            target_filename=target.filename if target else "",
+            targets={part: file for part, file in given.files.items() if part in TARGET_PARTS},
+            generate=lambda wanted, name: generated_target(wanted, name, params.seed, given),
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
@@ -243,6 +292,10 @@ TEXT_DEFORM = Kind(
     reads=(
         FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
+        *(
+            FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
+            for part in TARGET_PARTS[1:]
+        ),
         *(
             FilePart(
                 name,
@@ -270,8 +323,15 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "morph.glb",
             _GLB,
-            "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
+            "The source with the way to the result as morph targets and an animation, if `output.morph` is set or "
+            "there are `params.stages`.",
             afterwards=True,
+        ),
+        ArtifactKind(
+            "target.glb",
+            _GLB,
+            "The target that a text-to-3D model made, if `params.target` asks for one; there before the fit begins. "
+            "Those of stages are named `target-1.glb` and so on.",
         ),
         ArtifactKind(
             "result.usdz",

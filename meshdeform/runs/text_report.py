@@ -29,6 +29,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -58,6 +59,7 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
     return {
         "version": meshdeform.__version__,
         "prompt": facts.request.prompt,
+        **({"stages": [stage.title for stage in facts.params.stages]} if facts.params.stages else {}),
         "seed": facts.params.seed,
         "preset": facts.params.preset.value,
         "step": step,
@@ -88,6 +90,7 @@ def build_report(
     drawn: NDArray[np.bool_],
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
+    stages: list[dict[str, Any]] | None = None,
     silhouettes: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
     control: Mapping[str, Any] | None = None,
@@ -132,6 +135,8 @@ def build_report(
         How much the result looks like its prompt.
     fit : dict, optional
         How well the result fits its target.
+    stages : list of dict, optional
+        What came of each stage (`goals.stage_reports`); `likeness` and `fit` are those of the last one.
     silhouettes : sequence of mappings, optional
         How well the result fits each picture.
     bodies : sequence of Body
@@ -152,7 +157,8 @@ def build_report(
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
         # Clients read the report: a model in a folder is named as the service names it.
-        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
+        "params": with_target_models(facts.params, public_name).model_dump(mode="json")
+        | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {
@@ -204,6 +210,8 @@ def build_report(
         report["likeness"] = likeness
     if fit is not None:
         report["fit"] = fit
+    if stages is not None:
+        report["stages"] = stages
     if silhouettes is not None:
         report["silhouettes"] = list(silhouettes)
     if look.left_out:

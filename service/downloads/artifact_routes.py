@@ -61,12 +61,18 @@ _Name = Annotated[
     operation_id="list_artifacts",
     summary="List a job's artifacts",
     responses={
-        200: {"model": ArtifactList, "description": "The results. Empty until the job has succeeded."},
+        200: {
+            "model": ArtifactList,
+            "description": "The results. Until the job has succeeded, only a generated target.",
+        },
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
 def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
-    """All artifacts appear together when the job succeeds, and never change; others can be made later."""
+    """All artifacts appear together when the job succeeds, and never change; others can be made later.
+
+    Only a generated target is there before: when the fit begins.
+    """
     found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, principal.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 

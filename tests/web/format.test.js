@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ago, bytes, counted, duration, figure, percent, phaseWords, roughly } from "../../service/web/app/format.js";
+import { ago, bytes, counted, duration, figure, goalWords, percent, phaseWords, roughly } from "../../service/web/app/format.js";
 
 test("bytes", () => {
   assert.deepEqual([0, 999, 1000, 115548, 999499, 999500, 104857600, 5e12].map(bytes), ["0 B", "999 B", "1.0 kB", "116 kB", "999 kB", "1.0 MB", "105 MB", "5.0 TB"]);
@@ -26,5 +26,15 @@ test("figures have three digits that say something", () => {
   // 0.29 * 100 is a little less than 29.
   assert.equal(percent(0.29), "29%");
   assert.deepEqual([0.999, 1, -1].map(percent), ["99%", "100%", "0%"]);
-  assert.deepEqual(["optimizing", "thinking", ""].map(phaseWords), ["Deforming", "Thinking", ""]);
+  assert.deepEqual(["optimizing", "thinking", ""].map((phase) => phaseWords(phase)), ["Deforming", "Thinking", ""]);
+  const stage = { number: 2, count: 3, name: "a pear" };
+  assert.deepEqual(["optimizing", "writing"].map((phase) => phaseWords(phase, stage)), ["Stage 2 of 3: a pear", "Writing the file"]);
+});
+
+test("a job is named after its prompt, its stages, or the target that a model makes", () => {
+  const stages = [{ prompt: "a pear" }, { target: "target", name: "vase" }, { target: { prompt: "a shark" } }, { target: "target_2" }];
+  assert.equal(goalWords({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
+  assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
+  assert.equal(goalWords({ prompt: "", params: { target: { prompt: "a shark" } } }), "a shark");
+  assert.equal(goalWords({ prompt: "" }), "");
 });

@@ -109,13 +109,29 @@ const PHASES = /** @type {Record<string, string>} */ ({
   queued: "Waiting for a worker",
   loading: "Loading the model",
   preparing: "Preparing the mesh",
+  target: "Making the target",
   optimizing: "Deforming",
   writing: "Writing the file",
   uploading: "Storing the results",
   done: "Done",
 });
 
-/** @param {string} phase */
-export function phaseWords(phase) {
+/**
+ * The goals of a job in words: its prompt, its stages, or the target that a model makes; empty: a target mesh.
+ *
+ * @param {any} job
+ */
+export function goalWords(job) {
+  const stages = job.params?.stages ?? [];
+  const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target?.prompt || stage.target);
+  return names.length ? names.join(" → ") : job.prompt || job.params?.target?.prompt || "";
+}
+
+/**
+ * @param {string} phase
+ * @param {{number: number, count: number, name: string} | null} [stage]
+ */
+export function phaseWords(phase, stage) {
+  if (stage && phase === "optimizing") return `Stage ${stage.number} of ${stage.count}: ${stage.name}`;
   return PHASES[phase] ?? (phase ? phase[0].toUpperCase() + phase.slice(1) : "");
 }

@@ -21,6 +21,7 @@ from meshdeform.requests import document
 from meshdeform.requests.document import JobKind, JobRequest, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.requests.stages import TARGET_PARTS
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
 from meshdeform.settings import Settings
@@ -141,7 +142,7 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
 
 
 def test_the_door_checks_it() -> None:
-    assert file_parts() == ("asset", "target", *SILHOUETTE_PARTS, "mesh_1", "mesh_2")
+    assert file_parts() == ("asset", *TARGET_PARTS, *SILHOUETTE_PARTS, "mesh_1", "mesh_2")
     assert check_request(request(), Settings(), files=["mesh_1"]) == CountParams()
     assert check_request(request(), Settings(), files=["mesh_1", "mesh_2"]) == CountParams()
     with pytest.raises(ParameterError, match="does not read `target`"):

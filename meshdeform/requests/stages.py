@@ -1,0 +1,169 @@
+"""Declare the stages of a job, and targets that a text-to-3D model makes. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.strict import StrictModel
+
+if TYPE_CHECKING:
+    from meshdeform.requests.parameters import DeformParams
+
+__all__ = [
+    "MAX_STAGES",
+    "STAGES",
+    "TARGET",
+    "TARGET_PARTS",
+    "GeneratedTarget",
+    "Stage",
+    "StageProgress",
+    "generated_targets",
+    "goal_guidance",
+    "named_targets",
+    "needs_prior",
+    "of_stage",
+    "stage_at",
+    "with_target_models",
+]
+
+MAX_STAGES = 8
+TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_STAGES + 1)))
+"""The parts of a job that are target meshes."""
+
+_MAX_PROMPT = 1_000
+
+_Prompt = Annotated[str, StringConstraints(strip_whitespace=True, max_length=_MAX_PROMPT)]
+_TargetPart = Annotated[str, StringConstraints(strict=True, pattern=r"^target(_[2-8])?$")]
+
+
+class GeneratedTarget(StrictModel):
+    """A target mesh that a text-to-3D model makes before the fit begins."""
+
+    prompt: Annotated[_Prompt, StringConstraints(min_length=1)] = Field(
+        description="What the target shows.", examples=["a shark"]
+    )
+    model: str = Field(
+        min_length=1,
+        max_length=500,
+        description="The text-to-3D model: a folder on the worker in diffusers' layout, such as a `ShapEPipeline` "
+        "([Control](control.md)).",
+        examples=["/models/shap-e"],
+    )
+    steps: int = Field(64, ge=1, le=1_000, description="Denoising steps.", examples=[64])
+    guidance_scale: float = Field(15.0, ge=0.0, le=1_000.0, description="How strongly its prompt pulls.")
+
+
+class Stage(StrictModel):
+    """One of several goals in a row: a prompt or a target."""
+
+    prompt: _Prompt = Field("", description="What the asset becomes in this stage.", examples=["a pear"])
+    target: _TargetPart | GeneratedTarget | None = Field(
+        None,
+        description="Instead of a prompt, the part that is this stage's target mesh (`target`, `target_2` up to "
+        "`target_8`), or a target to be generated.",
+        examples=["target"],
+    )
+    name: Annotated[_Prompt, StringConstraints(max_length=100)] = Field(
+        "", description="Its name in `morph.glb` and in the progress. Default: the prompt, or the name of the target."
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if bool(self.prompt) == (self.target is not None):
+            raise ValueError("a stage has either a prompt or a target")
+        return self
+
+    @property
+    def guidance(self) -> GuidanceKind:
+        """What guides this stage."""
+        return GuidanceKind.SDS if self.target is None else GuidanceKind.TARGET
+
+    @property
+    def title(self) -> str:
+        """Its name, else its prompt, else that of its target."""
+        goal = self.target.prompt if isinstance(self.target, GeneratedTarget) else self.target
+        return self.name or self.prompt or goal or ""
+
+
+class StageProgress(BaseModel):
+    """The stage in which a job is."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    number: int = Field(ge=1, description="From 1.", examples=[2])
+    count: int = Field(ge=1, description="Number of stages.", examples=[3])
+    name: str = Field(description="Its name.", examples=["a mushroom"])
+
+
+TARGET: Any = Field(
+    None,
+    description="With `target`: a target mesh that a text-to-3D model makes, instead of a file "
+    "([Control](control.md)).",
+    examples=[{"prompt": "a shark", "model": "/models/shap-e"}],
+)
+STAGES: Any = Field(
+    (),
+    max_length=MAX_STAGES,
+    description="Several prompts or targets in a row, each beginning where the last one ended, with `steps` steps "
+    "each. They replace the prompt and `guidance`, and the job also writes `morph.glb` ([Control](control.md)).",
+    examples=[[{"prompt": "a pear"}, {"prompt": "a mushroom"}]],
+)
+
+
+def stage_at(stages: Sequence[Stage], step: int, total_steps: int) -> StageProgress | None:
+    """Return the stage of a job of which `step` steps are done; None if it has no stages."""
+    if not stages:
+        return None
+    each = max(total_steps // len(stages), 1)
+    index = min(step // each, len(stages) - 1)
+    return StageProgress(number=index + 1, count=len(stages), name=stages[index].title)
+
+
+def of_stage(params: DeformParams, stage: Stage) -> DeformParams:
+    """Return the parameters as written, for one stage."""
+    target = stage.target if isinstance(stage.target, GeneratedTarget) else None
+    return params.model_copy(update={"guidance": stage.guidance, "stages": (), "target": target})
+
+
+def goal_guidance(params: DeformParams) -> GuidanceKind:
+    """Return what guides the first stage, or the only one."""
+    if params.stages:
+        return params.stages[0].guidance
+    return params.guidance if params.target is None else GuidanceKind.TARGET
+
+
+def needs_prior(params: DeformParams) -> bool:
+    """Return whether a prompt guides any stage."""
+    if params.stages:
+        return any(stage.guidance is GuidanceKind.SDS for stage in params.stages)
+    return goal_guidance(params) is GuidanceKind.SDS
+
+
+def with_target_models(params: DeformParams, names: Callable[[str], str]) -> DeformParams:
+    """Return the parameters with the text-to-3D models renamed."""
+
+    def renamed(target: str | GeneratedTarget | None) -> str | GeneratedTarget | None:
+        if not isinstance(target, GeneratedTarget):
+            return target
+        return target.model_copy(update={"model": names(target.model)})
+
+    stages = tuple(stage.model_copy(update={"target": renamed(stage.target)}) for stage in params.stages)
+    changed = {"target": renamed(params.target), "stages": stages}
+    return params.model_copy(update={name: value for name, value in changed.items() if value})
+
+
+def named_targets(params: DeformParams) -> tuple[str, ...]:
+    """Return the parts that a request needs as target meshes."""
+    if params.stages:
+        return tuple(dict.fromkeys(stage.target for stage in params.stages if isinstance(stage.target, str)))
+    return ("target",) if params.target is None and params.guidance is GuidanceKind.TARGET else ()
+
+
+def generated_targets(params: DeformParams) -> tuple[GeneratedTarget, ...]:
+    """Return the targets that a request has generated, each once."""
+    found = [params.target, *(stage.target for stage in params.stages)]
+    return tuple(dict.fromkeys(target for target in found if isinstance(target, GeneratedTarget)))

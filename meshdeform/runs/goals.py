@@ -1,0 +1,227 @@
+"""Create what guides each stage of a run: a prompt with a prior, or a target mesh placed on the asset."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+from torch import Tensor
+
+from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.errors import AlignmentError, ParameterError, PromptError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.guidance.base import Guidance
+from meshdeform.priors.base import Prior
+from meshdeform.priors.public_names import public_name
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
+from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage
+from meshdeform.runs.base import InputFile
+from meshdeform.runs.generated_target import GenerateTarget
+from meshdeform.runs.movement import HoldCounter, measure_movement
+from meshdeform.runs.report import sha256_hex
+from meshdeform.runs.silhouette_fit import SilhouetteFit
+from meshdeform.runs.target_fit import TargetFit
+from meshdeform.runs.text_guidance import score_distillation
+
+__all__ = ["Goal", "GoalSource", "read_goals", "stage_reports", "unique_names"]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What one stage of a run aims at.
+
+    Attributes
+    ----------
+    name : str
+    prompt : str
+        Empty for a target.
+    params : ResolvedParams
+        Those of this stage.
+    guidance : Guidance
+    fit : TargetFit, optional
+        The target of the stage, placed on the asset.
+    """
+
+    name: str
+    prompt: str
+    params: ResolvedParams
+    guidance: Guidance
+    fit: TargetFit | None = None
+
+
+@dataclass(frozen=True)
+class GoalSource:
+    """What goals are made of.
+
+    Attributes
+    ----------
+    asset : Asset
+    world : TriangleMesh
+        The asset's welded mesh in its world.
+    rest : RestMesh
+        The same in the cameras' frame.
+    prior : Prior, optional
+        For prompts.
+    targets : mapping of str to InputFile
+        Target meshes by part.
+    generate : callable
+        Returns the GLB of a generated target and shows it.
+    silhouettes : SilhouetteFit, optional
+        Pictures as targets, alone or beside the prompt.
+    limits : Limits, optional
+    device : str
+    """
+
+    asset: Asset
+    world: TriangleMesh
+    rest: RestMesh
+    prior: Prior | None
+    targets: Mapping[str, InputFile]
+    generate: GenerateTarget
+    silhouettes: SilhouetteFit | None
+    limits: Limits | None
+    device: str
+
+
+def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -> list[Goal]:
+    """Return the goals of a job in order: one for each stage, or a single one.
+
+    Raises
+    ------
+    ParameterError
+        A target or the prior is missing, or a landmark is a vertex that does not exist.
+    PromptError
+        A prompt is empty, or the prior cannot use it.
+    AlignmentError
+        A target is too far from the asset.
+    AssetError
+        A target cannot be read.
+    """
+    if not params.stages:
+        target = None
+        if params.guidance is GuidanceKind.TARGET:
+            target = params.target or "target"
+        return [_goal("", request.prompt, target, params, given)]
+    return [
+        _goal(stage.name, stage.prompt, stage.target, _of_stage(request, params, stage), given, number)
+        for number, stage in enumerate(params.stages, 1)
+    ]
+
+
+def _of_stage(request: JobRequest, params: ResolvedParams, stage: Stage) -> ResolvedParams:
+    """Return the values of all parameters in a stage; presets differ between prompts and targets."""
+    if stage.guidance is params.guidance:
+        return params.model_copy(update={"stages": (), "target": None})
+    written = request.params.model_copy(update={"model": params.model})
+    found = resolve(of_stage(written, stage), default_model=params.model)
+    # The stages share the variables and, for the progress, the number of steps.
+    shared = {"carrier": params.carrier, "steps": params.steps, "target": None}
+    return found.model_copy(update=shared)
+
+
+def _goal(
+    name: str,
+    prompt: str,
+    target: str | GeneratedTarget | None,
+    params: ResolvedParams,
+    given: GoalSource,
+    number: int | None = None,
+) -> Goal:
+    if target is None:
+        return Goal(name or prompt, prompt, params, _pictured(prompt, params, given))
+    if isinstance(target, GeneratedTarget):
+        artifact = f"target-{number}.glb" if number else "target.glb"
+        data, filename, title = given.generate(target, artifact), artifact, target.prompt
+    else:
+        file = given.targets.get(target)
+        if file is None:
+            raise ParameterError(
+                "params.guidance is `target`, but there is no target mesh.",
+                advice=f"Send one as the part `{target}`.",
+            )
+        data, filename, title = file.data, file.filename, PurePath(file.filename).stem
+    try:
+        fit = TargetFit.of(params, given.asset, given.world, load_asset(data, filename, given.limits))
+    except AlignmentError as error:
+        if number is not None:
+            error.detail = f"Stage {number}: {error.detail}"
+            error.args = (error.detail,)
+        raise
+    guidance = fit.guidance(given.rest, params, given.device, sha256_hex(data))
+    return Goal(name or title, "", params, guidance, fit)
+
+
+def _pictured(prompt: str, params: ResolvedParams, given: GoalSource) -> Guidance:
+    """Return the guidance of a prompt, of pictures, or of both."""
+    pictures = given.silhouettes
+    if params.guidance is GuidanceKind.SILHOUETTES and pictures is not None:
+        return pictures.guidance(given.device)
+    guidance = _prompted(prompt, params, given.prior)
+    return guidance if pictures is None else pictures.beside(guidance, given.device)
+
+
+def _prompted(prompt: str, params: ResolvedParams, prior: Prior | None) -> Guidance:
+    if not prompt:
+        raise PromptError("The prompt is empty.")
+    if prior is None:
+        raise ParameterError("params.guidance is `sds`, which needs a prior.")
+    return score_distillation(prior, prompt, params)
+
+
+def unique_names(goals: Sequence[Goal]) -> list[str]:
+    """Return the names of the goals, numbered where they repeat."""
+    found: list[str] = []
+    for goal in goals:
+        name, number = goal.name, 1
+        while name in found:
+            number += 1
+            name = f"{goal.name} {number}"
+        found.append(name)
+    return found
+
+
+def stage_reports(
+    goals: Sequence[Goal],
+    rest: TriangleMesh,
+    shapes: Sequence[Tensor],
+    *,
+    fitted: Callable[[TargetFit, Tensor], dict[str, Any]],
+    likeness: Callable[[str, Tensor], dict[str, Any] | None],
+) -> list[dict[str, Any]]:
+    """Return the report's `stages`: what each aimed at, how far it went, and what came of it.
+
+    Parameters
+    ----------
+    goals : sequence of Goal
+    rest : TriangleMesh
+        The welded source in its world.
+    shapes : sequence of (V, 3) float64
+        The ends of the stages, there.
+    fitted, likeness : callable
+        Measure a shape against a target, and against a prompt of the builtin prior.
+    """
+    reports = []
+    before = rest.verts
+    for name, goal, verts in zip(unique_names(goals), goals, shapes, strict=True):
+        way = measure_movement(RestMesh.of(TriangleMesh(before, rest.faces)), verts, HoldCounter())
+        report: dict[str, Any] = {
+            "name": name,
+            "guidance": goal.guidance.identity | {"id": public_name(goal.guidance.identity["id"])},
+            "steps": goal.params.steps,
+            "moved": way.rms,
+            "quality": measure(rest.verts.numpy(), rest.faces.numpy(), verts.numpy()).to_dict(),
+        }
+        if goal.fit is not None:
+            report["fit"] = fitted(goal.fit, verts)
+        else:
+            report["prompt"] = goal.prompt
+            if goal.guidance.identity["id"] == BUILTIN_MODEL:
+                report["likeness"] = likeness(goal.prompt, verts)
+        reports.append(report)
+        before = verts
+    return reports
