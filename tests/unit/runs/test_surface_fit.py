@@ -141,7 +141,10 @@ def test_a_branch_has_the_network_of_its_job() -> None:
         kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 8}}))
 
 
-def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(tmp_path: Path, redis_url: str) -> None:
+def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(
+    tmp_path: Path, redis_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)  # the worker is in this process
     mesh = icosphere(3)
     points = mesh.verts.numpy()
     cloud = tmp_path / "cloud.xyz"

@@ -1,0 +1,55 @@
+"""The reader in JavaScript: the same base, the same surface and the same refusals as the one in Python."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshdeform.fields.container import encode_base, write_field
+from meshdeform.fields.network import FieldNetwork
+from meshdeform.fields.reader import read_field
+from meshdeform.geometry.shapes import grid, icosphere, join, torus
+
+MODULE = Path(__file__).parents[3] / "service" / "web" / "viewer" / "ndf.js"
+SCRIPT = """
+const { readField, unfold } = await import(process.argv[1]);
+const { readFileSync } = await import("node:fs");
+const data = new Uint8Array(readFileSync(process.argv[2]));
+const field = await readField(data);
+const { positions, indices } = unfold(field, 2);
+data[data.length - 20] ^= 1;
+const refused = await readField(data).then(() => "", (error) => error.message);
+const [faces, places, corners] = [field.faces, positions, indices].map((list) => Array.from(list));
+console.log(JSON.stringify({ faces, places, corners, refused }));
+"""
+
+
+def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    mesh = join(grid(2), torus(n=7, m=5), icosphere(0))
+    verts = mesh.verts.numpy() / mesh.verts.abs().max().item()
+    base = encode_base(verts, mesh.faces.numpy())
+    network = FieldNetwork.random(len(base.verts), 5, 3, 12, 2, 1)
+    file = tmp_path / "surface.ndf"
+    file.write_bytes(write_field(base, network, centre=np.array([1.0, -2.0, 3.0]), scale=2.5))
+    run = [node, "--input-type=module", "-e", SCRIPT, MODULE.as_uri(), str(file)]
+    found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
+    field = read_field(file)
+    wanted_verts, wanted_faces = field.unfold(2)
+    places, corners = np.reshape(found["places"], (-1, 3)), np.reshape(found["corners"], (-1, 3))
+    assert (np.reshape(found["faces"], (-1, 3)) == field.faces).all()
+    assert places.shape == wanted_verts.shape
+
+    def centres(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        middle = points[faces].mean(1)
+        return middle[np.lexsort(middle.round(4).T)]
+
+    assert np.abs(centres(places, corners) - centres(wanted_verts, wanted_faces)).max() < 1e-4
+    assert "checksum" in found["refused"]
