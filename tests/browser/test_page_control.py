@@ -17,7 +17,7 @@ from tests.browser.conftest import Watch  # noqa: E402
 from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn  # noqa: E402
 from tests.unit.assets.builders import Builder  # noqa: E402
 
-Locator, Page, expect = playwright_api.Locator, playwright_api.Page, playwright_api.expect
+Locator, Page, Route, expect = playwright_api.Locator, playwright_api.Page, playwright_api.Route, playwright_api.expect
 expect.set_options(timeout=60_000)
 
 
@@ -188,10 +188,19 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
 
 
 def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/examples/sphere.glb", hold)
     open_form(page)
-    until_drawn(page.locator(".asset-panel .viewer"))
     Image.fromarray(np.pad(np.zeros((40, 20), np.uint8), 20, constant_values=255)).save(tmp_path / "front.png")
     page.set_input_files("#picture-file", tmp_path / "front.png")
+    page.get_by_role("group", name="Picture 1").wait_for()
+    expect(page.locator(".picture-veil")).to_be_hidden()
+    until("the example is asked for", lambda: held or page.wait_for_timeout(20))
+    held[0].continue_()  # the asset comes later than the picture
     azimuth = page.get_by_label("Azimuth of picture 1")
     expect(azimuth).to_have_value("0")
     expect(page.locator(".picture-veil")).to_be_visible()

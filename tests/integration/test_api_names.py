@@ -17,7 +17,7 @@ def messages(problem: dict[str, Any]) -> dict[str, str]:
     return {".".join(map(str, error["loc"])): error["msg"] for error in problem["errors"]}
 
 
-OUTPUTS = "compact, morph, morph_path, provenance, subdivide, usd"
+OUTPUTS = "compact, morph, morph_path, provenance, rig, subdivide, usd"
 
 
 @each_case(

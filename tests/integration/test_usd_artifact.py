@@ -44,7 +44,8 @@ def test_result_usdz_is_listed_and_downloads(api: Api) -> None:
     assert made.status_code == 202, made.text
     job_id = made.json()["id"]
     options = {name: value for name, value in made.json()["output"].items() if name != "morph_path"}
-    assert options == {"morph": False, "usd": True, "compact": False, "subdivide": False, "provenance": False}
+    off = {"morph": False, "compact": False, "subdivide": False, "provenance": False}
+    assert options == {**off, "usd": True, "rig": "keep"}
     context = WorkerContext(
         settings=api.settings,
         record=api.record,

@@ -128,10 +128,10 @@ def test_slow_files_of_one_owner_do_not_delay_the_checks_of_others(
     ann, bob, slots = tenants.ann, tenants.bob, tenants.shared.intake
     release, real = threading.Event(), check.check_asset_subprocess
 
-    def slow(path: Path, filename: str, *more: Any) -> object:
+    def slow(path: Path, filename: str, *more: Any, **others: Any) -> object:
         if filename == "slow.glb":
             assert release.wait(60)
-        return real(path, filename, *more)
+        return real(path, filename, *more, **others)
 
     monkeypatch.setattr(check, "check_asset_subprocess", slow)
     cube = (repository / "examples" / "cube.glb").read_bytes()

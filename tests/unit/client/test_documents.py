@@ -42,6 +42,7 @@ FUTURE = {
         "usd": True,
         "compact": False,
         "subdivide": False,
+        "rig": "keep",
         "provenance": False,
     },
     "asset": {**JOB["asset"], "license": "CC0"},

@@ -18,11 +18,16 @@ export class PictureView {
     this.panel = panel;
     /** The picture that is fitted; -1: none. */
     this.fitting = -1;
+    /** The picture to fit as soon as there is a view to turn; -1: none. */
+    this.waiting = -1;
     /** @type {WeakMap<object, string>} */
     this.urls = new WeakMap();
     this.image = h("img", { class: "picture-veil", alt: "", hidden: true });
     assets.stage.append(this.image);
-    assets.box.ready.then(() => assets.box.viewer?.addEventListener("camerachange", () => this._turned()));
+    assets.box.ready.then(() => {
+      assets.box.viewer?.addEventListener("camerachange", () => this._turned());
+      assets.box.viewer?.addEventListener("ready", () => this._loaded());
+    });
   }
 
   /** Whether there is a view to turn. */
@@ -45,6 +50,7 @@ export class PictureView {
 
   /** Lay a picture over the asset, and look from its direction. @param {number} at */
   fit(at) {
+    this.waiting = this.possible ? -1 : at;
     if (!this.possible) return;
     const { azimuth, elevation } = this.panel.guide.pictures[at];
     this.fitting = -1; // this movement is not the user's
@@ -57,10 +63,17 @@ export class PictureView {
   }
 
   end() {
+    this.waiting = -1;
     if (this.fitting < 0) return;
     this.fitting = -1;
     this.image.hidden = true;
     this.panel._show();
+  }
+
+  /** The asset may come later than the picture. */
+  _loaded() {
+    if (this.panel.files[this.waiting]) this.fit(this.waiting);
+    else this.panel._show();
   }
 
   _turned() {
