@@ -29,7 +29,7 @@ from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.rig_contents import Rig, read_rig, rig_accessors
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
-from meshdeform.assets.writer import Deformation, Finish, write_shape, write_targets
+from meshdeform.assets.writer import Deformation, Finish, write_shape, write_targets, write_vertex_values
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
 from meshdeform.geometry.coarseness import coarseness_warnings
 from meshdeform.geometry.up_axis import up_axis_warnings
@@ -293,6 +293,22 @@ class Asset:
         new = NewTargets([target.name for target in targets], rest, track)
         finish = Finish(self._usage if compact else None, provenance)
         return write_targets(self._document.fork(), self._blocks, self._loose, shapes, new, finish)
+
+    def with_vertex_values(self, name: str, values: NDArray[np.float32]) -> bytes:
+        """Write the asset with one more vertex attribute and everything else unchanged.
+
+        Parameters
+        ----------
+        name : str
+            Name of the attribute; those of applications begin with `_`.
+        values : (N,) float32
+            One for each row of `surface.positions`.
+
+        Returns
+        -------
+        A GLB. The asset itself is not changed.
+        """
+        return write_vertex_values(self._document.fork(), self._blocks, name, values)
 
     @property
     def provenance(self) -> dict[str, Any] | None:

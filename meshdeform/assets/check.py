@@ -51,8 +51,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface"]
-"""What a file may be: an asset, a picture with a silhouette, or an asset or another description of a surface."""
+FileContent = Literal["mesh", "silhouette", "surface", "collection"]
+"""What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, or many
+assets in a ZIP."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -199,9 +200,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument("--content", default="mesh", help="what the file should be: mesh, silhouette or surface")
+    parser.add_argument(
+        "--content", default="mesh", help="what the file should be: mesh, silhouette, surface or collection"
+    )
     options = parser.parse_args(arguments)
-    decode = {"silhouette": _read_picture, "surface": _decode_surface}.get(options.content, _decode)
+    decode = {"silhouette": _read_picture, "surface": _decode_surface, "collection": _read_collection}.get(
+        options.content, _decode
+    )
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
@@ -250,6 +255,13 @@ def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.silhouette import read_silhouette
 
     return asdict(read_silhouette(path.read_bytes()).summary)
+
+
+def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.assets.collection import inspect_collection
+
+    return asdict(inspect_collection(path.read_bytes(), limits))
 
 
 def has_area(surface: Surface) -> bool:

@@ -21,7 +21,7 @@ from meshdeform.errors import NumericalError, ShapeError
 if TYPE_CHECKING:
     from meshdeform.assets.morph import NewTargets
 
-__all__ = ["Deformation", "Finish", "LocalShape", "write_shape", "write_targets"]
+__all__ = ["Deformation", "Finish", "LocalShape", "write_shape", "write_targets", "write_vertex_values"]
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,16 @@ def write_targets(
     blocks = [*blocks, *loose]
     add_morph_targets(document, blocks, locals_, own_meshes(document, blocks), new)
     return _finished(document, finish, [])
+
+
+def write_vertex_values(document: Document, blocks: list[Block], name: str, values: NDArray[np.float32]) -> bytes:
+    """Add a vertex attribute to the document and return it as a GLB; `Asset.with_vertex_values` documents the rest."""
+    owners = own_meshes(document, blocks)
+    for block in blocks:
+        accessor = document.append_accessor(values[block.rows])
+        for p in block.primitives:
+            document.root["meshes"][owners[block.node]]["primitives"][p]["attributes"][name] = accessor
+    return _finished(document, Finish(), [])
 
 
 def _local_shapes(blocks: list[Block], loose: list[Block], shape: Deformation) -> list[LocalShape]:

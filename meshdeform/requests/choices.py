@@ -27,6 +27,7 @@ class JobKind(StrEnum):
 
     TEXT_DEFORM = "text_deform"
     SURFACE_FIT = "surface_fit"
+    FAMILY_FIT = "family_fit"
 
     @classmethod
     def named(cls, name: str) -> JobKind:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, use_params
 from meshdeform.runs.base import JobRun, Kind, RunInput
+from meshdeform.runs.family_fit_kind import FAMILY_FIT
 from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -29,7 +30,7 @@ _registered: dict[JobKind, Kind] = {}
 
 
 def _built_in() -> list[Kind]:
-    return [TEXT_DEFORM, SURFACE_FIT]
+    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT]
 
 
 def register(kind: Kind) -> None:

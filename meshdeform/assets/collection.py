@@ -1,0 +1,165 @@
+"""Read a ZIP of many assets of one family and the labels beside them, in memory and within limits. No numpy.
+
+Each asset is one file that needs no others: a GLB, or an OBJ, PLY or STL. `labels.json`, if there is one, names the
+parts of some of them (docs/families.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import posixpath
+import zipfile
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field, StringConstraints, ValidationError
+
+from meshdeform.assets.archive import _BROKEN, _content, _entries
+from meshdeform.assets.container import Data
+from meshdeform.assets.inspect import AssetSummary, inspect_asset
+from meshdeform.assets.limits import Limits
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.requests.strict import StrictModel
+
+__all__ = [
+    "LABELS_FILE",
+    "MAX_COLLECTION",
+    "MIN_COLLECTION",
+    "AssetLabels",
+    "CollectionFiles",
+    "FamilyLabels",
+    "inspect_collection",
+    "open_collection",
+]
+
+MIN_COLLECTION, MAX_COLLECTION = 10, 3000
+LABELS_FILE = "labels.json"
+_ENDINGS = ("glb", "obj", "ply", "stl")
+_MAX_LABELS_BYTES = 64 * 2**20
+
+_Name = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+
+
+class AssetLabels(StrictModel):
+    """What is known about one asset."""
+
+    nodes: dict[str, str] = Field(default_factory=dict, description="Part of each node, by its name.")
+    materials: dict[str, str] = Field(default_factory=dict, description="Part of each material, by its name.")
+    triangles: list[str] | None = Field(None, description="Part of each triangle of the surface, in the file's order.")
+    held_out: bool = Field(False, description="Use the labels only to measure the accuracy.")
+    class_: _Name | None = Field(None, alias="class", description="Its sub-class, to measure the descriptors.")
+
+
+class FamilyLabels(StrictModel):
+    """The contents of `labels.json`."""
+
+    parts: list[_Name] = Field(min_length=2, max_length=16, description="Names of the parts.")
+    assets: dict[str, AssetLabels] = Field(default_factory=dict, description="By file name.")
+
+
+@dataclass(frozen=True)
+class CollectionFiles:
+    """The files of a collection.
+
+    Attributes
+    ----------
+    assets : dict of str to bytes
+        By name in the ZIP, sorted.
+    labels : FamilyLabels, optional
+    """
+
+    assets: dict[str, bytes]
+    labels: FamilyLabels | None
+
+
+def open_collection(data: Data, limits: Limits) -> CollectionFiles:
+    """Unpack a collection.
+
+    Raises
+    ------
+    AssetError
+        The ZIP is broken, too large, encrypted, or names files outside itself; it holds fewer than 10 or more than
+        3,000 assets; or its labels are not valid.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
+            entries = _entries(archive, _bounds(limits))
+            names = _assets_of(list(entries))
+            labels = None
+            if LABELS_FILE in entries:
+                if entries[LABELS_FILE].file_size > _MAX_LABELS_BYTES:
+                    raise AssetTooLargeError(f"{LABELS_FILE} has more than {_MAX_LABELS_BYTES} bytes.")
+                labels = _labels(_content(archive, entries[LABELS_FILE]), names)
+            return CollectionFiles({name: _content(archive, entries[name]) for name in names}, labels)
+    except _BROKEN as error:
+        raise AssetTruncatedError(
+            f"The ZIP cannot be read: {str(error)[:200]}.", advice="Pack it again, or send the whole file."
+        ) from error
+
+
+def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
+    """Check a collection and the structure of every asset in it; `meshes` of the summary counts the assets.
+
+    Raises
+    ------
+    AssetError
+        As `open_collection`; or an asset cannot be used, and the error names it.
+    """
+    files = open_collection(data, limits)
+    vertices = triangles = 0
+    for name, content in files.assets.items():
+        try:
+            found = inspect_asset(content, name, limits)
+        except AssetError as error:
+            raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
+        vertices, triangles = vertices + found.vertices, triangles + found.triangles
+    return AssetSummary("zip", vertices, triangles, meshes=len(files.assets))
+
+
+def _bounds(limits: Limits) -> Limits:
+    return dataclasses.replace(limits, max_archive_files=max(limits.max_archive_files, 2 * MAX_COLLECTION))
+
+
+def _assets_of(names: list[str]) -> list[str]:
+    found = sorted(name for name in names if name.lower().rpartition(".")[2] in _ENDINGS)
+    advice = (
+        f"Pack {MIN_COLLECTION} to {MAX_COLLECTION:,} files of the types {', '.join(_ENDINGS)}, each whole by itself."
+    )
+    if not found:
+        raise AssetEmptyError("The ZIP holds no asset.", advice=advice)
+    if len(found) < MIN_COLLECTION:
+        count = "one asset" if len(found) == 1 else f"{len(found)} assets"
+        raise AssetError(f"The ZIP holds {count}; a family has at least {MIN_COLLECTION}.", advice=advice)
+    if len(found) > MAX_COLLECTION:
+        raise AssetTooLargeError(f"The ZIP holds {len(found)} assets; the limit is {MAX_COLLECTION:,}.", advice=advice)
+    return found
+
+
+def _labels(data: bytes, names: list[str]) -> FamilyLabels:
+    """Read the labels, and refuse those that name no part or no asset."""
+    try:
+        labels = FamilyLabels.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise AssetError(
+            f"{LABELS_FILE} is not valid: {place or 'the document'}: {first['msg']}.",
+            advice="docs/families.md describes it.",
+        ) from error
+    if len(set(labels.parts)) < len(labels.parts):
+        raise AssetError(f"{LABELS_FILE} names a part twice.", advice="Give each part one name.")
+    known = {posixpath.basename(name) for name in names} | set(names)
+    for asset, of_asset in labels.assets.items():
+        if asset not in known:
+            raise AssetError(
+                f"{LABELS_FILE} has labels for {asset[:100]!r}, which is not in the ZIP.",
+                advice="Name the assets as the ZIP does, such as 'chair_01.glb'.",
+            )
+        used = {*of_asset.nodes.values(), *of_asset.materials.values(), *(of_asset.triangles or ())}
+        if wrong := sorted(used - set(labels.parts)):
+            raise AssetError(
+                f"{LABELS_FILE}: the label {wrong[0][:64]!r} of {asset[:100]} names no part.",
+                advice=f"Use one of: {', '.join(labels.parts)}; or add it to `parts`.",
+            )
+    return labels

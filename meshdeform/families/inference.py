@@ -1,0 +1,212 @@
+"""Mean-field inference of deformations, templates, correspondences and segmentation.
+
+The equations are those of the thesis, appendix C. Two things are solved exactly instead of by repeated updates: given
+correspondences, the means of all deformed points of a shape are the solution of one linear system per axis, which is
+the fixed point of the updates one by one; the fixed point of the template's update is the mean of the deformed points.
+
+Shapes are compared in a common box: each is scaled along x, y and z to the mean bounding box of the collection. That is
+the rough alignment from which the inference starts, and smoothness then costs nothing for a shape that is only wider.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from meshdeform.families.collection import Collection
+from meshdeform.families.templates import Template, first_template, graph
+
+__all__ = ["Inference"]
+
+EPSILON = 1e-2
+"""Price of a correspondence whose part label disagrees."""
+NEAREST_SAMPLES, NEAREST_POINTS = 100, 20
+"""Correspondences that are not between such neighbours have the probability 0."""
+
+_S1, _S2 = 0.08**2, 0.05**2
+_LEAST_S1, _LEAST_S2, _LEAST_S3 = 0.006**2, 0.02**2, 0.05
+"""Without a bound below, smoothness and correspondences agree on shapes that do not bend."""
+_TIGHTER, _TIGHTEST = 0.85, 0.03
+"""The bound above S1 falls by this factor in each round, down to the square of the second number."""
+_LEAST_ALIKE = 0.05
+_ROUNDS = 3
+
+
+@dataclass
+class Inference:
+    """The state of the inference over T shapes with P samples, K template points and L parts.
+
+    Attributes
+    ----------
+    collection : Collection
+    template : Template
+    given : (T, P) int64
+        Given parts of samples; -1 where they are to be found.
+    deformed : (T, K, 3) float32
+        E[D], in the common box.
+    variance : (T, K, 3) float32
+        Diagonal of cov[D].
+    mass : (T, K) float32
+        How many samples correspond to each point: the sum of Q(U).
+    parts : (T, P, L) float32
+        Q(S).
+    likelihood : (T,) float32
+        Mean log-likelihood of a sample.
+    s1, s2 : (3,) float32
+    s3 : (F,) float32
+        Diagonal covariances of data, smoothness and features.
+    iteration : int
+    """
+
+    collection: Collection
+    template: Template
+    given: Tensor
+    deformed: Tensor
+    variance: Tensor
+    mass: Tensor
+    parts: Tensor
+    likelihood: Tensor
+    s1: Tensor
+    s2: Tensor
+    s3: Tensor
+    iteration: int = 0
+    boxed: Tensor = field(init=False)
+    edges: Tensor = field(init=False)
+    alike: Tensor = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.boxed = self.collection.points * self.box_scale()
+        self.edges = graph(self.template.points, self.template.labels)
+        self.alike = _alike(self.collection)
+
+    @classmethod
+    def start(cls, collection: Collection, given: Tensor, count: int, parts: int) -> Inference:
+        """Make the templates and begin with each shape's box.
+
+        Parameters
+        ----------
+        collection : Collection
+        given : (T, P) int64
+        count : int
+            Number of template points K.
+        parts : int
+            Number of parts L.
+        """
+        shapes, samples = given.shape
+        mean = collection.boxes.mean(0)
+        boxed = collection.points * (mean / collection.boxes)[:, None]
+        template = first_template(collection, boxed, given, count, parts)
+        return cls(
+            collection,
+            template,
+            given,
+            deformed=template.points.expand(shapes, -1, -1).clone(),
+            variance=torch.full((shapes, count, 3), _S1),
+            mass=torch.full((shapes, count), samples / count),
+            parts=_fixed(torch.full((shapes, samples, parts), 1.0 / parts), given),
+            likelihood=torch.zeros(shapes),
+            s1=torch.full((3,), _S1),
+            s2=torch.full((3,), _S2),
+            s3=torch.ones(collection.features.shape[2]),
+        )
+
+    def box_scale(self) -> Tensor:
+        """Return the factors (T, 1, 3) from each shape's own frame to the common box."""
+        return (self.collection.boxes.mean(0) / self.collection.boxes)[:, None]
+
+    def correspondences(self, shape: int) -> tuple[Tensor, Tensor]:
+        """Return Q(U) (P, K) of one shape, and the log-likelihood (P,) of its samples."""
+        points, template = self.boxed[shape], self.template
+        count = len(template.points)
+        offset = points[:, None] - self.deformed[shape]
+        distance = offset.square().sum(2)
+        kept = torch.zeros_like(distance, dtype=torch.bool)
+        kept.scatter_(0, distance.topk(min(NEAREST_SAMPLES, len(points)), 0, largest=False).indices, True)
+        kept.scatter_(1, distance.topk(min(NEAREST_POINTS, count), 1, largest=False).indices, True)
+        data = (offset.square() / self.s1).sum(2) + (self.variance[shape] / self.s1).sum(1)
+        looks = torch.cdist(self.collection.features[shape] / self.s3.sqrt(), template.features / self.s3.sqrt())
+        score = -0.5 * (data + looks.square())
+        score += math.log(EPSILON) * (1 - self.parts[shape][:, template.labels])
+        score = score.masked_fill(~kept, -torch.inf)
+        total = score.logsumexp(1)
+        scale = -0.5 * (self.s1.log().sum() + self.s3.log().sum()) - math.log(count)
+        return (score - total[:, None]).exp(), total + scale
+
+    def step(self) -> dict[str, float]:
+        """Do one round of updates over all shapes, and return the mean log-likelihood and what moved."""
+        template, count = self.template, len(self.template.points)
+        laplacian = torch.diag(self.edges.sum(1)) - self.edges
+        pull = laplacian @ template.points
+        onehot = torch.nn.functional.one_hot(template.labels, template.parts).float()
+        s1, s3 = torch.zeros(3), torch.zeros_like(self.s3)
+        seen, looks = torch.zeros(count), torch.zeros_like(template.features)
+        before = self.deformed.clone()
+        bound = max(_S1**0.5 * _TIGHTER**self.iteration, _TIGHTEST) ** 2
+        self.s1 = self.s1.clamp_max(bound)
+        for t in range(len(self.boxed)):
+            q, likelihood = self.correspondences(t)
+            self.likelihood[t] = likelihood.mean()
+            self._label(t, q @ onehot)
+            self._deform(t, q, laplacian, pull)
+            s1 += (q[:, :, None] * (self.boxed[t][:, None] - self.deformed[t]).square()).sum((0, 1))
+            f = self.collection.features[t]
+            looks += q.T @ f
+            s3 += (q.sum(1)[:, None] * f.square()).sum(0)
+            seen += q.sum(0)
+        samples = self.boxed.shape[0] * self.boxed.shape[1]
+        found = looks / seen[:, None].clamp_min(1e-6)
+        template.features = torch.where(seen[:, None] > 1e-3, found, template.features)
+        # sum q (f_p - f_k)^2 = sum q f_p^2 - sum_k seen_k f_k^2, since f_k is the weighted mean.
+        self.s3 = ((s3 - (seen[:, None] * found.square()).sum(0)) / samples).clamp_min(_LEAST_S3)
+        self.s1 = (s1 / samples).clamp_min(_LEAST_S1)
+        template.points = self.deformed.mean(0)
+        i, j = torch.nonzero(self.edges, as_tuple=True)
+        bend = (self.deformed[:, i] - self.deformed[:, j]) - (template.points[i] - template.points[j])
+        self.s2 = bend.square().mean((0, 1)).clamp_min(_LEAST_S2)
+        self.iteration += 1
+        return {
+            "log_likelihood": float(self.likelihood.mean()),
+            "moved": float((self.deformed - before).norm(dim=2).mean()),
+        }
+
+    def _label(self, t: int, matched: Tensor) -> None:
+        """Update Q(S) of one shape; `matched` (P, L) sums Q(U) over the points of each part."""
+        unary = math.log(EPSILON) * (1 - matched)
+        alike, near = self.alike[t], self.collection.neighbours[t]
+        bond = (alike.log() - (1 - alike).log())[:, :, None]
+        q = self.parts[t]
+        for _ in range(_ROUNDS):
+            q = (unary + (q[near] * bond).sum(1)).softmax(1)
+            q = _fixed(q, self.given[t])
+        self.parts[t] = q
+
+    def _deform(self, t: int, q: Tensor, laplacian: Tensor, pull: Tensor) -> None:
+        """Solve for E[D] of one shape: one system (K, K) for each axis."""
+        mass = q.sum(0)
+        target = q.T @ self.boxed[t]
+        system = torch.diag(mass)[None] / self.s1[:, None, None] + laplacian[None] / self.s2[:, None, None]
+        system = system + torch.eye(len(mass)) * (1e-3 / float(self.s1.max()))
+        right = (target / self.s1 + pull / self.s2 + 1e-3 / float(self.s1.max()) * self.deformed[t]).T[:, :, None]
+        solved = torch.cholesky_solve(right, torch.linalg.cholesky(system))
+        self.deformed[t] = solved[:, :, 0].T
+        self.variance[t] = 1 / (mass[:, None] / self.s1 + self.edges.sum(1)[:, None] / self.s2)
+        self.mass[t] = mass
+
+
+def _fixed(parts: Tensor, given: Tensor) -> Tensor:
+    """Return the probabilities with those of given labels set to 0 and 1."""
+    known = torch.nn.functional.one_hot(given.clamp_min(0), parts.shape[-1]).float()
+    return torch.where((given >= 0)[..., None], known, parts)
+
+
+def _alike(collection: Collection) -> Tensor:
+    """Return Phi (T, P, 8): how alike the features of neighbouring samples are, 1 for equal ones."""
+    features, near = collection.features, collection.neighbours
+    rows = torch.arange(len(features))[:, None, None]
+    difference = features[:, :, None] - features[rows, near]
+    s5 = difference.square().mean((0, 1, 2)).clamp_min(1e-6)
+    distance = (difference.square() / s5).mean(3)
+    return torch.exp(-0.5 * distance).clamp(_LEAST_ALIKE, 1 - _LEAST_ALIKE)

@@ -1,0 +1,169 @@
+"""Learn a Beta shape machine by contrastive divergence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from meshdeform.families.machine import BetaMachine, Hidden
+
+__all__ = ["Learning"]
+
+_RATE, _SLOWER, _FASTER = 1e-3, 0.9, 1.1
+_RATES = 1e-3, 0.01
+"""Bounds of the rate. Errors are noisy, and without a lower bound their noise alone makes the rate vanish."""
+_MOMENTUM = (0.5, 0.9)
+_ALIKE, _SPARSE = 1e-3, 1e-4
+_BLOW_UP = 2.0
+"""An error so many times the best one ends a climb: back to the best weights at half the rate."""
+_LEAST_RATE = 1e-5
+_REACH = 20.0
+_FROM_BELOW = 0.5
+"""Share of the epochs that start the reconstruction from the first layer, which is learned before those above it."""
+_POSITIVE = ("a0", "b0", "a", "b", "c", "d")
+
+
+@dataclass
+class Learning:
+    """The state of the learning.
+
+    Attributes
+    ----------
+    machine : BetaMachine
+    points : (T, K, 3) float32 in (0, 1)
+    exists : (T, K) float32
+    edges : (K, K) float32
+        Neighbouring points, whose weights are drawn together.
+    random : torch.Generator
+    velocity, best : dict of name to Tensor
+        Momentum of the weights, and the best weights so far.
+    reach : dict of name to Tensor
+        Factors of the rate for the exponents, whose statistics vary by about one over the sum of the exponents: a
+        diagonal natural gradient. Without it they would need a thousand times as many epochs as the other weights.
+    rate, error, best_error : float
+    epoch : int
+    """
+
+    machine: BetaMachine
+    points: Tensor
+    exists: Tensor
+    edges: Tensor
+    random: torch.Generator
+    velocity: dict[str, Tensor]
+    best: dict[str, Tensor]
+    reach: dict[str, Tensor]
+    rate: float = _RATE
+    error: float = float("inf")
+    best_error: float = float("inf")
+    epoch: int = 0
+
+    @classmethod
+    def start(
+        cls, machine: BetaMachine, points: Tensor, exists: Tensor, edges: Tensor, random: torch.Generator
+    ) -> Learning:
+        """Begin with the given machine."""
+        zero = {name: torch.zeros_like(value) for name, value in machine.weights.items()}
+        copy = {name: value.clone() for name, value in machine.weights.items()}
+        return cls(machine, points, exists, edges, random, zero, copy, _reach(machine))
+
+    def step(self, epochs: int) -> dict[str, float]:
+        """Do one epoch of `epochs`: one update from all shapes; return the error and the rate."""
+        machine, points, exists = self.machine, self.points, self.exists
+        data = machine.infer(points, exists)
+        top = torch.bernoulli(data.h3, generator=self.random)
+        from_below = int(_FROM_BELOW * epochs)
+        first = torch.bernoulli(data.h1, generator=self.random) if self.epoch < from_below else None
+        if self.epoch == from_below:  # errors of reconstructions from the top are others
+            self.error = self.best_error = float("inf")
+        made, hidden = machine.reconstruct(top, exists, first)
+        error = float(((points - made).abs() * exists[:, :, None]).sum() / exists.sum().clamp_min(1) / 3)
+        known = exists[:, :, None].expand_as(points).reshape(len(points), -1)
+        flat = points.reshape(len(points), -1)
+        gradient = self._surface(flat.log(), (1 - flat).log(), data, known, 1.0)
+        for name, value in self._surface(*machine.expected_logs(hidden.h1), hidden, known, -1.0).items():
+            gradient[name] = gradient[name] + value
+        gradient |= self._structure()
+        self._adapt(error)
+        momentum = _MOMENTUM[0] + (_MOMENTUM[1] - _MOMENTUM[0]) * min(self.epoch / max(epochs / 2, 1), 1.0)
+        self._draw_together(gradient)
+        for name in gradient:
+            value = machine.weights[name]
+            self.velocity[name] = momentum * self.velocity[name]
+            self.velocity[name] += self.rate * self.reach.get(name, 1.0) * gradient[name]
+            value += self.velocity[name]
+            if name in _POSITIVE:
+                value.clamp_min_(1e-3 if name in {"a0", "b0"} else 0.0)
+        for name in "abcd":
+            machine.weights[name] *= machine.sees
+        self.epoch += 1
+        return {"error": error, "rate": self.rate}
+
+    def finished(self) -> BetaMachine:
+        """Return the machine with the best weights."""
+        return BetaMachine({name: value.clone() for name, value in self.best.items()}, self.machine.sees)
+
+    def _surface(self, low: Tensor, high: Tensor, h: Hidden, known: Tensor, sign: float) -> dict[str, Tensor]:
+        """Return the statistics of the surface part, averaged over the shapes; `low` and `high` are ln D, ln(1 - D)."""
+        w = self.machine.weights
+        low, high = (low - w["m0"]) * known, (high - w["m1"]) * known
+        scale, off = sign / len(low), 1 - h.h1
+        return {
+            "a0": low.sum(0) * scale,
+            "b0": high.sum(0) * scale,
+            "a": low.T @ h.h1 * scale,
+            "b": high.T @ h.h1 * scale,
+            "c": low.T @ off * scale,
+            "d": high.T @ off * scale,
+            "w1": h.h1.sum(0) * scale,
+            "w2": h.h2.sum(0) * scale,
+            "w3": h.h3.sum(0) * scale,
+            "w12": h.h1.T @ h.h2 * scale,
+            "w23": h.h2.T @ h.h3 * scale,
+        }
+
+    def _structure(self) -> dict[str, Tensor]:
+        exists, machine = self.exists, self.machine
+        latent = machine.structure(exists)
+        made = machine.existence(torch.bernoulli(latent, generator=self.random))
+        again = machine.structure(made)
+        count = len(exists)
+        return {
+            "e0": (exists - made).sum(0) / count,
+            "g0": (latent - again).sum(0) / count,
+            "eg": (exists.T @ latent - made.T @ again) / count,
+        }
+
+    def _draw_together(self, gradient: dict[str, Tensor]) -> None:
+        """Add the penalties: neighbouring points have similar weights, and weights are sparse."""
+        weights = self.machine.weights
+        i, j = torch.nonzero(self.edges, as_tuple=True)
+        for name in ("a0", "b0", "a", "b", "c", "d", "e0", "eg"):
+            value = weights[name]
+            per_point = value.reshape(len(self.edges), -1)
+            signs = torch.zeros_like(per_point).index_add_(0, i, torch.sign(per_point[i] - per_point[j]))
+            gradient[name] = gradient[name] - _ALIKE * signs.reshape(value.shape)
+        for name in ("a", "b", "c", "d", "w12", "w23", "eg"):
+            gradient[name] = gradient[name] - _SPARSE * torch.sign(weights[name])
+
+    def _adapt(self, error: float) -> None:
+        """Change the rate with the error; keep the best weights, and go back to them after a blow-up."""
+        weights = self.machine.weights
+        if not error < float("inf") or error > _BLOW_UP * self.best_error:
+            for name, value in self.best.items():
+                weights[name].copy_(value)
+                self.velocity[name].zero_()
+            self.rate, self.error = max(self.rate / 2, _LEAST_RATE), self.best_error
+            return
+        if error < self.best_error:
+            self.best_error = error
+            self.best = {name: value.clone() for name, value in weights.items()}
+        self.rate = min(max(self.rate * (_FASTER if error < self.error else _SLOWER), _RATES[0]), _RATES[1])
+        self.error = error
+
+
+def _reach(machine: BetaMachine) -> dict[str, Tensor]:
+    strength = _REACH * (machine.weights["a0"] + machine.weights["b0"])
+    shared = strength[:, None] / machine.sees.sum(1, keepdim=True).clamp_min(1.0)
+    return {"a0": strength, "b0": strength, **dict.fromkeys("abcd", shared)}

@@ -1,0 +1,124 @@
+"""Read results off an inference: parts of triangles, correspondences, existence, and what does not belong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.families.inference import Inference
+from meshdeform.families.machine import HIGH, LOW
+
+__all__ = ["Correspondences", "correspondences", "dense_matches", "strangers", "triangle_parts", "visible_points"]
+
+_MASS = 0.25
+"""A point exists where at least this share of the mean number of samples corresponds to it."""
+_NEAR = 0.05
+"""And where the surface is nearer to it than this share of the diagonal."""
+_TURNED = 0.1
+"""Distance, in diagonals, that counts as much as opposite normals."""
+_VOTES = 4
+_APART = 6.0
+_ROOM = 0.5
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """Where the template points lie on each shape.
+
+    Attributes
+    ----------
+    samples : (T, K) int64
+        The sample nearest to each deformed point.
+    confidence : (T, K) float32
+        0 to 1: how near the surface is, and how many samples correspond to the point.
+    exists : (T, K) float32
+        0 or 1.
+    """
+
+    samples: Tensor
+    confidence: Tensor
+    exists: Tensor
+
+
+def correspondences(inference: Inference) -> Correspondences:
+    """Find the surface point nearest to each deformed template point, and whether the point exists on the shape."""
+    deformed = inference.deformed / inference.box_scale()
+    points = inference.collection.points
+    found = [torch.cdist(d, p).min(1) for d, p in zip(deformed, points, strict=True)]
+    distance = torch.stack([each.values for each in found])
+    share = inference.mass / (points.shape[1] / deformed.shape[1])
+    exists = ((share >= _MASS) & (distance < _NEAR)).float()
+    confidence = torch.exp(-0.5 * (distance / (_NEAR / 2)).square()) * (share / (2 * _MASS)).clamp_max(1.0)
+    return Correspondences(torch.stack([each.indices for each in found]), confidence, exists)
+
+
+def dense_matches(inference: Inference, source: int, target: int, q: Tensor | None = None) -> Tensor:
+    """Return the sample (P,) of shape `target` that corresponds to each sample of shape `source`.
+
+    A sample moves as the template points do that it corresponds to; the nearest sample of the same part is its match.
+    `q` (P, K) is the first shape's `correspondences`, if they are known already.
+    """
+    q = inference.correspondences(source)[0] if q is None else q
+    moved = inference.boxed[source] + q @ (inference.deformed[target] - inference.deformed[source])
+    part = [inference.parts[t].argmax(1) for t in (source, target)]
+    distance = torch.cdist(moved, inference.boxed[target])
+    return (distance + 1.0 * (part[0][:, None] != part[1])).argmin(1)
+
+
+def visible_points(inference: Inference, found: Correspondences) -> tuple[Tensor, Tensor]:
+    """Return the machine's points (T, K, 3), in [0.25, 0.75], and the scaling (4,): lowest x, y, z, and size."""
+    points = inference.collection.points
+    low = points.amin((0, 1))
+    size = (points.amax((0, 1)) - low).max()
+    chosen = points.gather(1, found.samples[:, :, None].expand(-1, -1, 3))
+    return LOW + (HIGH - LOW) * (chosen - low) / size, torch.cat([low, size[None]])
+
+
+def triangle_parts(
+    centres: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    parts: NDArray[np.float32],
+) -> NDArray[np.uint8]:
+    """Return the part of each triangle (F,): the vote of the samples near its centre, by distance and direction.
+
+    Parameters
+    ----------
+    centres, normals : (F, 3) float64
+        Of the triangles, in the frame of the samples.
+    points, directions : (P, 3) float64
+        The samples and their normals.
+    parts : (P, L) float32
+        Q(S) of the samples.
+    """
+    turned = _TURNED / 2
+    tree = cKDTree(np.concatenate([points, turned * directions], 1))
+    distance, near = tree.query(
+        np.concatenate([centres, turned * np.nan_to_num(normals)], 1), k=min(_VOTES, len(points))
+    )
+    votes = parts[near] / (distance[:, :, None] + 1e-3)
+    return np.asarray(votes.sum(1).argmax(1).astype(np.uint8))
+
+
+def strangers(likelihood: Tensor) -> list[int]:
+    """Return the shapes that seem to be of another family: a group whose likelihood is far below that of the others.
+
+    The likelihoods (T,) are cut in two where the two groups are most compact. The lower group is another family if the
+    gap between the means is larger than anything that one family shows: 6 standard deviations within the groups.
+    """
+    values, order = likelihood.double().sort()
+    count = len(values)
+    best, cut = float("inf"), 0
+    for at in range(1, count):
+        within = float(values[:at].var(unbiased=False) * at + values[at:].var(unbiased=False) * (count - at))
+        if within < best:
+            best, cut = within, at
+    gap = float(values[cut:].mean() - values[:cut].mean()) if cut else 0.0
+    spread = (best / count) ** 0.5
+    return sorted(order[:cut].tolist()) if cut and gap > max(_APART * spread, _ROOM) else []

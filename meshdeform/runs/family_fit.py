@@ -1,0 +1,229 @@
+"""Run jobs of kind `family_fit`: read a collection, infer its templates and correspondences, learn its machine."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import Limits, build_glb, load_asset
+from meshdeform.assets.collection import AssetLabels, CollectionFiles, open_collection
+from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
+from meshdeform.errors import AssetError
+from meshdeform.families.collection import Collection, SampledShape, sample_shape
+from meshdeform.families.inference import Inference
+from meshdeform.families.learning import Learning
+from meshdeform.families.machine import BetaMachine
+from meshdeform.families.matching import correspondences, visible_points
+from meshdeform.families.state import (
+    dump_inference,
+    dump_learning,
+    dump_shapes,
+    load_inference,
+    load_learning,
+    load_shapes,
+)
+from meshdeform.requests.family import FamilyParams
+from meshdeform.runs.base import ArtifactData, RunInput, StepReport
+from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
+from meshdeform.runs.family_labels import labels_of
+from meshdeform.runs.family_results import FamilyResults
+from meshdeform.runs.report import sha256_hex
+
+__all__ = ["FamilyFitRun", "start"]
+
+
+def start(given: RunInput) -> FamilyFitRun:
+    """Unpack the collection and prepare the run.
+
+    Raises
+    ------
+    AssetError, RequestError, CheckpointError
+        The input cannot be run; the error says what to do.
+    """
+    params = params_of(given.request)
+    file = given.files["collection"]
+    limits = given.limits or Limits()
+    files = open_collection(file.data, limits)
+    digest = file.sha256 or sha256_hex(file.data)
+    run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=digest)
+    state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+    return FamilyFitRun(files, params, limits, run, digest, state)
+
+
+class FamilyFitRun:
+    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+
+    def __init__(
+        self,
+        files: CollectionFiles,
+        params: FamilyParams,
+        limits: Limits,
+        run: str,
+        sha256: str,
+        state: Checkpoint | None,
+    ) -> None:
+        self._files, self._params, self._limits, self._run, self._sha256 = files, params, limits, run, sha256
+        self._names = list(files.assets)
+        labels = files.labels
+        by_name = labels.assets if labels else {}
+        self._labels = [by_name.get(n) or by_name.get(posixpath.basename(n)) or AssetLabels() for n in self._names]
+        self._step = 0
+        self._shapes: list[SampledShape] = []
+        self._truth: list[NDArray[np.int64]] = []
+        self._inference: Inference | None = None
+        self._learning: Learning | None = None
+        if state is not None:
+            self._resume(state)
+
+    @property
+    def total_steps(self) -> int:
+        """Total number of steps."""
+        return total_steps(self._params)
+
+    @property
+    def step(self) -> int:
+        """Number of steps done."""
+        return self._step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the remaining steps: reading, then inference, then learning."""
+        while self._step < self.total_steps:
+            if self._step < READ_STEPS:
+                losses = self._read()
+            elif self._step < READ_STEPS + self._params.iterations:
+                losses = self._infer()
+            else:
+                losses = self._learn()
+            self._step += 1
+            yield StepReport(self._step, self.total_steps, losses)
+
+    def checkpoint(self) -> bytes:
+        """Return the complete state of the run; call only between two steps."""
+        tensors = dump_shapes(self._shapes, self._truth)
+        if self._inference is not None:
+            tensors |= dump_inference(self._inference)
+        if self._learning is not None:
+            tensors |= dump_learning(self._learning)
+        return dump_checkpoint(Checkpoint(self._step, tensors), self._run, self._sha256)
+
+    def snapshot(self) -> ArtifactData:
+        """Return a GLB of the template's points, or of the first samples before there is a template."""
+        if self._inference is not None:
+            points, labels = self._inference.template.points.numpy(), self._inference.template.labels.numpy()
+        elif self._shapes:
+            points, labels = self._shapes[0].points, np.zeros(len(self._shapes[0].points), np.int64)
+        else:
+            points, labels = np.zeros((1, 3)), np.zeros(1, np.int64)
+        return ArtifactData(build_glb(FamilyResults.markers(points, labels)), "model/gltf-binary")
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return the results, by artifact name."""
+        assert self._inference is not None
+        assert self._learning is not None
+        results = FamilyResults(
+            self._files,
+            self._params,
+            self._limits,
+            self._sha256,
+            names=self._names,
+            labels=self._labels,
+            parts=self._part_names(),
+            shapes=self._shapes,
+            truth=torch.from_numpy(np.stack(self._truth)),
+            inference=self._inference,
+            machine=self._learning.finished(),
+            best_error=self._learning.best_error,
+        )
+        return results.artifacts()
+
+    def _read(self) -> dict[str, float]:
+        """Read and sample a tenth of the assets."""
+        count = len(self._names)
+        for t in range(count * self._step // READ_STEPS, count * (self._step + 1) // READ_STEPS):
+            name, labels = self._names[t], self._labels[t]
+            try:
+                asset = load_asset(self._files.assets[name], name, self._limits)
+                surface = asset.surface
+                shape = sample_shape(
+                    surface.positions, surface.triangles, self._params.samples, self._params.seed * 4099 + t
+                )
+            except AssetError as error:
+                raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
+            marks = labels_of(asset, name, labels, self._files.labels.parts if self._files.labels else [])
+            self._shapes.append(shape)
+            self._truth.append(marks[shape.triangles])
+        return {"total": float(count - len(self._shapes))}
+
+    def _infer(self) -> dict[str, float]:
+        if self._inference is None:
+            self._inference = Inference.start(
+                self._collection(), self._given(), self._params.points, self._part_count()
+            )
+        losses = self._inference.step()
+        return {"total": -losses["log_likelihood"], **losses}
+
+    def _learn(self) -> dict[str, float]:
+        assert self._inference is not None
+        if self._learning is None:
+            found = correspondences(self._inference)
+            points, _ = visible_points(self._inference, found)
+            random = torch.Generator().manual_seed(self._params.seed)
+            machine = BetaMachine.start(points, found.exists, self._inference.template.labels, random)
+            self._learning = Learning.start(machine, points, found.exists, self._inference.edges, random)
+        losses = self._learning.step(self._params.epochs)
+        return {"total": losses["error"], **losses}
+
+    def _collection(self) -> Collection:
+        def stacked(name: str) -> Tensor:
+            values = [getattr(shape, name) for shape in self._shapes]
+            return torch.stack([v if isinstance(v, Tensor) else torch.from_numpy(v).float() for v in values])
+
+        names = ("points", "normals", "features", "neighbours")
+        return Collection.of(*(stacked(name) for name in names), turn=self._params.turn)
+
+    def _given(self) -> Tensor:
+        """Return the parts of samples (T, P) that the inference may use.
+
+        Raises
+        ------
+        AssetError
+            There are labels to use, but no asset has one for its whole surface.
+        """
+        given = torch.from_numpy(np.stack(self._truth)).clone()
+        for t, labels in enumerate(self._labels):
+            if labels.held_out:
+                given[t] = -1
+        if (given >= 0).any() and not (given >= 0).all(1).any():
+            raise AssetError(
+                "labels.json labels no asset completely.",
+                advice="Give at least one asset, better ten, a part for every node, material or triangle.",
+            )
+        return given
+
+    def _learns_names(self) -> bool:
+        used = zip(self._truth, self._labels, strict=True)
+        return any(bool((marks >= 0).any()) and not labels.held_out for marks, labels in used)
+
+    def _part_names(self) -> list[str]:
+        if self._files.labels is not None and self._learns_names():
+            return list(self._files.labels.parts)
+        return [f"part {number}" for number in range(1, self._params.parts + 1)]
+
+    def _part_count(self) -> int:
+        return len(self._part_names())
+
+    def _resume(self, state: Checkpoint) -> None:
+        self._step = state.step
+        self._shapes, self._truth = load_shapes(state.tensors)
+        if state.step > READ_STEPS:
+            tensors: dict[str, Any] = state.tensors
+            self._inference = load_inference(tensors, self._collection(), self._given(), self._part_count())
+        if state.step > READ_STEPS + self._params.iterations:
+            assert self._inference is not None
+            self._learning = load_learning(state.tensors, self._inference.edges)

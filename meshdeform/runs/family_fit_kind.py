@@ -1,0 +1,113 @@
+"""Describe the kind `family_fit`: its file, the check of its requests, and its artifacts. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import JobKind
+from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.family import FamilyParams
+from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["FAMILY_FIT", "READ_STEPS", "params_of", "total_steps"]
+
+READ_STEPS = 10
+"""The assets are read in so many steps."""
+
+
+def params_of(request: JobRequest) -> FamilyParams:
+    """Return the parameters of a request of this kind.
+
+    Raises
+    ------
+    ParameterError
+        They are those of another kind, or the request asks for what this kind does not make.
+    """
+    params: Any = request.params
+    if not isinstance(params, FamilyParams):
+        raise ParameterError("The parameters are not those of `family_fit`.")
+    if request.output != OutputOptions():
+        raise ParameterError(
+            "`output` is for jobs that deform one asset.", advice="Leave it out; params.embed_labels writes the assets."
+        )
+    if params.samples < params.points:
+        detail = f"params.samples is {params.samples}, less than params.points: {params.points}."
+        raise ParameterError(
+            detail,
+            advice="Take at least as many samples as template points; twice as many is usual.",
+            errors=[{"loc": ["params", "samples"], "msg": detail, "type": "value_error"}],
+        )
+    return params
+
+
+def total_steps(params: FamilyParams) -> int:
+    """Return the number of steps of a run."""
+    return READ_STEPS + params.iterations + params.epochs
+
+
+def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilyParams:
+    return params_of(request)
+
+
+def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
+    params: Any = request.params
+    return total_steps(params) if isinstance(params, FamilyParams) else 0
+
+
+def _load() -> StartRun:
+    from meshdeform.runs import family_fit
+
+    def start(given: RunInput) -> JobRun:
+        return family_fit.start(given)
+
+    return start
+
+
+_NPZ = "application/x-npz"
+
+FAMILY_FIT = Kind(
+    name=JobKind.FAMILY_FIT,
+    summary="Finds the parts and the correspondences of a collection of assets of one family, and learns its shapes.",
+    reads=(
+        FilePart(
+            "collection",
+            "A ZIP of 10 to 3,000 assets (GLB, OBJ, PLY, STL), and `labels.json`, if some are labelled.",
+            required=True,
+            media_types=("application/zip",),
+            content="collection",
+        ),
+    ),
+    params=FamilyParams,
+    check=_check,
+    steps=_steps,
+    load=_load,
+    artifacts=(
+        ArtifactKind(
+            "report.json",
+            "application/json",
+            "Parameters, what each asset is made of and how likely it is, and accuracies where labels are held out.",
+        ),
+        ArtifactKind("preview.png", "image/png", "The collection, coloured by part."),
+        ArtifactKind("segmentation.npz", _NPZ, "The part of each triangle of each asset."),
+        ArtifactKind(
+            "correspondences.npz", _NPZ, "Where each template point lies on each asset, and how sure that is."
+        ),
+        ArtifactKind("descriptors.npz", _NPZ, "Descriptors of the assets: the machine's top layers."),
+        ArtifactKind(
+            "family.safetensors",
+            "application/octet-stream",
+            "The part templates and the parameters of the Beta shape machine.",
+        ),
+        ArtifactKind(
+            "labelled.zip",
+            "application/zip",
+            "The assets with the vertex attribute `_PART`, if `params.embed_labels` is set.",
+        ),
+    ),
+    goal=lambda _request, _files: "family",
+)

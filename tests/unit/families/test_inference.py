@@ -1,0 +1,138 @@
+"""Templates, correspondences and parts of shapes whose truth is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from bench.parametric_families import CLASSES, PARTS, family
+from meshdeform.assets import load_asset
+from meshdeform.families.collection import Collection, sample_shape, turned_alike
+from meshdeform.families.inference import Inference
+from meshdeform.families.matching import dense_matches, strangers, triangle_parts
+
+
+def sampled(name, count, samples, **more):
+    members, shapes, truth = family(name, count, **more), [], []
+    for number, member in enumerate(members):
+        surface = load_asset(member.glb(), member.name).surface
+        shape = sample_shape(surface.positions, surface.triangles, samples, number)
+        shapes.append(shape)
+        truth.append(np.array([PARTS[name].index(part) for part in member.parts()])[shape.triangles])
+    return members, shapes, torch.from_numpy(np.stack(truth))
+
+
+def stacked(shapes):
+    points, normals = (
+        torch.from_numpy(np.stack([getattr(s, n) for s in shapes])).float() for n in ("points", "normals")
+    )
+    return points, normals, torch.stack([s.features for s in shapes]), torch.stack([s.neighbours for s in shapes])
+
+
+def test_the_members_of_a_family_are_closed_and_correspond():
+    for name in PARTS:
+        members = family(name, 2 * len(CLASSES[name]))
+        assert [m.kind for m in members[: len(CLASSES[name])]] == list(CLASSES[name])
+        for member in members:
+            surface = load_asset(member.glb(), member.name).surface
+            assert len(surface.triangles) == len(member.parts())
+            for _, solid in member.solids.values():
+                a, b, c = solid.verts[solid.faces].transpose(1, 0, 2)
+                assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+        shape = sample_shape(surface.positions, surface.triangles, 30, 0)
+        itself = member.counterparts(member, shape.triangles, shape.weights)
+        np.testing.assert_allclose((itself - shape.centre) / shape.diagonal, shape.points, atol=1e-6)
+
+
+def test_copies_stretched_along_the_axes_are_matched_exactly():
+    torch.manual_seed(0)
+    _, (shape,), _ = sampled("chairs", 1, 80)
+    points, normals, features, neighbours = (each[0] for each in stacked([shape]))
+    order = [torch.arange(80)] + [torch.randperm(80) for _ in range(9)]
+    copies = []
+    for number, places in enumerate(order):
+        matrix = torch.diag(0.6 + 0.8 * torch.rand(3)) if number else torch.eye(3)
+        moved = points[places] @ matrix.T
+        moved = moved - (moved.amax(0) + moved.amin(0)) / 2
+        copies.append(moved / (moved.amax(0) - moved.amin(0)).norm())
+    inverse = [p.argsort() for p in order]
+    found = Collection.of(
+        torch.stack(copies),
+        torch.stack([normals[p] for p in order]),
+        torch.stack([features[p] for p in order]),
+        torch.stack([inverse[i][neighbours[p]] for i, p in enumerate(order)]),
+        turn=False,
+    )
+    inference = Inference.start(found, torch.full((10, 80), -1), 40, 4)
+    for _ in range(15):
+        inference.step()
+    for t in range(1, 10):
+        assert torch.equal(order[t][dense_matches(inference, 0, t)], torch.arange(80))
+        assert torch.equal(inference.parts[t].argmax(1), inference.parts[0].argmax(1)[order[t]])
+
+
+def test_parts_and_correspondences_are_found_from_few_labels():
+    members, shapes, truth = sampled("chairs", 12, 160, kinds=("side", "armchair"))
+    found = Collection.of(*stacked(shapes))
+    given = torch.full_like(truth, -1)
+    given[:4] = truth[:4]
+    inference = Inference.start(found, given, 50, 4)
+    before = inference.step()
+    for _ in range(7):
+        after = inference.step()
+    assert after["log_likelihood"] > before["log_likelihood"]
+    assert torch.equal(inference.parts[:4].argmax(2), truth[:4])
+    assert (inference.parts[4:].argmax(2) == truth[4:]).float().mean() > 0.85
+    near = []
+    for a, b in ((4, 6), (5, 7), (8, 11)):
+        exact = (
+            members[a].counterparts(members[b], shapes[a].triangles, shapes[a].weights) - shapes[b].centre
+        ) / shapes[b].diagonal
+        error = np.linalg.norm(shapes[b].points[dense_matches(inference, a, b)] - exact, axis=1)
+        near += list(error[np.isfinite(error)] < 0.05)
+    assert np.mean(near) > 0.6
+
+
+def test_without_labels_parts_are_clusters_of_every_shape():
+    _, shapes, truth = sampled("airplanes", 6, 60, kinds=("jet",))
+    inference = Inference.start(Collection.of(*stacked(shapes)), torch.full_like(truth, -1), 20, 3)
+    for _ in range(3):
+        inference.step()
+    assert set(inference.template.labels.tolist()) == {0, 1, 2}
+    assert torch.allclose(inference.parts.sum(2), torch.ones(6, 60))
+    assert all(len(part.argmax(1).unique()) > 1 for part in inference.parts)
+
+
+def test_turned_shapes_are_turned_back_and_others_are_left_alone():
+    _, shapes, _ = sampled("chairs", 12, 120)
+    points = stacked(shapes)[0]
+    assert not turned_alike(points).any()
+    turned = points.clone()
+    for t, quarter in ((0, 1), (5, 2), (9, 3)):
+        angle = quarter * math.pi / 2
+        x, z = points[t, :, 0], points[t, :, 2]
+        turned[t, :, 0] = math.cos(angle) * x + math.sin(angle) * z
+        turned[t, :, 2] = math.cos(angle) * z - math.sin(angle) * x
+    back = turned_alike(turned)
+    for t in range(12):
+        assert float(back[t]) == pytest.approx({0: 1.5, 5: 1.0, 9: 0.5}.get(t, 0.0) * math.pi, abs=0.27)
+
+
+def test_triangles_take_the_part_of_samples_near_them_on_their_own_side():
+    points = np.array([[0, 0, 0.0], [0, 0.01, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
+    up, down = [0, 1.0, 0], [0, -1.0, 0]
+    parts = np.eye(3, dtype=np.float32)[[0, 1, 2, 2, 2]]
+    found = triangle_parts(np.array([[0, 0, 0.0], [0, 0, 0], [2.1, 0, 0]]), np.array([down, up, up]), points,
+                           np.array([down, up, up, up, up]), parts)  # fmt: skip
+    assert found.tolist() == [0, 1, 2]
+
+
+def test_a_group_far_below_the_others_is_of_another_family():
+    random = torch.Generator().manual_seed(0)
+    one = torch.randn(40, generator=random) * 0.4 + 9
+    assert strangers(one) == []
+    assert strangers(torch.cat([one, torch.tensor([2.0, 1.5, 2.2])])) == [40, 41, 42]
+    assert strangers(torch.full((10,), 3.0)) == []

@@ -1,0 +1,220 @@
+"""Jobs of kind `family_fit`, from a ZIP to the artifacts."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+import safetensors.numpy
+from PIL import Image
+
+from bench.parametric_families import family, labels_document
+from meshdeform.assets import Limits, build_glb, load_asset
+from meshdeform.assets.collection import inspect_collection, open_collection
+from meshdeform.client import Client
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, CheckpointError, ParameterError
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request, start_run
+from meshdeform.runs.base import InputFile, RunInput
+from meshdeform.settings import Settings
+from tests.cases import each_case
+from tests.integration.conftest import DEADLINE_S, serving
+from tests.worker_world import working
+
+PARAMS = {"points": 20, "samples": 50, "iterations": 2, "epochs": 3, "embed_labels": True}
+
+
+def packed(files, labels=None):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+        if labels is not None:
+            archive.writestr("labels.json", labels if isinstance(labels, str) else json.dumps(labels))
+    return buffer.getvalue()
+
+
+@pytest.fixture(scope="module")
+def chairs():
+    return family("chairs", 10)
+
+
+@pytest.fixture(scope="module")
+def glbs(chairs):
+    return {member.name: member.glb() for member in chairs}
+
+
+def begin(data, checkpoint=None, **params):
+    request = JobRequest.model_validate({"kind": "family_fit", "params": {**PARAMS, **params}})
+    return start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}, checkpoint=checkpoint))
+
+
+def same_state(one, other):
+    """Whether two checkpoints hold the same bits; safetensors writes metadata in any order."""
+    a, b = safetensors.numpy.load(one), safetensors.numpy.load(other)
+    return a.keys() == b.keys() and all(a[name].tobytes() == b[name].tobytes() for name in a)
+
+
+def test_a_collection_becomes_all_artifacts_and_a_resumed_run_equals_it_bit_for_bit(chairs, glbs):
+    data = packed(glbs, labels_document("chairs", chairs, 6))
+    run = begin(data)
+    kept = {}
+    for report in run:
+        kept[report.step] = run.checkpoint()
+        assert np.isfinite(report.losses["total"])
+    assert report.step == report.total_steps == 15
+    for step in (0, 4, 11, 13):  # while it reads, infers, learns
+        again = begin(data, kept[step]) if step else begin(data)
+        assert [r.step for r in again] == list(range(step + 1, 16))
+        assert same_state(again.checkpoint(), kept[15])
+    with pytest.raises(CheckpointError):
+        begin(data, kept[4], seed=1)
+    artifacts = run.finish()
+    _check_arrays(artifacts, glbs, chairs)
+    _check_report(json.loads(artifacts["report.json"].data))
+    assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size[0] >= 480
+    assert load_asset(run.snapshot().data).surface.triangles.shape == (20 * 8, 3)
+    machine = safetensors.numpy.load(artifacts["family.safetensors"].data)
+    assert machine["template.points"].shape == (20, 3)
+    assert machine["machine.a"].shape[0] == 60
+
+
+def _check_arrays(artifacts, glbs, chairs):
+    parts = np.load(io.BytesIO(artifacts["segmentation.npz"].data))
+    places = np.load(io.BytesIO(artifacts["correspondences.npz"].data))
+    names = list(parts["parts"])
+    assert list(parts["names"]) == list(glbs)
+    assert places["positions"].shape == (10, 20, 3)
+    with zipfile.ZipFile(io.BytesIO(artifacts["labelled.zip"].data)) as archive:
+        assert archive.namelist() == list(glbs)
+        for number, (name, glb) in enumerate(glbs.items()):
+            source = load_asset(glb)
+            surface, found = source.surface, parts[f"{number:04d}"]
+            # A place is where its triangle and weights say.
+            corners = surface.positions[surface.triangles[places["triangles"][number]]]
+            np.testing.assert_allclose(
+                np.einsum("kc,kcd->kd", places["weights"][number], corners), places["positions"][number], atol=1e-9
+            )
+            if number < 6:  # given labels are kept
+                assert [names[part] for part in found] == chairs[number].parts()
+            written = archive.read(name)
+            again = load_asset(written)
+            np.testing.assert_array_equal(again.surface.positions, surface.positions)
+            np.testing.assert_array_equal(again.surface.triangles, surface.triangles)
+            assert _vertex_parts(written, again, found, given=number < 6)
+
+
+def _vertex_parts(glb, asset, found, *, given):
+    """Whether each primitive has `_PART`, and it says what the sidecar says."""
+    start, attributes = 0, []
+    length = int.from_bytes(glb[12:16], "little")
+    root = json.loads(glb[20 : 20 + length])
+    binary = glb[28 + length :]
+    for mesh in root["meshes"]:
+        for primitive in mesh["primitives"]:
+            accessor = root["accessors"][primitive["attributes"]["_PART"]]
+            at = root["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            attributes.append(np.frombuffer(binary, "<f4", accessor["count"], at))
+            start += accessor["count"]
+    values = np.concatenate(attributes)
+    corners = values[asset.surface.triangles]
+    # No vertex is shared by two given parts; found ones may share some.
+    return start == len(asset.surface.positions) and (not given or bool((corners == found[:, None]).all()))
+
+
+def _check_report(report):
+    assert report["kind"] == "family_fit"
+    assert report["parts"] == ["seat", "back", "leg", "arm"]
+    assert report["accuracy"]["held_out"] == 4
+    assert 0.5 < report["accuracy"]["parts"] <= 1
+    assert report["classes"]["assets"] == 10
+    assert [asset["labels"] for asset in report["assets"]] == ["given"] * 6 + ["held out"] * 4
+
+
+def test_without_labels_parts_are_numbered(glbs):
+    run = begin(packed(glbs), embed_labels=False, parts=3, iterations=1, epochs=1)
+    for _ in run:
+        pass
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["parts"] == ["part 1", "part 2", "part 3"]
+    assert report["accuracy"] is None
+
+
+def test_a_collection_that_is_none_is_refused(glbs):
+    first = next(iter(glbs.values()))
+    two = {"parts": ["a", "b"]}
+    cases = [
+        ({"one.glb": first}, None, AssetError, "one asset; a family has at least 10"),
+        ({"readme.txt": b"x"}, None, AssetEmptyError, "holds no asset"),
+        ({**glbs, "../out.glb": first}, None, AssetError, "outside itself"),
+        (glbs, {**two, "assets": {"chair_0000.glb": {"nodes": {"seat": "sofa"}}}}, AssetError, "'sofa'.*names no part"),
+        (glbs, {**two, "assets": {"nobody.glb": {}}}, AssetError, "'nobody.glb', which is not in the ZIP"),
+        (glbs, {"parts": ["a"]}, AssetError, "labels.json is not valid: parts"),
+        (glbs, {"parts": ["a", "a"]}, AssetError, "names a part twice"),
+        (glbs, "{", AssetError, "labels.json is not valid"),
+        ({**glbs, "broken.glb": first[:200]}, None, AssetError, "broken.glb: "),
+    ]  # fmt: skip
+    for files, labels, error, words in cases:
+        with pytest.raises(error, match=words):
+            inspect_collection(packed(files, labels), Limits())
+    with pytest.raises(AssetTooLargeError, match="unpacks to"):
+        open_collection(packed(glbs), dataclasses.replace(Limits(), max_bytes=10_000))
+    with pytest.raises(AssetError, match="cannot be read"):
+        open_collection(packed(glbs)[:-40], Limits())
+    found = inspect_collection(packed(glbs), Limits())
+    assert (found.format, found.meshes) == ("zip", 10)
+    assert found.triangles > 0
+
+
+def test_what_only_reading_shows_is_refused_with_the_name_of_the_asset(glbs):
+    whole = build_glb(np.array([[0, 0, 0], [1, 0, 0], [0.1, 1, 0.625]]), np.array([[0, 1, 2]]))
+    places = [at for at in range(len(whole)) if whole.startswith(np.float32(0.625).tobytes(), at)]
+    broken = {**glbs, "a.glb": whole[: places[-1]] + np.float32("nan").tobytes() + whole[places[-1] + 4 :]}
+    with pytest.raises(AssetError, match=r"a\.glb: "):
+        next(iter(begin(packed(broken))))
+    wrong = {"parts": ["a", "b"], "assets": {"chair_0000.glb": {"nodes": {"seats": "a"}}}}
+    with pytest.raises(AssetError, match="has no node 'seats'") as caught:
+        next(iter(begin(packed(glbs, wrong))))
+    assert "seat" in caught.value.advice_text
+    few = {"parts": ["a", "b"], "assets": {"chair_0000.glb": {"triangles": ["a"]}}}
+    with pytest.raises(AssetError, match="triangles, but 1 labels"):
+        next(iter(begin(packed(glbs, few))))
+    partly = {"parts": ["a", "b"], "assets": {"chair_0000.glb": {"nodes": {"seat": "a"}}}}
+    with pytest.raises(AssetError, match="labels no asset completely"):
+        for _ in begin(packed(glbs, partly)):
+            pass
+
+
+@each_case(
+    ("document", "words"),
+    [
+        ({"params": {"points": 100, "samples": 60}}, "less than params.points"),
+        ({"output": {"morph": True}}, "jobs that deform one asset"),
+    ],
+)
+def test_a_request_that_cannot_run_is_refused(document, words):
+    request = JobRequest.model_validate({"kind": "family_fit", **document})
+    with pytest.raises(ParameterError, match=words):
+        check_request(request, Settings(), files={"collection"})
+
+
+def test_a_collection_is_posted_fitted_and_downloaded(glbs, tmp_path, redis_url):
+    (tmp_path / "chairs.zip").write_bytes(packed(glbs))
+    (tmp_path / "one.zip").write_bytes(packed(dict(list(glbs.items())[:1])))
+    asked = {"kind": "family_fit", "params": {**PARAMS, "embed_labels": False, "iterations": 1, "epochs": 1}}
+    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-fit")
+    with serving(settings) as url, Client(url) as client:
+        with pytest.raises(AssetError, match="one asset; a family has at least 10"):
+            client.submit(files={"collection": tmp_path / "one.zip"}, **asked)
+        with working(settings, start_run):
+            result = client.deform(files={"collection": tmp_path / "chairs.zip"}, timeout_s=DEADLINE_S, **asked)
+        found = np.load(io.BytesIO(result.read("correspondences.npz")))
+        assert found["positions"].shape == (10, 20, 3)
+        assert {artifact.name for artifact in result.job.artifacts} == {
+            "report.json", "preview.png", "segmentation.npz", "correspondences.npz", "descriptors.npz",
+            "family.safetensors",
+        }  # fmt: skip
