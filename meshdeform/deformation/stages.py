@@ -1,7 +1,7 @@
 """Run several optimisations of one mesh in a row, each from the shape in which the last one ended.
 
 Every stage has its own guidance, its own moments and its own schedule of `steps` steps. The regularisers stay relative
-to the mesh at rest: relative to the last shape, distortion would add up from stage to stage.
+to the mesh at rest, so that a result is judged against the asset and not against the stage before.
 """
 
 from __future__ import annotations

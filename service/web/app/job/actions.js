@@ -15,6 +15,7 @@ import { described } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { copyText, download } from "./files.js";
+import { isDeformation } from "./shapes.js";
 
 // A refinement that takes longer is asked about first.
 const LONG_S = 600;
@@ -50,15 +51,16 @@ export class JobActions {
     // What is pressed must not vanish from under the focus without another place for it.
     const focused = this.element.contains(document.activeElement);
     const over = isTerminal(state);
-    const better = state === "succeeded" ? refinement(this.job) : null;
+    const deforms = isDeformation(this.job);
+    const better = state === "succeeded" && deforms ? refinement(this.job) : null;
     fill(
       this.element,
-      state === "succeeded" ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null,
+      state === "succeeded" && deforms ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null,
       better ? button("Refine", () => this._refine(better), { icon: "spark", title: `The same variation again, at quality ${better.title}` }) : null,
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
-      checkpoints.length ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
-      over ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
+      over && deforms ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );

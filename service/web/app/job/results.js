@@ -5,6 +5,7 @@ import { bytes, count, counted } from "../format.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { copyCurl, download, downloadMade } from "./files.js";
+import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
 // What the service can make of a finished job that was not asked for it.
@@ -74,7 +75,7 @@ export function filesPanel(job, artifacts, scope) {
       sorted.map((found) =>
         row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
-      job.state === "succeeded" ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
+      job.state === "succeeded" && isDeformation(job) ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
     ),
   );

@@ -13,6 +13,11 @@ import { count } from "../format.js";
 
 const CACHE_BYTES = 96 << 20;
 
+/** Whether a job deforms an asset: jobs of other kinds have files, but no result that stands for the asset. @param {any} job */
+export function isDeformation(job) {
+  return (job.kind ?? "text_deform") === "text_deform";
+}
+
 /**
  * @param {any} job
  * @param {number[]} checkpoints Steps whose mesh is kept.
@@ -22,9 +27,9 @@ const CACHE_BYTES = 96 << 20;
 export function shapesOf(job, checkpoints, lastStep) {
   const base = `v1/jobs/${job.id}`;
   const shapes = checkpoints
-    .filter((step) => lastStep === null || step < lastStep)
+    .filter((step) => lastStep === null || !isDeformation(job) || step < lastStep)
     .map((step) => ({ step, path: `${base}/checkpoints/${step}/mesh.glb`, label: `Step ${count(step)}`, name: `step${step}` }));
-  if (lastStep !== null) shapes.push({ step: lastStep, path: `${base}/artifacts/result.glb`, label: "Result", name: "" });
+  if (lastStep !== null && isDeformation(job)) shapes.push({ step: lastStep, path: `${base}/artifacts/result.glb`, label: "Result", name: "" });
   const { job_id: origin, step } = job.origin ?? {};
   if (!step) return shapes;
   const begin = { step: -1, path: `v1/jobs/${origin}/checkpoints/${step}/mesh.glb`, label: "Start", name: "start" };
