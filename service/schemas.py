@@ -19,8 +19,6 @@ __all__ = [
     "JobLimits",
     "KindView",
     "LimitList",
-    "ModelList",
-    "ModelView",
     "PartHealth",
     "PictureFound",
     "Problem",
@@ -29,7 +27,6 @@ __all__ = [
     "UploadLimits",
     "UploadView",
     "Validation",
-    "VocabularyView",
 ]
 
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
@@ -310,53 +307,6 @@ class LimitList(BaseModel):
     requests: RequestLimits = Field(description="Limits on HTTP requests.")
     uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
     kinds: list[KindView] = Field(description="The kinds of job.")
-
-
-class VocabularyView(BaseModel):
-    """The vocabulary of a model."""
-
-    nouns: list[str] = Field(
-        description="The objects that it can make; a prompt names one of them.", examples=[["giraffe"]]
-    )
-    attributes: list[str] = Field(
-        description="Properties of an object or of its parts.", examples=[["tall", "long neck", "short neck"]]
-    )
-    parts: dict[str, list[str]] = Field(
-        description="The parts of each noun's object.", examples=[{"giraffe": ["head", "legs", "neck"]}]
-    )
-    max_attributes: int = Field(ge=0, description="Attributes allowed in one prompt.", examples=[3])
-    examples: list[str] = Field(
-        description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
-    )
-
-
-class ModelView(BaseModel):
-    """A model that jobs may use."""
-
-    id: str = Field(description="The value for `params.model` or `params.target.model`.", examples=["builtin"])
-    title: str = Field(description="Its display name.", examples=["Builtin"])
-    description: str = Field(
-        description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]
-    )
-    available: bool | None = Field(
-        description="Whether it can be loaded; null if this server cannot check that.", examples=[True]
-    )
-    problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
-    vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
-    purpose: Literal["guidance", "target"] = Field(
-        "guidance",
-        description="`guidance`: guides a deformation (`params.model`). `target`: makes target meshes "
-        "(`params.target.model`).",
-        examples=["guidance"],
-    )
-    licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
-
-
-class ModelList(BaseModel):
-    """The models of this server."""
-
-    default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
-    models: list[ModelView] = Field(description="The models, the default first.")
 
 
 class UploadView(BaseModel):

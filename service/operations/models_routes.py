@@ -12,7 +12,7 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
-from service.schemas import ModelList, ModelView
+from service.operations.model_documents import ModelList, ModelView
 from service.state import AppStateDep
 
 __all__ = ["router"]

@@ -1,0 +1,56 @@
+"""Define the documents about models."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+__all__ = ["ModelList", "ModelView", "VocabularyView"]
+
+
+class VocabularyView(BaseModel):
+    """The vocabulary of a model."""
+
+    nouns: list[str] = Field(
+        description="The objects that it can make; a prompt names one of them.", examples=[["giraffe"]]
+    )
+    attributes: list[str] = Field(
+        description="Properties of an object or of its parts.", examples=[["tall", "long neck", "short neck"]]
+    )
+    parts: dict[str, list[str]] = Field(
+        description="The parts of each noun's object.", examples=[{"giraffe": ["head", "legs", "neck"]}]
+    )
+    max_attributes: int = Field(ge=0, description="Attributes allowed in one prompt.", examples=[3])
+    examples: list[str] = Field(
+        description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
+    )
+
+
+class ModelView(BaseModel):
+    """A model that jobs may use."""
+
+    id: str = Field(description="The value for `params.model` or `params.target.model`.", examples=["builtin"])
+    title: str = Field(description="Its display name.", examples=["Builtin"])
+    description: str = Field(
+        description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]
+    )
+    available: bool | None = Field(
+        description="Whether it can be loaded; null if this server cannot check that.", examples=[True]
+    )
+    problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
+    vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
+    purpose: Literal["guidance", "target"] = Field(
+        "guidance",
+        description="`guidance`: guides a deformation (`params.model`). `target`: makes target meshes "
+        "(`params.target.model`).",
+        examples=["guidance"],
+    )
+    licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
+
+
+class ModelList(BaseModel):
+    """The models of this server."""
+
+    default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
+    models: list[ModelView] = Field(description="The models, the default first.")
