@@ -57,6 +57,11 @@ SHARING = {
 """Files that one worker runs, because they share what takes seconds to start. They come first, as they take longest."""
 
 
+AGAIN = ("tests/acceptance/", "tests/browser/", "tests/integration/", "tests/security/")
+"""Folders whose tests start servers or a browser. In CI they get a second try, which the last lines name: a test that
+needs it is wrong and gets mended, but the work of others does not wait for that. Anywhere else they get none."""
+
+
 def group_of(nodeid: str) -> str:
     """Return the name of the test's group, or its file if it belongs to none."""
     file = nodeid.partition("::")[0]
@@ -64,7 +69,11 @@ def group_of(nodeid: str) -> str:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the groups first."""
+    """Run the groups first; in CI, run a test of several processes again if it fails."""
+    if os.environ.get("CI"):
+        for item in items:
+            if item.nodeid.startswith(AGAIN):
+                item.add_marker(pytest.mark.flaky(reruns=1))
     groups = list(SHARING)
     items.sort(key=lambda item: groups.index(group) if (group := group_of(item.nodeid)) in SHARING else len(groups))
 

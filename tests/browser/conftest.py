@@ -33,6 +33,15 @@ document.addEventListener("securitypolicyviolation", (event) => {
   window.__violations.push(`${event.violatedDirective}: ${event.blockedURI} (${event.sourceFile}:${event.lineNumber})`);
 });
 """
+# Short notes go after seconds, which a busy machine may need for one look at the page.
+_NOTES = """
+window.__notes = [];
+new MutationObserver((changes) => {
+  for (const change of changes)
+    for (const node of change.addedNodes)
+      if (node instanceof HTMLElement && node.classList.contains("toast")) window.__notes.push(node.textContent);
+}).observe(document, { childList: true, subtree: true });
+"""
 _NO_WEBGL = """
 const getContext = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
@@ -101,6 +110,7 @@ class Watch:
     def attach(self, context: BrowserContext) -> None:
         """Watch every page of a profile."""
         context.add_init_script(_VIOLATIONS)
+        context.add_init_script(_NOTES)
         context.on("console", self._on_console)
         context.on("weberror", lambda found: self._faults.append(f"a script failed: {found.error}"))
         context.on("request", self._on_request)

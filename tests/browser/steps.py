@@ -57,6 +57,11 @@ def badge(page: Page) -> Locator:
     return page.locator(".job-head .badge")
 
 
+def until_noted(page: Page, text: str) -> None:
+    """Wait until the page has shown a short note with the text; the note itself may be gone by then."""
+    until(f"the note {text!r}", lambda: any(text in note for note in page.evaluate("window.__notes")))
+
+
 def picture(viewer: Locator) -> NDArray[np.int16]:
     """The middle of a viewer, as it is on the screen: what stands over its edges is left out."""
     seen: NDArray[Any] = np.asarray(Image.open(io.BytesIO(viewer.screenshot())).convert("RGB"), dtype=np.int16)

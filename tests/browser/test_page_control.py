@@ -14,7 +14,7 @@ from meshdeform.assets import load_asset  # noqa: E402
 from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn  # noqa: E402
+from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn, until_noted  # noqa: E402
 from tests.unit.assets.builders import Builder  # noqa: E402
 
 Locator, Page, Route, expect = playwright_api.Locator, playwright_api.Page, playwright_api.Route, playwright_api.expect
@@ -127,7 +127,7 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     expect(rows).to_have_count(2)
     # Another file has other triangles.
     page.get_by_role("button", name="Sphere", exact=True).click()
-    expect(page.get_by_text("belonged to the other file")).to_be_visible()
+    until_noted(page, "belonged to the other file")
     expect(rows).to_have_count(0)
 
 
