@@ -14,8 +14,11 @@ import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
+import { FieldStage } from "./field-stage.js";
+import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
+import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 
 const SAID = /** @type {Record<string, string>} */ ({
@@ -70,7 +73,7 @@ export class JobView {
     this.error = h("div", { class: "problem-slot" });
     this.progress = new ProgressPanel(scope);
     this.chart = new LossChart(scope);
-    this.stage = new JobStage(job, scope);
+    this.stage = stageOf(job, scope);
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
@@ -83,7 +86,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
+        h("h1", { class: "prompt-title" }, titleOf(job, goal)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
@@ -193,14 +196,29 @@ export class JobView {
   }
 }
 
+/** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
+function stageOf(job, scope) {
+  if (isDeformation(job)) return new JobStage(job, scope);
+  return job.kind === "surface_fit" ? new FieldStage(job, scope) : new PictureStage(job, scope);
+}
+
 /** Return whether the same request may succeed a little later. @param {unknown} error */
 function temporary(error) {
   return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
 }
 
+/** @param {any} job @param {string} goal */
+function titleOf(job, goal) {
+  if (goal) return `“${goal}”`;
+  if (job.kind === "surface_fit") return `The surface of ${job.asset.filename}`;
+  if (!isDeformation(job)) return `The family in ${job.asset.filename}`;
+  return job.files?.target || job.target ? "To a target mesh" : "To pictures";
+}
+
 /** @param {any} job */
 function meta(job) {
   const params = job.params ?? {};
+  if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].join(" · "));
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",
