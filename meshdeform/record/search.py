@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -18,9 +19,12 @@ def folded(text: str) -> str:
 
 
 def searched_text(new: NewJob) -> str:
-    """Return the text in which a search looks for a new job: its prompt, file names and values of labels."""
+    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
     names = [file.filename for file in new.files.values()]
-    return folded("\n".join([new.request.prompt, *names, *new.request.metadata.values()]))
+    # Parameters of another kind of job have no further prompts.
+    params: Any = new.request.params
+    further = [each.prompt for name in ("prompts", "stages") for each in getattr(params, name, ())]
+    return folded("\n".join([new.request.prompt, *further, *names, *new.request.metadata.values()]))
 
 
 def has_words(query: str) -> sa.ColumnElement[bool]:
