@@ -107,25 +107,38 @@ def read_prompts(
     return Prompts(given, faces, texts, shares)
 
 
-def prompt_reports(prompts: Prompts, mesh: TriangleMesh, likeness: Likeness | None) -> list[dict[str, Any]]:
-    """Return the report's `prompts`: each with its weight, its region, and what the result looks like there.
+def prompt_reports(
+    prompts: Prompts, rest: TriangleMesh, mesh: TriangleMesh, likeness: Likeness | None
+) -> list[dict[str, Any]]:
+    """Return the report's `prompts`: each with its weight, its region, and what became of it.
 
     Parameters
     ----------
     prompts : Prompts
-    mesh : TriangleMesh
-        The welded result in its world.
+    rest, mesh : TriangleMesh
+        The welded source and result in their world.
     likeness : callable, optional
         Compares a mesh with a prompt; a prompt with a region is compared with the region alone.
     """
     reports = []
+    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
+    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
+    corners = mesh.faces.numpy()
     for each, faces in zip(prompts.given, prompts.faces, strict=True):
         report = each.model_dump(mode="json", exclude_none=True)
         report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
+        if faces is not None:
+            within = np.zeros(len(moved), bool)
+            within[corners[faces].ravel()] = True
+            report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
         if likeness is not None:
             report["likeness"] = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
         reports.append(report)
     return reports
+
+
+def _rms(squares: _Floats) -> float:
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
 
 
 def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:

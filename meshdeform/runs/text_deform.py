@@ -358,7 +358,7 @@ class TextDeformRun:
         judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
         with self._clock.phase("measure"):
             mesh = TriangleMesh(verts, self._welded.mesh.faces)
-            return prompt_reports(self._prompts, mesh, likeness if judged else None)
+            return prompt_reports(self._prompts, self._welded.mesh, mesh, likeness if judged else None)
 
     def _fitted(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the target, if there is one."""

@@ -159,6 +159,9 @@ def test_a_resumed_run_equals_an_uninterrupted_one_and_the_report_names_each_pro
         ("a pear", 0.25, len(BALL.faces)),
     ]
     assert found[1]["regions"] == [ABOVE]
+    assert found[1]["moved"].keys() == {"inside", "outside"}
+    assert found[1]["moved"]["inside"] > 0 < found[1]["moved"]["outside"]
+    assert "moved" not in found[0]
 
 
 @each_case(
