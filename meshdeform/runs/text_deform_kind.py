@@ -145,11 +145,10 @@ def _prompts(request: JobRequest) -> list[tuple[list[str | int], str]]:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
         raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
-    own = [(["prompt"], request.prompt)] if request.prompt else []
-    return [
-        *own,
-        *((["params", "prompts", number, "prompt"], each.prompt) for number, each in enumerate(params.prompts)),
-    ]
+    found: list[tuple[list[str | int], str]] = [(["prompt"], request.prompt)] if request.prompt else []
+    for number, each in enumerate(params.prompts):
+        found.append((["params", "prompts", number, "prompt"], each.prompt))
+    return found
 
 
 def _check_prompts(prompts: Sequence[tuple[list[str | int], str]], params: DeformParams, model: str) -> None:
