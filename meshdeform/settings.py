@@ -73,7 +73,7 @@ class Settings(BaseSettings):
         "supports it, else float16.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
-    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per core.")
+    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
     lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for this long loses its job.")
     max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
