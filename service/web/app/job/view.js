@@ -4,7 +4,7 @@ import { announce } from "../announce.js";
 import { isAbort, OfflineError, ProblemError, request, requestJson } from "../api.js";
 import { LossChart } from "../chart.js";
 import { fill, h, icon } from "../dom.js";
-import { ago, goalWords } from "../format.js";
+import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
@@ -83,7 +83,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
+        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
@@ -94,7 +94,7 @@ export class JobView {
         h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
-    document.title = `${goal || "Job"} · Meshdeform`;
+    document.title = `${jobTitle(job)} · Meshdeform`;
     // A retry and a new version begin with a shape of their own.
     if (!isTerminal(job.state)) this.stage.offer([], false, 0);
     this._show();
