@@ -38,8 +38,9 @@ def welded(positions: _Floats, triangles: _Index) -> _Index:
 def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8], count: int) -> _Floats:
     """Return how unclean the boundary of each part is (L,): 0 for none or a clean one; infinite for a missing part.
 
-    It is the sum of two shares: the area of the part in stray patches (`without_strays`); and how much longer the boundary's loops are than the convex hulls of
-    their projections to their planes of best fit. A cut around a limb is as long as its hull, a ragged one is longer.
+    It is the sum of two shares: the area of the part in stray patches (`without_strays`); and how much longer the
+    boundary's loops are than the convex hulls of their projections to their planes of best fit. A cut around a limb is
+    as long as its hull, a ragged one is longer.
     Where parts are separate pieces of the mesh, there is no boundary.
 
     Parameters

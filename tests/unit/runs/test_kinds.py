@@ -214,7 +214,7 @@ def test_it_is_described_posted_and_downloaded_over_http(
     content = b"".join(path.read_bytes() for path in meshes.values())
     with serving(settings) as url, working(settings, start_run), Client(url) as client:
         described = {kind.name: kind for kind in client.limits().kinds}
-        assert set(described) == {"text_deform", "surface_fit", "family_fit", "count"}
+        assert set(described) == {"text_deform", "surface_fit", "family_fit", "family_synthesize", "count"}
         count = described["count"]
         assert count.reads == [
             {"name": "mesh_1", "summary": "Any file.", "required": True, "media_types": [TEXT]},
