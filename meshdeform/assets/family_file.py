@@ -122,15 +122,20 @@ def read_family(data: bytes, limits: Limits | None = None) -> FamilyFile:
         names, parts, digests = (_strings(metadata, name) for name in ("names", "parts", "digests"))
         machine = {name[8:]: arrays.pop(name) for name in list(arrays) if name.startswith("machine.")}
         family = FamilyFile(
-            names,
-            parts,
-            digests,
-            machine,
-            arrays["template.labels"],
-            arrays["scaling"],
-            *(arrays[f"members.{name}"] for name in ("points", "triangles", "exists", "centres", "diagonals", "turns")),
-            arrays["members.descriptors"],
-            _split(arrays["members.segments"], arrays["members.triangle_counts"]),
+            names=names,
+            parts=parts,
+            digests=digests,
+            machine=machine,
+            labels=arrays["template.labels"],
+            scaling=arrays["scaling"],
+            points=arrays["members.points"],
+            triangles=arrays["members.triangles"],
+            exists=arrays["members.exists"],
+            centres=arrays["members.centres"],
+            diagonals=arrays["members.diagonals"],
+            turns=arrays["members.turns"],
+            descriptors=arrays["members.descriptors"],
+            segments=_split(arrays["members.segments"], arrays["members.triangle_counts"]),
         )
         _check(family)
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
@@ -220,9 +225,9 @@ def _check(family: FamilyFile) -> None:
             raise AssetNotFiniteError(f"The family has values of {name} that are not finite.", advice=_AGAIN)
     if len(family.segments) != members or len(family.digests) != members:
         raise ValueError("members are missing")
-    for label in (family.labels, *family.segments):
-        if label.min() < 0 or label.max() >= parts:
-            raise ValueError("a part has no name")
+    every: tuple[NDArray[Any], ...] = (family.labels, *family.segments)
+    if any(each.min() < 0 or each.max() >= parts for each in every):
+        raise ValueError("a part has no name")
     faces = np.array([len(each) for each in family.segments])[:, None]
     if (family.triangles < 0).any() or (family.triangles >= faces).any():
         raise ValueError("a place names no triangle")

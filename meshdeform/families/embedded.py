@@ -145,7 +145,7 @@ class Embedding:
     def linear(self, points: _Floats, components: _Index) -> _Floats:
         """Return the blended linear map (P, 3, 3) at the points."""
         index, weight = self.weights(points, components)
-        return np.eye(3) + (weight[:, :, None, None] * (self._maps[index] - np.eye(3))).sum(1)
+        return np.asarray(np.eye(3) + (weight[:, :, None, None] * (self._maps[index] - np.eye(3))).sum(1))
 
     def _pull_rows(self, pull: Pull) -> tuple[sparse.csr_matrix, Pull]:
         index, weight = self.weights(pull.points, pull.components)

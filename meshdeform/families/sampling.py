@@ -123,9 +123,9 @@ def sampled(machine: BetaMachine, points: Tensor, exists: Tensor, rounds: int, r
         Rounds of Gibbs sampling. More rounds forget more of the members.
     random : numpy Generator
     """
-    surface = int(random.integers(len(points)))
-    found = _existing(machine, exists[surface : surface + 1], rounds, random)
-    hidden = machine.infer(points[surface : surface + 1], exists[surface : surface + 1])
+    first = int(random.integers(len(points)))
+    found = _existing(machine, exists[first : first + 1], rounds, random)
+    hidden = machine.infer(points[first : first + 1], exists[first : first + 1])
     state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
     state = gibbs(machine, state, found, rounds, random)
     return Drawn(machine.expected(state.h1)[0], found[0])
