@@ -14,8 +14,11 @@ import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
+import { FieldStage } from "./field-stage.js";
+import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
+import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 
 const SAID = /** @type {Record<string, string>} */ ({
@@ -70,7 +73,7 @@ export class JobView {
     this.error = h("div", { class: "problem-slot" });
     this.progress = new ProgressPanel(scope);
     this.chart = new LossChart(scope);
-    this.stage = new JobStage(job, scope);
+    this.stage = stageOf(job, scope);
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
@@ -193,6 +196,12 @@ export class JobView {
   }
 }
 
+/** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
+function stageOf(job, scope) {
+  if (isDeformation(job)) return new JobStage(job, scope);
+  return job.kind === "surface_fit" ? new FieldStage(job, scope) : new PictureStage(job, scope);
+}
+
 /** Return whether the same request may succeed a little later. @param {unknown} error */
 function temporary(error) {
   return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
@@ -201,6 +210,7 @@ function temporary(error) {
 /** @param {any} job */
 function meta(job) {
   const params = job.params ?? {};
+  if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].join(" · "));
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",
