@@ -12,7 +12,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import JsonOption, ModelOption, SetOption
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit, plain, table
-from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.request import find_taught, make_request, merge_params
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
@@ -50,7 +50,7 @@ def inspect(
     found = inspect_parts(load_asset(data, asset.name, Limits.from_settings(settings)))
     if prompt:
         request = make_request(prompt, {"orientation": "auto", **merge_params(param or [], model=model)})
-        found["orientation"] = _front(data, asset.name, request, settings)
+        found["orientation"] = _front(data, asset.name, find_taught(request, settings), settings)
     if as_json:
         emit(found)
         return
