@@ -9,6 +9,7 @@ Prints the held-out losses, which nouns held-out pictures are taken for, and the
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 from pathlib import Path
@@ -47,7 +48,8 @@ def main() -> None:
         print(f"step {entry['step']:5}  held-out loss: new {entry['new']:.4f}, old {entry['old']:.4f}")
     for name, found in report["retrieval"].items():
         print(f"{name:12} {found}")
-    parts = dict(zip(("drawing", "training", "measuring"), (b - a for a, b in zip(marks, marks[1:])), strict=True))  # noqa: RUF007
+    spent = [after - before for before, after in itertools.pairwise(marks)]
+    parts = dict(zip(("drawing", "training", "measuring"), spent, strict=True))
     print("CPU time:", ", ".join(f"{name} {part / sum(parts.values()):.0%}" for name, part in parts.items()))
     if options.output:
         write_files({options.output: made["result"], options.output.with_suffix(".preview.png"): made["preview"]})
