@@ -111,14 +111,31 @@ def draw(verts: list[Floats], faces: list[torch.Tensor], path: Path) -> None:
     Image.fromarray((255 * np.concatenate(rows)).clip(0, 255).astype(np.uint8)).save(path)
 
 
+def write_sheet(folder: Path, names: list[str], path: Path) -> None:
+    """Put the first view of each shape side by side, a row for each pair, from the pictures that `draw` made."""
+    from PIL import Image
+
+    rows = []
+    for name in names:
+        with Image.open(folder / f"{name}.png") as image:
+            drawn = np.asarray(image)
+        size = STYLE.view_size
+        rows.append(np.concatenate([drawn[top : top + size, :size] for top in range(0, len(drawn), size)], 1))
+    Image.fromarray(np.concatenate(rows)).save(path)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("assets", type=Path)
     parser.add_argument("-o", "--output", type=Path, help="folder for pictures: target, ours, Amberg, Sumner")
+    parser.add_argument("--sheet", type=Path, help="one picture of all pairs that were fitted")
     parser.add_argument("--only", action="append", help="pairs whose name contains this")
     parser.add_argument("--preset", default="balanced")
     parser.add_argument("--no-peers", action="store_true")
     arguments = parser.parse_args()
+    if arguments.sheet and not arguments.output:
+        parser.error("--sheet needs --output")
+    drawn = []
     torch.set_num_threads(1)
     methods: dict[str, Callable[[TriangleMesh, TriangleMesh], Floats]] = {
         "ours": lambda rest, target: ours(rest, target, arguments.preset)
@@ -160,6 +177,9 @@ def main() -> None:
         if arguments.output is not None:
             arguments.output.mkdir(parents=True, exist_ok=True)
             draw(shapes, [target.faces, *[rest.faces] * (len(shapes) - 1)], arguments.output / f"{name}.png")
+            drawn.append(name)
+    if arguments.sheet:
+        write_sheet(arguments.output, drawn, arguments.sheet)
 
 
 if __name__ == "__main__":

@@ -233,7 +233,7 @@ class Client(Connection):
     ) -> Iterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time.
 
-        `search` finds jobs whose prompt, file names or values of labels contain all of its words.
+        `search` finds jobs whose prompts, file names or values of labels contain all of its words.
         """
         query = reading.listing(state, metadata or {}, created_after, search, limit)
         return self._driver.iterate(reading.listed(query, self._policy))

@@ -1,4 +1,4 @@
-"""Find jobs by words of their prompts, labels and file names."""
+"""Find jobs by words of their prompts (those of stages, too), labels and file names."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import sqlalchemy as sa
 
 from meshdeform.record.models import NewJob
 from meshdeform.record.schema import job_texts, jobs
+from meshdeform.requests.document import DeformParams, JobRequest
+from meshdeform.requests.stages import GeneratedTarget
 
 __all__ = ["folded", "has_words", "searched_text"]
 
@@ -18,9 +20,21 @@ def folded(text: str) -> str:
 
 
 def searched_text(new: NewJob) -> str:
-    """Return the text in which a search looks for a new job: its prompt, file names and values of labels."""
+    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
     names = [file.filename for file in new.files.values()]
-    return folded("\n".join([new.request.prompt, *names, *new.request.metadata.values()]))
+    return folded(
+        "\n".join([new.request.prompt, *_further_prompts(new.request), *names, *new.request.metadata.values()])
+    )
+
+
+def _further_prompts(request: JobRequest) -> list[str]:
+    """Return the prompts and names of stages, and the prompts of targets that a model makes."""
+    params = request.params
+    if not isinstance(params, DeformParams):  # those of other kinds of job have none
+        return []
+    found = [words for stage in params.stages for words in (stage.prompt, stage.name)]
+    targets = [params.target, *(stage.target for stage in params.stages)]
+    return found + [target.prompt for target in targets if isinstance(target, GeneratedTarget)]
 
 
 def has_words(query: str) -> sa.ColumnElement[bool]:

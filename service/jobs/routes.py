@@ -83,7 +83,7 @@ def list_jobs(
     q: Annotated[
         str,
         Query(
-            description="Only jobs whose prompt, file names or values of labels contain all of these words, in any "
+            description="Only jobs whose prompts, file names or values of labels contain all of these words, in any "
             "order and case; parts of words count too. Default: all.",
             max_length=MAX_SEARCH,
             pattern=r"^[^\x00]*$",

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ago, bytes, counted, duration, figure, goalWords, percent, phaseWords, roughly } from "../../service/web/app/format.js";
+import { ago, bytes, counted, duration, figure, goalWords, jobTitle, percent, phaseWords, roughly } from "../../service/web/app/format.js";
 
 test("bytes", () => {
   assert.deepEqual([0, 999, 1000, 115548, 999499, 999500, 104857600, 5e12].map(bytes), ["0 B", "999 B", "1.0 kB", "116 kB", "999 kB", "1.0 MB", "105 MB", "5.0 TB"]);
@@ -37,4 +37,7 @@ test("a job is named after its prompt, its stages, or the target that a model ma
   assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
   assert.equal(goalWords({ prompt: "", params: { target: { prompt: "a shark" } } }), "a shark");
   assert.equal(goalWords({ prompt: "" }), "");
+  const others = [{ prompt: "", target: {} }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
+  assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);
+  assert.equal(jobTitle({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
 });

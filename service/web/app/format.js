@@ -127,6 +127,26 @@ export function goalWords(job) {
   return names.length ? names.join(" → ") : job.prompt || job.params?.target?.prompt || "";
 }
 
+const KIND_TITLES = /** @type {Record<string, string>} */ ({
+  surface_fit: "Surface fit",
+  family_fit: "Family of shapes",
+  family_synthesize: "New shapes of a family",
+  prior_teach: "Teach words",
+});
+
+/**
+ * What stands for a job in lists: its goals in words, else what it does.
+ *
+ * @param {any} job
+ */
+export function jobTitle(job) {
+  const goal = goalWords(job);
+  const kind = job.kind ?? "text_deform";
+  if (goal) return goal;
+  if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
+  return job.files?.target || job.target ? "To a target mesh" : "To pictures";
+}
+
 /**
  * @param {string} phase
  * @param {{number: number, count: number, name: string} | null} [stage]

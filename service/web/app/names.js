@@ -17,7 +17,8 @@ function slug(text, longest) {
  */
 export function stemOf(job) {
   const asset = slug(String(job.asset?.filename ?? "").replace(/\.[^.]*$/, ""), 30);
-  const prompt = slug(String(job.prompt ?? ""), 40) || "target";
+  const kinds = /** @type {Record<string, string>} */ ({ surface_fit: "field", family_fit: "family" });
+  const prompt = slug(String(job.prompt ?? ""), 40) || (kinds[job.kind] ?? "target");
   return [asset || "asset", prompt, `seed${job.params?.seed ?? 0}`].join("-");
 }
 
@@ -25,6 +26,7 @@ const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "result.glb": ".glb",
   "result.usdz": ".usdz",
   "morph.glb": "-animated.glb",
+  "surface.ndf": ".ndf",
   "report.json": "-report.json",
   "preview.png": "-preview.png",
 });

@@ -36,6 +36,11 @@ const KINDS = {
   texture: { map: "plasma", label: "Texture stretch", unit: "×", scale: "log" },
 };
 
+// About two pixels wide, however the surface is turned.
+const ISOLINES = `float level = vHeat * COUNT;
+          float beside = abs(level - floor(level + 0.5)) / max(fwidth(level), 1e-6);
+          if (vHeat >= 0.0) heatColor *= mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
+
 /**
  * @param {Measure} kind
  * @param {Measured} measured
@@ -67,10 +72,19 @@ export function makeLegend(kind, measured) {
   };
 }
 
+/** @param {import("./colormaps.js").ColormapName} map @returns {DataTexture} its colours in a row */
+export function colorTexture(map) {
+  const colors = new DataTexture(colorRow(map), 256, 1);
+  colors.colorSpace = SRGBColorSpace;
+  colors.magFilter = colors.minFilter = LinearFilter;
+  colors.needsUpdate = true;
+  return colors;
+}
+
 /** A material that colours by the attribute `heat` (0..1; below 0: no value), evenly lit so that the colours stay true. */
-class HeatMaterial extends MeshStandardMaterial {
-  /** @param {DataTexture} colors @param {boolean} flatShading */
-  constructor(colors, flatShading) {
+export class HeatMaterial extends MeshStandardMaterial {
+  /** @param {DataTexture} colors @param {boolean} flatShading @param {number} [isolines] so many between 0 and 1 */
+  constructor(colors, flatShading, isolines = 0) {
     super({ roughness: 1, metalness: 0, side: DoubleSide, flatShading });
     this.toneMapped = false;
     this.onBeforeCompile = (shader) => {
@@ -83,12 +97,13 @@ class HeatMaterial extends MeshStandardMaterial {
         .replace(
           "#include <opaque_fragment>",
           `vec3 heatColor = vHeat < -0.5 ? vec3(0.2) : texture2D(heatColors, vec2(clamp(vHeat, 0.0, 1.0), 0.5)).rgb;
+          ${isolines ? ISOLINES.replace("COUNT", isolines.toFixed(1)) : ""}
           float light = clamp(dot(outgoingLight, vec3(0.2126, 0.7152, 0.0722)), 0.0, 1.0);
           outgoingLight = heatColor * mix(0.55, 1.08, sqrt(light));
           #include <opaque_fragment>`,
         );
     };
-    this.customProgramCacheKey = () => "heat";
+    this.customProgramCacheKey = () => `heat ${isolines}`;
   }
 }
 
@@ -101,10 +116,7 @@ export class Heatmap {
   constructor(deformation, kind) {
     const measured = deformation.measure(kind);
     this.legend = makeLegend(kind, measured);
-    this.colors = new DataTexture(colorRow(KINDS[kind].map), 256, 1);
-    this.colors.colorSpace = SRGBColorSpace;
-    this.colors.magFilter = this.colors.minFilter = LinearFilter;
-    this.colors.needsUpdate = true;
+    this.colors = colorTexture(KINDS[kind].map);
     this.parts = deformation.blends.map(({ mesh, geometry }, i) => {
       const heat = Float32Array.from(measured.vertices[i], (value) =>
         Number.isFinite(value) ? Math.min(Math.max(positionOf(value, this.legend), 0), 1) : -1,

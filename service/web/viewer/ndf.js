@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * Reads `.ndf` files and unfolds them (docs/surface_fit.md). The counterpart in Python is `meshdeform/fields/reader.py`;
+ * Reads `.ndf` files (docs/surface_fit.md); ndf-unfold.js makes meshes of them. The counterpart in Python is `meshdeform/fields/reader.py`;
  * a test compares the two. Needs no page: it also runs in a worker and in Node.js.
  *
  * @typedef {object} NeuralField
@@ -10,6 +10,8 @@
  * @property {Float32Array} features (V, d).
  * @property {{ weight: Float32Array, bias: Float32Array }[]} layers
  */
+
+export { unfold } from "./ndf-unfold.js";
 
 const MAX_FACES = 100_000;
 
@@ -44,118 +46,6 @@ export async function readField(data) {
     from += size + header.widths[i];
   }
   return { header, ...base, features, layers };
-}
-
-/**
- * The mesh of a level: every edge of the base in 2^level parts.
- *
- * @param {NeuralField} field
- * @param {number} level
- * @returns {{ positions: Float32Array, indices: Uint32Array }} In world coordinates.
- */
-export function unfold(field, level) {
-  const parts = 2 ** level;
-  const { faces, header } = field;
-  const count = faces.length / 3;
-  /** @type {Map<number, number>} The number of the first inner vertex of each edge of the base. */
-  const edges = new Map();
-  let made = header.vertices;
-  const inner = parts - 1;
-  for (let i = 0; i < faces.length; i++) {
-    const [a, b] = [faces[i], faces[i - (i % 3) + ((i + 1) % 3)]];
-    const key = Math.min(a, b) * header.vertices + Math.max(a, b);
-    if (!edges.has(key)) {
-      edges.set(key, made);
-      made += inner;
-    }
-  }
-  const interior = made;
-  const perFace = ((parts - 1) * (parts - 2)) / 2;
-  const total = interior + count * perFace;
-  const positions = new Float32Array(3 * total);
-  const done = new Uint8Array(total);
-  const indices = new Uint32Array(3 * count * parts * parts);
-  const evaluate = evaluator(field);
-  const table = new Uint32Array(((parts + 1) * (parts + 2)) / 2);
-  /** @param {number} i @param {number} j Steps from corner 0 to corners 1 and 2. */
-  const cell = (i, j) => i * (parts + 1) - (i * (i - 1)) / 2 + j;
-  /** @param {number} a @param {number} b @param {number} along Steps from a to b. */
-  const onEdge = (a, b, along) => {
-    const first = /** @type {number} */ (edges.get(Math.min(a, b) * header.vertices + Math.max(a, b)));
-    return first + (a < b ? along : parts - along) - 1;
-  };
-  let next = interior;
-  let out = 0;
-  for (let face = 0; face < count; face++) {
-    const [a, b, c] = [faces[3 * face], faces[3 * face + 1], faces[3 * face + 2]];
-    for (let i = 0; i <= parts; i++) {
-      for (let j = 0; j <= parts - i; j++) {
-        const k = parts - i - j;
-        let vertex;
-        if (k === parts) vertex = a;
-        else if (i === parts) vertex = b;
-        else if (j === parts) vertex = c;
-        else if (j === 0) vertex = onEdge(a, b, i);
-        else if (k === 0) vertex = onEdge(b, c, j);
-        else if (i === 0) vertex = onEdge(c, a, k);
-        else vertex = next++;
-        table[cell(i, j)] = vertex;
-        if (!done[vertex]) {
-          done[vertex] = 1;
-          evaluate(a, b, c, k / parts, i / parts, j / parts, positions, 3 * vertex);
-        }
-      }
-    }
-    for (let i = 0; i < parts; i++) {
-      for (let j = 0; j < parts - i; j++) {
-        indices.set([table[cell(i, j)], table[cell(i + 1, j)], table[cell(i, j + 1)]], out);
-        out += 3;
-        if (i + j < parts - 1) {
-          indices.set([table[cell(i + 1, j)], table[cell(i + 1, j + 1)], table[cell(i, j + 1)]], out);
-          out += 3;
-        }
-      }
-    }
-  }
-  return { positions, indices };
-}
-
-/**
- * A function that writes f at one point: three vertices of a face, their weights, and where to write.
- *
- * @param {NeuralField} field
- */
-function evaluator({ header, verts, features, layers }) {
-  const { features: d, octaves, widths, centre, scale } = header;
-  const values = widths.map((/** @type {number} */ width) => new Float64Array(width));
-  /**
-   * @param {number} a @param {number} b @param {number} c @param {number} wa @param {number} wb @param {number} wc
-   * @param {Float32Array} out @param {number} at
-   */
-  return (a, b, c, wa, wb, wc, out, at) => {
-    const input = values[0];
-    for (let i = 0; i < d; i++) input[i] = wa * features[a * d + i] + wb * features[b * d + i] + wc * features[c * d + i];
-    for (let axis = 0; axis < 3; axis++) {
-      const p = wa * verts[3 * a + axis] + wb * verts[3 * b + axis] + wc * verts[3 * c + axis];
-      input[d + axis] = p;
-      for (let k = 0; k < octaves; k++) {
-        const wave = p * 2 ** k * Math.PI;
-        input[d + 3 + 6 * k + axis] = Math.sin(wave);
-        input[d + 6 + 6 * k + axis] = Math.cos(wave);
-      }
-    }
-    for (let layer = 0; layer < layers.length; layer++) {
-      const { weight, bias } = layers[layer];
-      const [from, to] = [values[layer], values[layer + 1]];
-      for (let row = 0, w = 0; row < to.length; row++) {
-        let sum = bias[row];
-        for (let i = 0; i < from.length; i++) sum += weight[w++] * from[i];
-        to[row] = layer + 1 < layers.length ? sum / (1 + Math.exp(-sum)) : sum; // SiLU
-      }
-    }
-    const moved = values[layers.length];
-    for (let axis = 0; axis < 3; axis++) out[at + axis] = centre[axis] + scale * (input[d + axis] + moved[axis]);
-  };
 }
 
 /**

@@ -18,14 +18,16 @@ from meshdeform.geometry.shapes import grid, icosphere, join, torus
 MODULE = Path(__file__).parents[3] / "service" / "web" / "viewer" / "ndf.js"
 SCRIPT = """
 const { readField, unfold } = await import(process.argv[1]);
+const apart = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
 const { readFileSync } = await import("node:fs");
 const data = new Uint8Array(readFileSync(process.argv[2]));
 const field = await readField(data);
 const { positions, indices } = unfold(field, 2);
+const plain = apart(positions, unfold(field, 2, false).positions);
 data[data.length - 20] ^= 1;
 const refused = await readField(data).then(() => "", (error) => error.message);
 const [faces, places, corners] = [field.faces, positions, indices].map((list) => Array.from(list));
-console.log(JSON.stringify({ faces, places, corners, refused }));
+console.log(JSON.stringify({ faces, places, corners, plain, refused }));
 """
 
 
@@ -52,4 +54,5 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
         return middle[np.lexsort(middle.round(4).T)]
 
     assert np.abs(centres(places, corners) - centres(wanted_verts, wanted_faces)).max() < 1e-4
+    assert found["plain"] < 1e-5, "with WebAssembly and without"
     assert "checksum" in found["refused"]

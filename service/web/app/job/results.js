@@ -14,6 +14,14 @@ const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
   "result.usdz": "The new shape for AR viewers and USD pipelines",
+  "surface.ndf": "The surface: base mesh and network",
+  ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
+  "intrinsic.npz": "The highest level after intrinsic Delaunay flips",
+  "segmentation.npz": "The part of each triangle",
+  "correspondences.npz": "Where each point of the templates lies",
+  "descriptors.npz": "Descriptors of the assets",
+  "family.safetensors": "Templates, and the model of their shapes",
+  "labelled.zip": "The assets with their parts",
   "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
 });
@@ -113,7 +121,7 @@ export function parametersPanel(job, report) {
     h("summary", null, h("h2", null, "Settings")),
     origin,
     h("dl", { class: "parameters" }, Object.entries(params).flatMap(([name, value]) => entry(name, value))),
-    report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}, on ${report.device}`) : null,
+    report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}${report.device ? `, on ${report.device}` : ""}`) : null,
     h("p", { class: "small muted" }, h("code", null, job.id)),
   );
 }

@@ -4,7 +4,7 @@ import { announce } from "../announce.js";
 import { isAbort, OfflineError, ProblemError, request, requestJson } from "../api.js";
 import { LossChart } from "../chart.js";
 import { fill, h, icon } from "../dom.js";
-import { ago, goalWords } from "../format.js";
+import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
@@ -14,8 +14,11 @@ import { allPoints, reportPoints } from "../series.js";
 import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
+import { FieldStage } from "./field-stage.js";
+import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
+import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 
 const SAID = /** @type {Record<string, string>} */ ({
@@ -70,7 +73,7 @@ export class JobView {
     this.error = h("div", { class: "problem-slot" });
     this.progress = new ProgressPanel(scope);
     this.chart = new LossChart(scope);
-    this.stage = new JobStage(job, scope);
+    this.stage = stageOf(job, scope);
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
@@ -83,7 +86,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
-        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : job.files?.target || job.target ? "To a target mesh" : "To pictures"),
+        h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
@@ -94,7 +97,7 @@ export class JobView {
         h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
-    document.title = `${goal || "Job"} · Meshdeform`;
+    document.title = `${jobTitle(job)} · Meshdeform`;
     // A retry and a new version begin with a shape of their own.
     if (!isTerminal(job.state)) this.stage.offer([], false, 0);
     this._show();
@@ -193,6 +196,12 @@ export class JobView {
   }
 }
 
+/** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
+function stageOf(job, scope) {
+  if (isDeformation(job)) return new JobStage(job, scope);
+  return job.kind === "surface_fit" ? new FieldStage(job, scope) : new PictureStage(job, scope);
+}
+
 /** Return whether the same request may succeed a little later. @param {unknown} error */
 function temporary(error) {
   return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
@@ -201,6 +210,7 @@ function temporary(error) {
 /** @param {any} job */
 function meta(job) {
   const params = job.params ?? {};
+  if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].join(" · "));
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",

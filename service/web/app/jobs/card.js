@@ -2,7 +2,7 @@
 /** A job in a list: its picture, state, prompt and file. */
 import { request } from "../api.js";
 import { fill, h, icon } from "../dom.js";
-import { ago, percent, roughly, STATE_WORDS } from "../format.js";
+import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal, shareDone } from "../history.js";
 import { routeHash } from "../router.js";
 
@@ -28,8 +28,8 @@ export class JobCard {
     this.picture = h("div", { class: "card-picture" });
     this.badge = h("span", null);
     this.meta = h("span", { class: "small muted" });
-    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || (job.prompt || "Target mesh"));
-    this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || job.prompt || "target mesh"}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
+    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || jobTitle(job));
+    this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
     this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);

@@ -1,0 +1,249 @@
+// @ts-check
+/**
+ * The result of a surface fit: the surface unfolds here from a few kilobytes, and distances are computed on it. While the
+ * job runs, the newest of its shapes is shown.
+ */
+import { announce, toast } from "../announce.js";
+import { isAbort, OfflineError, requestBytes } from "../api.js";
+import { button, fill, h } from "../dom.js";
+import { bytes, count, counted, figure } from "../format.js";
+import { stemOf } from "../names.js";
+import { ViewerBox } from "../viewer-box.js";
+import { saveBytes } from "./files.js";
+import { showLegend, slider, toggle } from "./stage-controls.js";
+
+const AGAIN_MS = 3000;
+const FIRST_FACES = 40_000; // levels come by themselves up to about as many
+
+export class FieldStage {
+  /**
+   * @param {any} job
+   * @param {import("../scope.js").Scope} scope
+   */
+  constructor(job, scope) {
+    this.job = job;
+    this.scope = scope;
+    this.flat = false; // nothing can be drawn here
+    /** The step whose shape is chosen: none can be. */
+    this.chosenStep = null;
+    this.box = new ViewerBox("Surface", scope);
+    this.legend = h("div", { class: "legend", hidden: true });
+    this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
+    this.facts = h("p", { class: "small muted field-facts", role: "status" });
+    this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
+    this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
+    this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
+    this.farther.disabled = true;
+    const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });
+    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.wires, reset);
+    const save = button("Download this level", () => this._download(), { icon: "download" });
+    const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture);
+    this.element = h(
+      "section",
+      { class: "job-stage single field-stage", "aria-label": "Surface" },
+      h("div", { class: "stage pair-stage" }, this.box.element, this.legend),
+      this.tools,
+      this.levels.row,
+      this.facts,
+      this.keep,
+    );
+    /** @type {any} */
+    this.worker = null;
+    /** @type {any} */
+    this.view = null;
+    /** @type {import("../../viewer/field-worker.js").Opened | null} */
+    this.opened = null;
+    /** @type {import("../../viewer/field-worker.js").Level | null} The level that is shown. */
+    this.shown = null;
+    /** @type {ArrayBuffer | null} */
+    this.glb = null;
+    /** Path of the newest shape of a running job. */
+    this.path = "";
+    this.opening = false;
+    this.wanted = 0;
+    this.busy = false;
+    /** @type {number[] | null} Where the heat source is; null: no distances are shown. */
+    this.source = null;
+    /** @type {number[] | null} A place far from the source. */
+    this.opposite = null;
+    /** @type {{ place: number[] | null, level: number } | null} What the colours on the screen belong to. */
+    this.coloured = null;
+    /** @type {import("../../viewer/field-worker.js").Heat | null} */
+    this.heat = null;
+    this.box.say(job.state === "succeeded" ? "Loading the surface…" : "No shape yet");
+    this.ready = job.state === "succeeded" ? this._open() : this.box.ready.then(() => void (this.box.failed && this._isFlat()));
+    scope.add(() => {
+      this.view?.dispose();
+      this.worker?.dispose();
+    });
+  }
+
+  /**
+   * @param {number[]} checkpoints Steps whose mesh is kept.
+   * @param {boolean} finished
+   */
+  async offer(checkpoints, finished) {
+    if (finished) {
+      if (!this.opened && !this.opening) this.ready = this._open();
+      return;
+    }
+    const step = checkpoints.at(-1);
+    if (step === undefined) return;
+    const path = `v1/jobs/${this.job.id}/checkpoints/${step}/mesh.glb`;
+    if (path === this.path || this.opening) return;
+    this.path = path;
+    try {
+      const mesh = await requestBytes(path, this.scope.signal);
+      if (path !== this.path || this.opening) return;
+      if (!(await this.box.load(mesh, "glb", true)) && !this.scope.over && path === this.path) this._isFlat();
+      fill(this.box.tag, `Surface · step ${count(step)}`);
+    } catch (error) {
+      // It has given way to a newer one, which will do.
+      if (!isAbort(error)) console.warn(error);
+    }
+  }
+
+  /** Fields have no front. */
+  front() {}
+
+  /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
+  showPicture(picture) {
+    const image = h("img", { src: this.scope.url(picture), alt: "The input, above, and the field, below, from four sides" });
+    this.element.querySelector(".stage")?.append(h("div", { class: "stage-picture" }, image));
+  }
+
+  async _open() {
+    this.opening = true;
+    await this.box.ready;
+    if (this.box.failed) this._isFlat();
+    if (this.flat || this.scope.over) return;
+    this.box.say("Loading the surface…");
+    try {
+      const [data, { FieldView, FieldWorker }] = await Promise.all([
+        requestBytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, this.scope.signal),
+        import("../../viewer/field-view.js"),
+      ]);
+      if (this.scope.over) return;
+      this.worker = new FieldWorker();
+      this.view = new FieldView(this.box.viewer, (place) => this._heat(place));
+      const opened = (this.opened = await this.worker.ask("open", { bytes: data }, [data]));
+      this.levels.input.max = String(opened.levels);
+      this.levels.row.hidden = this.tools.hidden = this.keep.hidden = false;
+      // The base at once, then level by level, unless someone chooses one meanwhile.
+      let level = 0;
+      do {
+        this.wanted = level;
+        await this._next();
+        level++;
+      } while (!this.scope.over && !this.flat && this.wanted === level - 1 && level <= opened.levels && opened.faces * 4 ** level <= FIRST_FACES);
+      announce("The surface is unfolded");
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      this.box.say("The surface cannot be shown", error instanceof Error ? error.message : "", "warn", true);
+      if (error instanceof OfflineError && (await this.scope.sleep(AGAIN_MS))) await this._open();
+    }
+  }
+
+  _isFlat() {
+    this.flat = true;
+    this.element.classList.add("flat");
+  }
+
+  /** @param {number} level */
+  _level(level) {
+    this.wanted = level;
+    void this._next();
+  }
+
+  /** @param {number[] | null} place Where the source is now; null: no distances. */
+  _heat(place) {
+    this.source = place;
+    this.heats.setAttribute("aria-pressed", String(place !== null));
+    this.farther.disabled = place === null;
+    this.view.mark(place);
+    void this._next();
+  }
+
+  /** Work until what is shown is what is wanted. While one thing is computed others may be asked for: only the newest counts. */
+  async _next() {
+    if (this.busy || !this.opened) return;
+    this.busy = true;
+    try {
+      while (!this.scope.over && (this.shown?.level !== this.wanted || this._stale())) {
+        if (this.shown?.level !== this.wanted) await this._unfold(this.wanted);
+        else await this._colour(this.source);
+      }
+    } catch (error) {
+      if (!this.scope.over && !isAbort(error)) toast(`Not computed. ${error instanceof Error ? error.message : ""}`);
+    } finally {
+      this.busy = false;
+    }
+  }
+
+  _stale() {
+    return this.coloured?.place !== this.source || (this.source !== null && this.coloured?.level !== this.wanted);
+  }
+
+  /** @param {number} level */
+  async _unfold(level) {
+    const found = /** @type {import("../../viewer/field-worker.js").Level} */ (await this.worker.ask("level", { level }));
+    this.glb = found.glb;
+    const drawn = await this.box.load(found.glb.slice(0), "glb", true);
+    if (this.scope.over) return;
+    if (!drawn) this._isFlat();
+    this.shown = found;
+    this.coloured = { place: null, level };
+    this.opposite ??= [0, 1, 2].map((axis) => this.box.viewer.ownBox.max.getComponent(axis));
+    this.view.mark(this.source);
+    this._tell();
+  }
+
+  /** @param {number[] | null} place */
+  async _colour(place) {
+    const level = this.wanted;
+    if (place) {
+      const heat = /** @type {import("../../viewer/field-worker.js").Heat} */ (await this.worker.ask("heat", { level, place }));
+      if (this.scope.over) return;
+      this.heat = heat;
+      this.opposite = heat.place;
+      this.view.colour(heat.values, heat.farthest);
+      if (place === this.source) this.view.mark(heat.source);
+      showLegend(this.legend, this.view.scale(heat.farthest));
+    } else {
+      this.view.colour(null, 0);
+      showLegend(this.legend, null);
+    }
+    this.coloured = { place, level };
+    this._tell();
+  }
+
+  /** Say what came over the wire, what was made of it, and how long that took. */
+  _tell() {
+    const { opened, shown, heat } = this;
+    if (!opened || !shown || !this.glb) return;
+    this.levels.input.value = String(this.wanted);
+    this.levels.value.textContent = String(shown.level);
+    this.levels.input.setAttribute("aria-valuetext", `Level ${shown.level}, ${counted(shown.faces, "triangle")}`);
+    fill(this.box.tag, `Level ${shown.level} · ${counted(shown.faces, "triangle")}`);
+    const ms = (/** @type {number} */ value) => `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
+    const parts = [
+      `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}.`,
+      `As a GLB it has ${bytes(this.glb.byteLength)}.`,
+      this.source && heat ? `Distances in ${ms(heat.ms)}, after ${count(heat.flips)} flips; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
+    ];
+    this.facts.textContent = parts.join(" ");
+  }
+
+  _download() {
+    if (this.glb && this.shown) saveBytes(new Blob([this.glb], { type: "model/gltf-binary" }), `${stemOf(this.job)}-level${this.shown.level}.glb`);
+  }
+
+  async _picture() {
+    try {
+      saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`);
+    } catch (error) {
+      toast(`No picture. ${error instanceof Error ? error.message : ""}`);
+    }
+  }
+}

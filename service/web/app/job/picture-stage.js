@@ -1,0 +1,30 @@
+// @ts-check
+/** The result of a job of a kind that has no shape to be turned: the picture that it made. */
+import { fill, h } from "../dom.js";
+
+export class PictureStage {
+  /**
+   * @param {any} job
+   * @param {import("../scope.js").Scope} scope
+   */
+  constructor(job, scope) {
+    this.job = job;
+    this.scope = scope;
+    this.flat = true;
+    this.chosenStep = null;
+    this.ready = Promise.resolve();
+    this.frame = h("div", { class: "stage pair-stage" }, h("p", { class: "viewer-note" }, job.state === "succeeded" ? "Loading the picture…" : "The picture comes with the result"));
+    this.element = h("section", { class: "job-stage single", "aria-label": "Result" }, this.frame);
+  }
+
+  /** Shapes on the way are not shown. */
+  offer() {}
+
+  front() {}
+
+  /** @param {Blob} picture */
+  showPicture(picture) {
+    const image = h("img", { src: this.scope.url(picture), alt: "The result, as the job drew it" });
+    fill(this.frame, h("div", { class: "stage-picture" }, image));
+  }
+}

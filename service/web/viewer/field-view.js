@@ -1,0 +1,173 @@
+// @ts-check
+/** A field in a viewer: its levels, distances from a point as colours with isolines, and the point, which can be dragged. */
+import { BufferAttribute, Mesh, MeshBasicMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
+import { cssGradient, ticks } from "./colormaps.js";
+import { colorTexture, HeatMaterial } from "./heatmap.js";
+import { meshesOf } from "./loading.js";
+
+const ISOLINES = 24;
+const GRIP = { mouse: 14, other: 26 }; // pixels
+const STILL = 4; // pixels: what moves less is a click
+
+/** Tasks for `field-worker.js`, each a promise. */
+export class FieldWorker {
+  constructor() {
+    this.worker = new Worker(new URL("field-worker.js", import.meta.url), { type: "module" });
+    /** @type {Map<number, { resolve: (answer: any) => void, reject: (error: Error) => void }>} */
+    this.open = new Map();
+    this.last = 0;
+    this.worker.addEventListener("message", ({ data: { id, error, ...answer } }) => {
+      const waiting = this.open.get(id);
+      this.open.delete(id);
+      if (error) waiting?.reject(new Error(error));
+      else waiting?.resolve(answer);
+    });
+    this.worker.addEventListener("error", (event) => {
+      for (const { reject } of this.open.values()) reject(new Error(event.message || "The script that unfolds it could not be loaded."));
+      this.open.clear();
+    });
+  }
+
+  /**
+   * @param {"open" | "level" | "heat"} task
+   * @param {Record<string, unknown>} given
+   * @param {Transferable[]} [owned] what the worker gets for itself
+   * @returns {Promise<any>} as the worker describes it
+   */
+  ask(task, given, owned = []) {
+    const id = ++this.last;
+    return new Promise((resolve, reject) => {
+      this.open.set(id, { resolve, reject });
+      this.worker.postMessage({ id, task, ...given }, owned);
+    });
+  }
+
+  dispose() {
+    this.worker.terminate();
+    this.open.clear();
+  }
+}
+
+export class FieldView {
+  /**
+   * @param {import("./viewer.js").MeshViewer} viewer
+   * @param {(place: number[]) => void} onSource where the pointer put the source
+   */
+  constructor(viewer, onSource) {
+    this.viewer = viewer;
+    this.onSource = onSource;
+    this.canvas = viewer.surface.canvas;
+    this.caster = new Raycaster();
+    this.stop = new AbortController();
+    /** @type {import("three").Material | null} */
+    this.plain = null;
+    this.material = new HeatMaterial(colorTexture("viridis"), false, ISOLINES);
+    this.marker = new Mesh(new SphereGeometry(1, 20, 14), new MeshBasicMaterial({ color: 0xd9622b, toneMapped: false, depthTest: false, transparent: true }));
+    this.marker.userData.overlay = true; // no shadow, and no part of the surface
+    this.marker.renderOrder = 2;
+    this.marker.visible = false;
+    viewer.stage.scene.add(this.marker);
+    const options = { signal: this.stop.signal, capture: true };
+    this.canvas.addEventListener("pointerdown", (event) => this.#down(event), options);
+    this.canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons) this.canvas.style.cursor = this.#grips(event) ? "grab" : "";
+    }, options);
+  }
+
+  /** @returns {import("three").Mesh | null} */
+  get mesh() {
+    return this.viewer.root ? (meshesOf(this.viewer.root)[0] ?? null) : null;
+  }
+
+  /**
+   * Colour the surface by distances.
+   *
+   * @param {Float32Array | null} values of its vertices; null: as it is
+   * @param {number} farthest
+   */
+  colour(values, farthest) {
+    const { mesh } = this;
+    if (!mesh) return;
+    if (mesh.material !== this.material) this.plain = /** @type {import("three").Material} */ (mesh.material);
+    if (values) {
+      const heat = Float32Array.from(values, (value) => (Number.isFinite(value) ? value / (farthest || 1) : -1));
+      mesh.geometry.setAttribute("heat", new BufferAttribute(heat, 1));
+      mesh.material = this.material;
+    } else if (this.plain) mesh.material = this.plain;
+    this.viewer.invalidate();
+  }
+
+  /** What the colours mean. @param {number} farthest @returns {import("../app/viewer-box.js").Scale} */
+  scale(farthest) {
+    const range = /** @type {[number, number]} */ ([0, farthest]);
+    const marks = ticks({ range, scale: "linear" }, 4);
+    return { min: 0, max: farthest, p99: farthest, unit: "units", label: "Distance", gradient: cssGradient("viridis"), ticks: marks, problem: "" };
+  }
+
+  /** Show where the source is. @param {number[] | null} place */
+  mark(place) {
+    this.marker.visible = place !== null;
+    if (place) this.marker.position.fromArray(place);
+    const size = this.viewer.ownBox.getSize(new Vector3()).length();
+    this.marker.scale.setScalar(0.011 * size);
+    this.viewer.invalidate();
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @returns {number[] | null} the place on the surface below the pointer */
+  placeAt({ clientX, clientY }) {
+    const { mesh } = this;
+    if (!mesh) return null;
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    this.viewer.rig.camera.updateMatrixWorld();
+    this.caster.setFromCamera(new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height), this.viewer.rig.camera);
+    return this.caster.intersectObject(mesh, false)[0]?.point.toArray() ?? null;
+  }
+
+  /** @param {PointerEvent} event @returns {boolean} whether the pointer is on the source */
+  #grips(event) {
+    if (!this.marker.visible) return false;
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    this.viewer.rig.camera.updateMatrixWorld();
+    const seen = this.marker.position.clone().project(this.viewer.rig.camera);
+    const apart = Math.hypot(((seen.x + 1) / 2) * width + left - event.clientX, ((1 - seen.y) / 2) * height + top - event.clientY);
+    return apart < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
+  }
+
+  /** A click puts the source somewhere; from where it is, it is dragged. What begins elsewhere turns the camera. @param {PointerEvent} event */
+  #down(event) {
+    if (event.button !== 0 || !event.isPrimary) return;
+    const drags = this.#grips(event);
+    if (drags) {
+      event.stopImmediatePropagation();
+      event.preventDefault();
+      this.viewer.surface.container.focus({ preventScroll: true });
+      this.canvas.style.cursor = "grabbing";
+    }
+    const dragging = new AbortController();
+    this.stop.signal.addEventListener("abort", () => dragging.abort(), { once: true });
+    const options = { signal: dragging.signal };
+    let far = false;
+    addEventListener("pointermove", (moved) => {
+      if (moved.pointerId !== event.pointerId) return;
+      far ||= Math.hypot(moved.clientX - event.clientX, moved.clientY - event.clientY) > STILL;
+      const place = drags ? this.placeAt(moved) : null;
+      if (place) this.onSource(place);
+    }, options);
+    addEventListener("pointercancel", () => dragging.abort(), options);
+    addEventListener("pointerup", (ended) => {
+      if (ended.pointerId !== event.pointerId) return;
+      dragging.abort();
+      this.canvas.style.cursor = "";
+      const place = drags || far ? null : this.placeAt(ended);
+      if (place) this.onSource(place);
+    }, options);
+  }
+
+  dispose() {
+    this.stop.abort();
+    this.marker.removeFromParent();
+    this.marker.geometry.dispose();
+    /** @type {import("three").Material} */ (this.marker.material).dispose();
+    this.material.dispose();
+  }
+}

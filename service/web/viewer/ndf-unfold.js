@@ -1,0 +1,175 @@
+// @ts-check
+/**
+ * Unfolds a field: the mesh of a level. Vertices on an edge of the base are made once, so that the mesh is closed where
+ * the base is. The network runs on blocks of points (ndf-kernel.js).
+ */
+import { BLOCK, makeKernel } from "./ndf-kernel.js";
+
+/** @typedef {import("./ndf.js").NeuralField} NeuralField */
+/** @typedef {{ positions: Float32Array, indices: Uint32Array }} Unfolded In world coordinates. */
+
+/** @type {WeakMap<NeuralField, ReturnType<typeof evaluator>>} */
+const known = new WeakMap();
+
+/**
+ * The mesh of a level: every edge of the base in 2^level parts.
+ *
+ * @param {NeuralField} field
+ * @param {number} level
+ * @param {boolean} [simd] False: without WebAssembly.
+ * @returns {Unfolded}
+ */
+export function unfold(field, level, simd = true) {
+  const { corners, weights, indices } = divide(field, 2 ** level);
+  const evaluate = (simd && known.get(field)) || evaluator(field, simd);
+  if (simd) known.set(field, evaluate);
+  return { positions: evaluate(corners, weights), indices };
+}
+
+/**
+ * Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces.
+ *
+ * @param {NeuralField} field
+ * @param {number} parts
+ */
+function divide({ faces, header }, parts) {
+  const count = faces.length / 3;
+  const inner = parts - 1;
+  /** @type {Map<number, number>} The number of the first inner vertex of each edge of the base. */
+  const edges = new Map();
+  const first = new Uint32Array(3 * count); // the same for each side of a face
+  let made = header.vertices;
+  for (let i = 0; i < faces.length; i++) {
+    const a = faces[i];
+    const b = faces[i % 3 === 2 ? i - 2 : i + 1];
+    const key = Math.min(a, b) * header.vertices + Math.max(a, b);
+    const found = edges.get(key);
+    first[i] = found ?? made;
+    if (found !== undefined) continue;
+    edges.set(key, made);
+    made += inner;
+  }
+  const total = made + (count * inner * (parts - 2)) / 2;
+  const corners = new Uint32Array(3 * total);
+  const weights = new Float32Array(3 * total);
+  for (let v = 0; v < header.vertices; v++) {
+    corners.fill(v, 3 * v, 3 * v + 3);
+    weights[3 * v] = 1;
+  }
+  for (const [key, start] of edges) {
+    const [a, b] = [Math.floor(key / header.vertices), key % header.vertices];
+    for (let along = 1, at = 3 * start; along < parts; along++, at += 3) {
+      corners[at] = a;
+      corners[at + 1] = corners[at + 2] = b;
+      weights[at] = 1 - along / parts;
+      weights[at + 1] = along / parts;
+    }
+  }
+  const pattern = patternOf(parts);
+  const indices = new Uint32Array(3 * count * parts * parts);
+  const row = parts + 1;
+  const table = new Uint32Array(row * row); // i steps from corner 0 to corner 1, and j to corner 2
+  let next = made;
+  for (let face = 0, out = 0; face < count; face++) {
+    const [ab, bc, ca] = [3 * face, 3 * face + 1, 3 * face + 2];
+    const [a, b, c] = [faces[ab], faces[bc], faces[ca]];
+    table[0] = a;
+    table[parts * row] = b;
+    table[parts] = c;
+    for (let s = 1; s < parts; s++) {
+      // Inner vertices of an edge are counted from the smaller of its ends.
+      table[s * row] = first[ab] + (a < b ? s : parts - s) - 1;
+      table[(parts - s) * row + s] = first[bc] + (b < c ? s : parts - s) - 1;
+      table[parts - s] = first[ca] + (c < a ? s : parts - s) - 1;
+    }
+    for (let i = 1; i < inner; i++) {
+      for (let j = 1; j < parts - i; j++) {
+        const at = 3 * next;
+        corners[at] = a;
+        corners[at + 1] = b;
+        corners[at + 2] = c;
+        weights[at] = (parts - i - j) / parts;
+        weights[at + 1] = i / parts;
+        weights[at + 2] = j / parts;
+        table[i * row + j] = next++;
+      }
+    }
+    for (let k = 0; k < pattern.length; k++) indices[out++] = table[pattern[k]];
+  }
+  return { corners, weights, indices };
+}
+
+/** The triangles of one face, as places in its table. @param {number} parts */
+function patternOf(parts) {
+  const row = parts + 1;
+  const found = [];
+  for (let i = 0; i < parts; i++) {
+    for (let j = 0; j < parts - i; j++) {
+      const at = i * row + j;
+      found.push(at, at + row, at + 1);
+      if (i + j < parts - 1) found.push(at + row, at + row + 1, at + 1);
+    }
+  }
+  return Uint32Array.from(found);
+}
+
+/**
+ * A function from corners and weights to points (3V) of the surface, in the world.
+ *
+ * @param {NeuralField} field
+ * @param {boolean} simd
+ */
+function evaluator({ header, verts, features, layers }, simd) {
+  const { features: d, octaves, widths, centre, scale } = header;
+  const quads = widths.slice(1).map((/** @type {number} */ width) => Math.ceil(width / 4));
+  // Memory: two buffers that the layers use by turns, then their weights.
+  const widest = Math.max(widths[0], ...quads.map((/** @type {number} */ count) => 4 * count));
+  const buffer = 4 * BLOCK * widest;
+  const sizes = quads.map((/** @type {number} */ count, /** @type {number} */ i) => 16 * count * (1 + widths[i]));
+  const { memory, layer } = makeKernel(sizes.reduce((/** @type {number} */ sum, /** @type {number} */ size) => sum + size, 2 * buffer), simd);
+  const values = new Float32Array(memory);
+  /** @type {number[]} */
+  const starts = [];
+  for (let i = 0, at = 2 * buffer; i < layers.length; at += sizes[i++]) {
+    starts.push(at);
+    const { weight, bias } = layers[i];
+    const from = widths[i];
+    for (let output = 0; output < widths[i + 1]; output++) {
+      const group = at / 4 + (output >> 2) * 4 * (1 + from) + (output & 3);
+      values[group] = bias[output];
+      for (let k = 0; k < from; k++) values[group + 4 * (k + 1)] = weight[output * from + k];
+    }
+  }
+  const places = new Float64Array(3 * BLOCK);
+
+  /** @param {Uint32Array} corners @param {Float32Array} weights */
+  return (corners, weights) => {
+    const out = new Float32Array(corners.length);
+    for (let start = 0; start < corners.length; start += 3 * BLOCK) {
+      const end = Math.min(BLOCK, (corners.length - start) / 3);
+      for (let p = 0, at = start; p < end; p++, at += 3) {
+        const [a, b, c] = [corners[at], corners[at + 1], corners[at + 2]];
+        const [wa, wb, wc] = [weights[at], weights[at + 1], weights[at + 2]];
+        for (let i = 0; i < d; i++) values[i * BLOCK + p] = wa * features[a * d + i] + wb * features[b * d + i] + wc * features[c * d + i];
+        for (let axis = 0; axis < 3; axis++) {
+          const place = wa * verts[3 * a + axis] + wb * verts[3 * b + axis] + wc * verts[3 * c + axis];
+          places[3 * p + axis] = values[(d + axis) * BLOCK + p] = place;
+          let [sine, cosine] = [Math.sin(Math.PI * place), Math.cos(Math.PI * place)];
+          for (let k = 0, row = d + 3 + axis; k < octaves; k++, row += 6) {
+            values[row * BLOCK + p] = sine;
+            values[(row + 3) * BLOCK + p] = cosine;
+            [sine, cosine] = [2 * sine * cosine, 1 - 2 * sine * sine]; // of twice the angle
+          }
+        }
+      }
+      let [from, to] = [0, buffer];
+      for (let i = 0; i < layers.length; i++) {
+        layer(from, starts[i], to, widths[i], quads[i], i + 1 < layers.length ? 1 : 0);
+        [from, to] = [to, from];
+      }
+      for (let p = 0; p < end; p++)
+        for (let axis = 0; axis < 3; axis++) out[start + 3 * p + axis] = centre[axis] + scale * (places[3 * p + axis] + values[from / 4 + axis * BLOCK + p]);
+    }
+    return out;
+  };
+}
