@@ -261,11 +261,10 @@ class TeachingRun:
         base_words = words_of(read_network(self._request.base)[1], self._request.base)
         held = self._pictures.held_old
         old_pictures = taken(held, (~held.single).nonzero()[:, 0])  # one grid each: a noun takes a pass of the network
-        precision = fastest_precision(self._device)
         names = [new.words.tokens[int(row[0])] for row in old_pictures.tokens]
-        was = retrieved(before, base_words, old_pictures, list(base_words.nouns), precision=precision)
-        now = retrieved(after, new.words, old_pictures, list(new.words.nouns), precision=precision)
-        mine = retrieved(after, new.words, self._pictures.held_new, list(new.words.nouns), precision=precision)
+        was = retrieved(before, base_words, old_pictures, list(base_words.nouns))
+        now = retrieved(after, new.words, old_pictures, list(new.words.nouns))
+        mine = retrieved(after, new.words, self._pictures.held_new, list(new.words.nouns))
         old = {
             noun: {
                 "before": sum(a == noun for a, n in zip(was, names, strict=True) if n == noun),

@@ -58,7 +58,6 @@ def retrieved(
     pictures: PictureSet,
     candidates: Sequence[str],
     seed: int = 0,
-    precision: str = "fp32",
 ) -> list[str]:
     """Return the noun that the network takes each picture for.
 
@@ -70,7 +69,6 @@ def retrieved(
         Their labels are not used, except the azimuths.
     candidates : sequence of str
         Nouns to choose from.
-    precision : "fp32" or "bf16"
     """
     device = network.place.device
     levels = cosine_alphas_cumprod().to(device)
@@ -89,9 +87,8 @@ def retrieved(
                 inputs = noisy.expand(len(some), -1, -1, -1).contiguous(memory_format=torch.channels_last)
                 azimuth = pictures.azimuth_deg[row].to(device).expand(len(some))
                 single = pictures.single[row].to(device).expand(len(some))
-                with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bf16"):
-                    predicted = network(inputs, timestep.expand(len(some)), texts[some], azimuth, single)
-                errors[some] += (predicted.float() - clean).square().mean((1, 2, 3))
+                predicted = network(inputs, timestep.expand(len(some)), texts[some], azimuth, single)
+                errors[some] += (predicted - clean).square().mean((1, 2, 3))
         found.append(candidates[int(errors.argmin())])
     return found
 
