@@ -22,6 +22,7 @@ from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.family_fit import family_fit
+from meshdeform.cli.family_synthesize import family_synthesize
 from meshdeform.cli.fetch import fetch
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import jobs
@@ -112,6 +113,7 @@ app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(apply)
 app.command(rich_help_panel=_MACHINE)(variants)
 app.command("family-fit", rich_help_panel=_MACHINE)(family_fit)
+app.command("family-synthesize", rich_help_panel=_MACHINE)(family_synthesize)
 app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
