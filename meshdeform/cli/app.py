@@ -33,6 +33,7 @@ from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
 from meshdeform.cli.submit import submit
 from meshdeform.cli.surface_fit import surface_fit
+from meshdeform.cli.teach import teach
 from meshdeform.cli.unfold import unfold
 from meshdeform.cli.variants import variants
 from meshdeform.cli.version import print_version, version
@@ -117,6 +118,7 @@ app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
+app.command(rich_help_panel=_MACHINE)(teach)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
