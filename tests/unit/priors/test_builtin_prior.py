@@ -7,7 +7,7 @@ import torch
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.schedule import add_noise
@@ -20,6 +20,7 @@ from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.text_guidance import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.taught import THREE_NOUNS
 from tests.unit.priors.combined import guided, text_rows
 
 
@@ -88,7 +89,8 @@ def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> Non
 
 def test_it_says_who_it_is(weights: Path) -> None:
     prior = BuiltinPrior(weights=weights)
-    assert prior.identity == {"id": "builtin", "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert prior.identity == {"id": str(weights), "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert BuiltinPrior().identity["id"] == "builtin"
     assert prior.alphas_cumprod.shape == (prior.num_timesteps,)
     assert prior.style == STYLE
     assert prior.dtype == torch.float32
@@ -125,7 +127,7 @@ def test_missing_torn_and_foreign_weights_are_model_errors(
     torn.write_bytes(weights.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
         BuiltinPrior(weights=torn)
-    monkeypatch.setattr(weights_file, "VOCABULARY", ("another",))
+    monkeypatch.setattr(taught, "BUILTIN_WORDS", THREE_NOUNS)
     with pytest.raises(ModelError, match="another vocabulary"):
         BuiltinPrior(weights=weights)
 
