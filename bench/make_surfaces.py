@@ -64,6 +64,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bumpy_torus.glb").write_bytes(build_glb(*bumpy_torus()))
     np.savetxt(folder / "noisy_cloud.xyz", noisy_cloud(), fmt="%.6f")
+    (folder / "noisy_cloud.truth.glb").write_bytes(build_glb(*bumpy_torus()))
     values, origin, spacing = genus_3()
     np.savez(folder / "genus_3.npz", sdf=values.astype(np.float32), origin=origin, spacing=spacing)
 

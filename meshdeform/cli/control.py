@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-__all__ = ["parse_handles", "parse_regions", "parse_rigid"]
+__all__ = ["parse_handles", "parse_regions", "parse_rigid", "parse_selection"]
 
 _MODES = ("rigid", "similarity")
 _HANDLE = "vertex=NUMBER:X,Y,Z or position=X,Y,Z:X,Y,Z, with a soft handle's @WEIGHT at the end"
@@ -33,7 +33,7 @@ def parse_regions(keep: Sequence[str] | None, only: Sequence[str] | None) -> lis
         A text does not have this form.
     """
     given = {"keep": keep or (), "only": only or ()}
-    found = [{**_selection(text, f"--{action}"), "action": action} for action in given for text in given[action]]
+    found = [{**parse_selection(text, f"--{action}"), "action": action} for action in given for text in given[action]]
     return found or None
 
 
@@ -52,11 +52,17 @@ def _rigid(text: str) -> dict[str, Any]:
     mode, colon, rest = text.partition(":")
     if not colon or mode.strip() not in _MODES:
         mode, rest = _MODES[0], text
-    return {**_selection(rest, "--rigid"), "mode": mode.strip()}
+    return {**parse_selection(rest, "--rigid"), "mode": mode.strip()}
 
 
-def _selection(text: str, option: str) -> dict[str, Any]:
-    """Return a selection written as PLACE=VALUE or PLACE:VALUE."""
+def parse_selection(text: str, option: str) -> dict[str, Any]:
+    """Return a selection written as PLACE=VALUE or PLACE:VALUE.
+
+    Raises
+    ------
+    typer.BadParameter
+        The text does not have this form.
+    """
     at = min((text.index(sign) for sign in "=:" if sign in text), default=-1)
     place, value = text[:at].strip(), text[at + 1 :].strip()
     parse = _PLACES.get(place)

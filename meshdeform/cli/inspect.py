@@ -9,9 +9,10 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import JsonOption, ModelOption, SetOption
+from meshdeform.cli.options import AlsoOption, JsonOption, ModelOption, SetOption
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit, plain, table
+from meshdeform.cli.prompts import parse_also
 from meshdeform.cli.request import make_request, merge_params
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def inspect(
     prompt: Annotated[
         str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
     ] = "",
+    also: AlsoOption = None,
     model: ModelOption = None,
     param: SetOption = None,
     as_json: JsonOption = False,
@@ -48,14 +50,15 @@ def inspect(
     settings = load_settings()
     data = asset.read_bytes()
     found = inspect_parts(load_asset(data, asset.name, Limits.from_settings(settings)))
-    if prompt:
-        request = make_request(prompt, {"orientation": "auto", **merge_params(param or [], model=model)})
+    if prompt or also:
+        written = merge_params(param or [], model=model, prompts=parse_also(also))
+        request = make_request(prompt, {"orientation": "auto", **written})
         found["orientation"] = _front(data, asset.name, request, settings)
     if as_json:
         emit(found)
         return
     typer.echo(_described(found))
-    if prompt:
+    if prompt or also:
         typer.echo(f"\n{orientation_line(found['orientation'])}")
     for warning in found["warnings"]:
         typer.echo(warning, err=True)

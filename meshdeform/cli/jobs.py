@@ -62,10 +62,12 @@ def jobs(
 
 
 def _row(job: JobView, now: datetime) -> tuple[str, ...]:
+    from meshdeform.requests.prompts import prompt_words
+
     progress = job.progress
     left = "" if progress.eta_s is None or job.state.terminal else duration(progress.eta_s)
     created = ago((now - job.created_at).total_seconds())
     # `fraction` is less than 1 for a job that was canceled half way.
     share = f"{progress.fraction:.0%}" if progress.total_steps else ""
-    goal = job.prompt or (f"like {job.target.filename}" if job.target else "")
+    goal = prompt_words(job.prompt, job.params) or (f"like {job.target.filename}" if job.target else "")
     return job.id, job.state.value, share, left, created, job.asset.filename, goal

@@ -134,6 +134,7 @@ class LocalJob:
             "orientation": report["orientation"],
             "appearance": report["appearance"],
             "likeness": report.get("likeness"),
+            "prompts": report.get("prompts"),
             "texture_stretch": report["texture_stretch"],
             "stages": report.get("stages"),
             "silhouettes": report.get("silhouettes"),

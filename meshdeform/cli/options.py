@@ -12,6 +12,7 @@ import typer
 from meshdeform.requests.choices import RigMode, Symmetry
 
 __all__ = [
+    "AlsoOption",
     "ApiKeyFileOption",
     "ApiKeyOption",
     "ExcludeOption",
@@ -180,6 +181,16 @@ RigidOption = Annotated[
         metavar="[MODE:]PLACE=VALUE",
         help="A part that keeps its shape: node=NAME, material=NAME or component=NUMBER (see inspect); repeatable. "
         "With similarity: in front it may scale.",
+        rich_help_panel="Method",
+        show_default=False,
+    ),
+]
+AlsoOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PROMPT[:WEIGHT][@PLACE=VALUE]",
+        help='A further prompt that guides at the same time: "a rabbit:0.5" everywhere, "a rabbit@sphere=0,1,0,0.4" in '
+        "a region, written as for --keep, and @outside:sphere=... outside of it; repeatable.",
         rich_help_panel="Method",
         show_default=False,
     ),

@@ -15,6 +15,7 @@ from meshdeform.cli.fit import fit_line
 from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.likeness import likeness_line
 from meshdeform.cli.options import (
+    AlsoOption,
     ExcludeOption,
     HandleOption,
     JsonOption,
@@ -35,6 +36,7 @@ from meshdeform.cli.options import (
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
+from meshdeform.cli.prompts import parse_also, prompt_lines
 from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
 from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.texture_stretch import stretch_line
@@ -57,7 +59,9 @@ def run(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
+        typer.Argument(
+            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
+        ),
     ] = "",
     output: Annotated[
         Path | None,
@@ -134,6 +138,7 @@ def run(
     ] = None,
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
+    also: AlsoOption = None,
     stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
@@ -166,7 +171,7 @@ def run(
         check_animation(animate, "--animate")
     goals = parse_goals(target, target_prompt, target_model, stage)
     pictures = parse_pictures(silhouette)
-    if silhouette and not prompt and not goals.params:
+    if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
     params = merge_params(
         param or [],
@@ -182,6 +187,7 @@ def run(
         exclude=parse_exclude(exclude),
         rigid=parse_rigid(rigid),
         regions=parse_regions(keep, only),
+        prompts=parse_also(also),
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
@@ -244,7 +250,10 @@ def run(
         typer.echo(front)
     if summary["appearance"]["notice"]:
         typer.echo(summary["appearance"]["notice"])
-    if summary["likeness"] is not None:
+    if summary["prompts"] is not None:
+        for line in prompt_lines(summary["prompts"]):
+            typer.echo(line)
+    elif summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
     if summary["texture_stretch"] is not None:
         typer.echo(stretch_line(summary["texture_stretch"]))

@@ -14,6 +14,7 @@ from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
 from meshdeform.cli.goals import parse_goals
 from meshdeform.cli.options import (
+    AlsoOption,
     ApiKeyFileOption,
     ApiKeyOption,
     ExcludeOption,
@@ -36,6 +37,7 @@ from meshdeform.cli.options import (
 )
 from meshdeform.cli.output import emit, note
 from meshdeform.cli.progress import show_progress
+from meshdeform.cli.prompts import parse_also
 from meshdeform.cli.request import (
     make_request,
     merge_params,
@@ -60,7 +62,9 @@ def submit(
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[
         str,
-        typer.Argument(help='What the asset should become: "a mushroom". Or give --target, --stage or --silhouette.'),
+        typer.Argument(
+            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
+        ),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -104,6 +108,7 @@ def submit(
     ] = None,
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
+    also: AlsoOption = None,
     stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
@@ -173,7 +178,7 @@ def submit(
     """
     goals = parse_goals(target, target_prompt, target_model, stage)
     pictures = parse_pictures(silhouette)
-    if silhouette and not prompt and not goals.params:
+    if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
     params = merge_params(
         settings or [],
@@ -189,6 +194,7 @@ def submit(
         exclude=parse_exclude(exclude),
         rigid=parse_rigid(rigid),
         regions=parse_regions(keep, only),
+        prompts=parse_also(also),
         handles=parse_handles(handle),
         symmetry=symmetry,
     )

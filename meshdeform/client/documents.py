@@ -35,6 +35,7 @@ __all__ = [
     "CheckpointList",
     "CheckpointView",
     "EventView",
+    "FoundOrientation",
     "JobEstimate",
     "JobList",
     "JobView",
@@ -322,6 +323,16 @@ class ModelList(_Open):
 
     default: str
     models: list[ModelView]
+
+
+class FoundOrientation(_Open):
+    """The side of an asset that a job would make the front: its azimuth, from +Z (0) towards +X (90)."""
+
+    turn_deg: float
+    source: str
+    margin: float | None = None
+    grades: list[list[float]] = Field(default_factory=list)
+    notice: str | None = None
 
 
 class UploadView(_Open):

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from meshdeform.client.commands import Call, Operation, Part, Work
-from meshdeform.client.documents import JobView, UploadView, Validation, read
+from meshdeform.client.documents import FoundOrientation, JobView, UploadView, Validation, read
 from meshdeform.client.paths import JobLike, job_path
 from meshdeform.client.reading import canceled
 from meshdeform.client.retries import Policy, answered
@@ -31,6 +31,7 @@ __all__ = [
     "Params",
     "branched",
     "checked_key",
+    "oriented",
     "parts_of",
     "retried",
     "sent_ahead",
@@ -162,6 +163,14 @@ def validated(order: Order, files: Files, policy: Policy) -> Operation[Validatio
         call, _ = yield from _prepared("/v1/jobs:validate", order, files, policy, opened)
         answer = yield from answered(call, policy)
         return read(Validation, answer.json(), answer.url)
+
+
+def oriented(order: Order, files: Files, policy: Policy) -> Operation[FoundOrientation]:
+    """Find the front that a job would have; see `Client.orient`."""
+    with contextlib.ExitStack() as opened:
+        call, _ = yield from _prepared("/v1/jobs:orient", order, files, policy, opened)
+        answer = yield from answered(call, policy)
+        return read(FoundOrientation, answer.json(), answer.url)
 
 
 def retried(job: JobLike, key: str | None, policy: Policy) -> Operation[JobView]:

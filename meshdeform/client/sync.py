@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
-from meshdeform.client import downloads, events, reading, running, submitting
+from meshdeform.client import events, reading, running, submitting
 from meshdeform.client.commands import Emit
-from meshdeform.client.connections import Connection
 from meshdeform.client.documents import (
     ArtifactView,
     CheckpointView,
     EventView,
+    FoundOrientation,
     JobView,
     Limits,
     ModelList,
@@ -22,7 +20,8 @@ from meshdeform.client.documents import (
     UploadView,
     Validation,
 )
-from meshdeform.client.paths import JobLike, artifact_path, job_path
+from meshdeform.client.fetching import FileMethods
+from meshdeform.client.paths import JobLike
 from meshdeform.client.result import Result
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.submitting import Files, Order, Output, Params
@@ -32,7 +31,7 @@ from meshdeform.requests.document import JobKind
 __all__ = ["Client"]
 
 
-class Client(Connection):
+class Client(FileMethods):
     """A client of one service. A context manager; safe to share between threads.
 
     Parameters
@@ -186,6 +185,31 @@ class Client(Connection):
         sent = Files.of(asset, target, files, filename, upload, None)
         return self._driver.run(submitting.validated(order, sent, self._policy))
 
+    def orient(
+        self,
+        asset: AssetLike | None = None,
+        prompt: str = "",
+        *,
+        params: Params | None = None,
+        output: Output | None = None,
+        filename: str | None = None,
+        upload: bool | None = None,
+    ) -> FoundOrientation:
+        """Find the side of an asset that a job would make the front, without posting it.
+
+        Parameters and errors are those of `submit`. It takes seconds, and needs `params` with `orientation` = `auto`
+        and the builtin model, which are the defaults of every preset but `paper`.
+
+        Raises
+        ------
+        ParameterError
+            The job would not search its front.
+        DependencyError, UnavailableError
+            The service cannot search it, or cannot search it now.
+        """
+        sent = Files.of(asset, None, None, filename, upload, None)
+        return self._driver.run(submitting.oriented(Order(prompt, params, output), sent, self._policy))
+
     def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
@@ -331,62 +355,3 @@ class Client(Connection):
     def models(self) -> ModelList:
         """Return the models that jobs may use."""
         return self._driver.run(reading.models(self._policy))
-
-    def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
-        """Return an artifact's bytes after verifying their SHA-256.
-
-        Parameters
-        ----------
-        job : JobView or str
-        name : str
-        strength : float, optional
-            Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
-        """
-        return self._driver.run(downloads.loaded(artifact_path(job, name, strength), self._policy))
-
-    def download(self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None) -> Path:
-        """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
-
-        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
-        """
-        url = artifact_path(job, name, strength)
-        return self._driver.run(downloads.saved(url, Path(path), self._policy))
-
-    def fetch(self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
-        """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.
-
-        Parameters
-        ----------
-        job : JobView or str
-        folder : path
-        names : sequence of str, optional
-            The artifacts to save. Default: all.
-
-        Raises
-        ------
-        JobNotFinishedError
-            The job has not finished.
-        NotFoundError
-            The job has no artifact with such a name.
-        MeshdeformError
-            The job failed: its error; `ConflictError` if it was canceled or has expired.
-        """
-        return self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
-
-    def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
-        """Save the asset as it was sent, for a job in any state."""
-        return self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
-
-    def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
-        """Save a file of a job of any kind as it was sent, by the name of its part."""
-        return self._driver.run(downloads.saved(job_path(job, "files", part), Path(path), self._policy))
-
-    def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
-        """Save the second mesh of `target` guidance as it was sent."""
-        return self._driver.run(downloads.saved(job_path(job, "target"), Path(path), self._policy))
-
-    def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:
-        """Save the asset with its shape at a checkpoint."""
-        return self._driver.run(
-            downloads.saved(job_path(job, "checkpoints", step, "mesh.glb"), Path(path), self._policy)
-        )

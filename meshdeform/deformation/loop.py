@@ -23,7 +23,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets.appearance import Appearance
@@ -32,6 +34,7 @@ from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.orientation import Grader, Orientation, OrientationSource, find_orientation
+from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.stand_in import StandIn
@@ -40,7 +43,8 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.guidance.base import Guidance, ShapeGuidance, StepContext
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.rendering.views import OrthogonalGrid, Views
@@ -97,6 +101,8 @@ class Deformation:
         Look of the mesh, of which `rows` are its vertices, for guidance with a style of colours.
     constraints : Constraints
         Where the vertices of the mesh may go. A large mesh with handles has no stand-in.
+    shares : sequence of (F,) float64
+        For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`regional.py`).
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -128,6 +134,7 @@ class Deformation:
         bodies: Sequence[Body] = (),
         appearance: Appearance | None = None,
         constraints: Constraints = UNCONSTRAINED,
+        shares: Sequence[NDArray[np.float64]] = (),
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
     ) -> None:
@@ -147,6 +154,7 @@ class Deformation:
             variables(drawn) if variables is not None else self._stand_in.carry(params.carrier, initial, bodies)
         )
         rest = self._variables.rest
+        self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
         self._regularizers = Regularizers(rest)
         self._bounds = CameraRange(
             params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
@@ -302,8 +310,7 @@ class Deformation:
         shading = self._renderer.sample_shading(self._generator)
         image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))
         context = StepContext(self.step, p.steps, cameras, self._generator)
-        guidance, logs = self._guidance.loss(image, context)
-        guidance = guidance.double().cpu()
+        guidance, regional, logs = self._guided(image, verts, context)
         if self._shape is not None:
             of_shape, shape_logs = self._shape.shape_loss(verts, context)
             guidance, logs = guidance + of_shape, {**logs, **shape_logs}
@@ -324,11 +331,26 @@ class Deformation:
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
         total.backward()  # type: ignore[no-untyped-call]
+        if self._regional is not None:
+            self._regional.add(regional)
         gradients = [tensor.grad for tensor in self._variables.tensors.values()]
         finite = all(gradient is not None and bool(torch.isfinite(gradient).all()) for gradient in gradients)
         if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
         return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, control.detach()
+
+    def _guided(
+        self, image: Tensor, verts: Tensor, context: StepContext
+    ) -> tuple[Tensor, dict[str, Tensor], dict[str, float]]:
+        """Return the loss of the guidance, its gradients if they reach only regions, and numbers for the log."""
+        if self._regional is None or not isinstance(self._guidance, RegionalGuidance):
+            loss, logs = self._guidance.loss(image, context)
+            return loss.double().cpu(), {}, logs
+        losses, logs = self._guidance.losses(image, context)
+        weighted = [self.params.guidance_weight * loss.double().cpu() for loss in losses]
+        value = torch.stack([loss.detach().double().cpu() for loss in losses]).sum()
+        # The vertices connect the value with the variables, in case no regulariser does.
+        return value + 0.0 * verts.sum(), self._regional.of(weighted), logs
 
     def _hold(self, verts: Tensor, logs: dict[str, float], control: Tensor) -> tuple[float, dict[str, float], Tensor]:
         """Return a loss of zero, with a gradient of zero."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["Guidance", "ShapeGuidance", "StepContext"]
+__all__ = ["Guidance", "RegionalGuidance", "ShapeGuidance", "StepContext"]
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,14 @@ class Guidance(Protocol):
         NumericalError
             The loss is not finite.
         """
+
+
+@runtime_checkable
+class RegionalGuidance(Protocol):
+    """A guidance with several losses on the same views, each of which may reach another part of the surface."""
+
+    def losses(self, image: Tensor, context: StepContext) -> tuple[list[Tensor], dict[str, float]]:
+        """Compute the losses of which `loss` is the sum; parameters and errors are those of `loss`."""
 
 
 @runtime_checkable

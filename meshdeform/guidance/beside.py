@@ -80,6 +80,11 @@ class BesideSilhouettes(SilhouetteGuidance):
         """Return the loss of the guidance on the views."""
         return self._guidance.loss(image, context)
 
+    def losses(self, image: Tensor, context: StepContext) -> tuple[list[Tensor], dict[str, float]]:
+        """Return the losses of the guidance on the views, if it has several."""
+        found: tuple[list[Tensor], dict[str, float]] = self._guidance.losses(image, context)  # type: ignore[attr-defined]
+        return found
+
     def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
         """Grade several azimuths of the same picture, as the guidance does."""
         found: Tensor = self._guidance.grades(image, poses, fraction, generator)  # type: ignore[attr-defined]

@@ -20,9 +20,14 @@ inflates, to that of the prompted prediction::
 
     x0_hat <- x0_hat (phi std(x0_text) / std(x0_hat) + 1 - phi)
 
+Several prompts share the picture, timestep, noise, and the prediction for nothing; all predictions are one batch. Their
+gradients are added with their weights, which, if the weights add up to 1, is the conjunction of composable diffusion::
+
+    sum_i w_i eps_hat_i = eps(z_t; nothing) + sum_i w_i s (eps(z_t; prompt_i) - eps(z_t; nothing))
+
 Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer, eq. 7 (weighting 1 - abar_t);
 Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Common diffusion noise schedules, eq. 15 and
-16 (rescaling).
+16 (rescaling); Liu et al. 2022, Compositional visual generation with composable diffusion models, concept conjunction.
 """
 
 from __future__ import annotations
@@ -37,6 +42,7 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.texts import Texts, WeightedPrompt
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -57,8 +63,9 @@ class ScoreDistillation:
     Parameters
     ----------
     prior : Prior
-    prompt, negative_prompt : str
-        Encoded once, here; a job creates one such object.
+    prompt : str, or sequence of WeightedPrompt
+        Encoded once, here, like the negative prompt; a job creates one such object.
+    negative_prompt : str
     guidance_scale : float
         s.
     guidance_rescale : float in 0 .. 1
@@ -79,7 +86,7 @@ class ScoreDistillation:
     def __init__(
         self,
         prior: Prior,
-        prompt: str,
+        prompt: str | Sequence[WeightedPrompt],
         *,
         negative_prompt: str = "",
         guidance_scale: float,
@@ -96,8 +103,8 @@ class ScoreDistillation:
                 )
         self._prior = prior
         self._shading = shading
-        prompted, unprompted = prior.encode_texts(prompt, negative_prompt)
-        self._embedding = torch.stack([unprompted, prompted])
+        prompts = [WeightedPrompt(prompt)] if isinstance(prompt, str) else prompt
+        self._texts = Texts(prior, prompts, negative_prompt)
         self._scale, self._rescale = guidance_scale, guidance_rescale
         self._low, self._high = timestep_min, (timestep_max, timestep_max_end)
 
@@ -132,12 +139,17 @@ class ScoreDistillation:
         NumericalError
             The prediction or z0 is not finite for any of several draws of timestep and noise.
         """
+        found, logs = self.losses(image, context)
+        return (found[0] if len(found) == 1 else torch.stack(found).sum()), logs
+
+    def losses(self, image: Tensor, context: StepContext) -> tuple[list[Tensor], dict[str, float]]:
+        """Return one loss for each group of prompts; `loss` is their sum, and has the same parameters and errors."""
         z0 = self._prior.encode_image(image)
         for _ in range(_DRAWS):
-            value, gradient, logs = self._evaluate(z0.detach(), context)
-            if math.isfinite(value.item()) and math.isfinite(logs["sds_gradient_norm"]):
-                scalar: Tensor = _StraightThrough.apply(z0, value, gradient)  # type: ignore[no-untyped-call]
-                return scalar, logs
+            found, logs = self._evaluate(z0.detach(), context)
+            if math.isfinite(sum(value.item() for value, _ in found)) and math.isfinite(logs["sds_gradient_norm"]):
+                apply = _StraightThrough.apply
+                return [apply(z0, value, gradient) for value, gradient in found], logs  # type: ignore[no-untyped-call]
         raise NumericalError(
             f"The diffusion prior's prediction at timestep {logs['timestep']:.0f} is not finite in {_DRAWS} draws of "
             "timestep and noise.",
@@ -145,16 +157,20 @@ class ScoreDistillation:
         )
 
     @torch.no_grad()
-    def _evaluate(self, z0: Tensor, context: StepContext) -> tuple[Tensor, Tensor, dict[str, float]]:
-        """Draw a timestep and noise; return the loss, its gradient on z0, and the numbers for the log."""
+    def _evaluate(self, z0: Tensor, context: StepContext) -> tuple[list[tuple[Tensor, Tensor]], dict[str, float]]:
+        """Draw a timestep and noise; return each group's loss and gradient on z0, and the numbers for the log."""
         timestep = self._draw_timestep(len(z0), context)
         level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
-        residual = self._residual(z0, timestep, level, context)
-        gradient = (1 - level) * (REFERENCE_ELEMENTS / z0.numel()) * residual
-        value = 0.5 * (gradient * residual).sum()
-        mean_square, norm = torch.stack([residual.square().mean(), gradient.norm()]).tolist()
+        weight = (1 - level) * (REFERENCE_ELEMENTS / z0.numel())
+        found, squares = [], []
+        for residual in self._residuals(z0, timestep, level, context):
+            gradient = weight * residual
+            found.append((0.5 * (gradient * residual).sum(), gradient))
+            squares.append(residual.square().mean())
+        whole = found[0][1] if len(found) == 1 else torch.stack([gradient for _, gradient in found]).sum(0)
+        mean_square, norm = torch.stack([torch.stack(squares).mean(), whole.norm()]).tolist()
         mean_timestep = timestep.double().mean().item()
-        return value, gradient, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
+        return found, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
 
     @torch.no_grad()
     def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
@@ -177,7 +193,8 @@ class ScoreDistillation:
         Returns
         -------
         (P,) float64; all equal for a prior that is not conditioned on the azimuth. Source: Li et al. 2023, Your
-        diffusion model is secretly a zero-shot classifier, eq. 9, with azimuths as classes.
+        diffusion model is secretly a zero-shot classifier, eq. 9, with azimuths as classes. Of several prompts, the
+        first one grades.
         """
         z0 = self._prior.encode_image(image)
         timestep = torch.full((len(z0),), round(fraction * (self._prior.num_timesteps - 1)))
@@ -186,7 +203,7 @@ class ScoreDistillation:
         noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
         found = []
         for cameras in poses:
-            (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._embedding[1:], cameras)
+            (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._texts.first, cameras)
             found.append((((1 - level) / level) * (text - noise).square()).mean())
         return torch.stack(found).double().cpu()
 
@@ -202,15 +219,19 @@ class ScoreDistillation:
         low, high = self.timestep_bounds(context)
         return torch.randint(low, high + 1, (count,), generator=context.generator)
 
-    def _residual(self, z0: Tensor, timestep: Tensor, level: Tensor, context: StepContext) -> Tensor:
-        """Return ``eps_hat - eps`` for newly drawn noise; `level` is abar_t of each picture, (B, 1, 1, 1)."""
+    def _residuals(self, z0: Tensor, timestep: Tensor, level: Tensor, context: StepContext) -> list[Tensor]:
+        """Return ``eps_hat - eps`` of each group for newly drawn noise; `level` is abar_t of each picture."""
         noise = torch.randn(z0.shape, generator=context.generator, dtype=torch.float32).to(z0.device)
         noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
-        base, text = self._prior.predict_noise(noisy, timestep.to(z0.device), self._embedding, context.cameras)
-        predicted = base + self._scale * (text - base)
-        if self._rescale:
-            predicted = rescaled(predicted, text, noisy, level, self._rescale)
-        return predicted - noise
+        rows = self._texts.rows
+        predictions = self._prior.predict_noise(noisy, timestep.to(z0.device), rows, context.cameras)
+        guided = []
+        for base, text in self._texts.pairs:
+            predicted = predictions[base] + self._scale * (predictions[text] - predictions[base])
+            if self._rescale:
+                predicted = rescaled(predicted, predictions[text], noisy, level, self._rescale)
+            guided.append(predicted - noise)
+        return self._texts.grouped(guided)
 
 
 def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi: float) -> Tensor:

@@ -19,7 +19,7 @@ import sqlalchemy.exc
 from sqlalchemy import event
 
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.record.schema import HEAD, UtcDateTime
+from meshdeform.record.schema import UtcDateTime, compatible
 
 __all__ = ["RECORD_FILE", "Database", "make_engine"]
 
@@ -54,7 +54,7 @@ class Database:
     Raises
     ------
     UnavailableError
-        The database does not answer, or was created by a newer Meshdeform.
+        The database does not answer, or a newer Meshdeform has taken away what this one needs.
     """
 
     def __init__(self, url: str, idle_connections: int = 5) -> None:
@@ -124,7 +124,7 @@ class Database:
             # The lock ends with the transaction. DDL is transactional in both databases.
             if not self.is_sqlite:
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
-            if _version(connection) != HEAD:
+            if not compatible(_version(connection)):
                 _upgrade(connection)
 
 
@@ -303,5 +303,5 @@ def _upgrade(connection: sa.Connection) -> None:
         alembic.command.upgrade(config, "head")
     except alembic.util.CommandError as error:
         raise UnavailableError(
-            "The record was created by a newer Meshdeform.", advice="Install that version or a newer one."
+            "The record has the schema of a newer Meshdeform.", advice="Install that version or a newer one."
         ) from error

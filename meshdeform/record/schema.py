@@ -14,6 +14,7 @@ __all__ = [
     "api_keys",
     "artifacts",
     "checkpoints",
+    "compatible",
     "deliveries",
     "delivery_attempts",
     "discarded",
@@ -34,7 +35,16 @@ __all__ = [
 ]
 
 HEAD = "0007"
-"""The newest migration. A record at this version is opened without Alembic."""
+"""The newest migration. A record at this version is opened without Alembic.
+
+The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
+record at once; what takes away or renames begins the next generation, "0100", and needs a stop of all processes.
+"""
+
+
+def compatible(version: str | None) -> bool:
+    """Return whether this version of Meshdeform can use a record with that schema as it is."""
+    return version is not None and version[:2] == HEAD[:2] and version >= HEAD
 
 
 ORIGIN = "(origin)"

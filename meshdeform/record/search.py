@@ -28,11 +28,12 @@ def searched_text(new: NewJob) -> str:
 
 
 def _further_prompts(request: JobRequest) -> list[str]:
-    """Return the prompts and names of stages, and the prompts of targets that a model makes."""
+    """Return the prompts beside that of the request, those and the names of stages, and those of generated targets."""
     params = request.params
     if not isinstance(params, DeformParams):  # those of other kinds of job have none
         return []
-    found = [words for stage in params.stages for words in (stage.prompt, stage.name)]
+    found = [each.prompt for each in params.prompts]
+    found += [words for stage in params.stages for words in (stage.prompt, stage.name)]
     targets = [params.target, *(stage.target for stage in params.stages)]
     return found + [target.prompt for target in targets if isinstance(target, GeneratedTarget)]
 

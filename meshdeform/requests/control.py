@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -11,9 +11,17 @@ from meshdeform.requests.choices import RegionAction
 from meshdeform.requests.selection import Number, Point, Selection
 from meshdeform.requests.strict import StrictModel
 
-__all__ = ["MAX_HANDLES", "Handle", "LengthLimits", "LengthRange", "Region"]
+__all__ = ["FALLOFF", "MAX_HANDLES", "Handle", "LengthLimits", "LengthRange", "Region"]
 
 MAX_HANDLES = 64
+FALLOFF: Any = Field(
+    0.1,
+    ge=0.0,
+    le=1.0,
+    description="Distance along the surface over which it joins what `regions` keep, and over which a prompt's pull "
+    "begins within its regions, as a share of the diagonal of the asset's bounding box.",
+    examples=[0.1],
+)
 _Factor = Annotated[float, Field(gt=0.0, le=1_000.0)]
 
 

@@ -29,6 +29,7 @@ from meshdeform.requests.parameters import (
     ResolvedParams,
     StrictModel,
 )
+from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.resolve import resolve
 from meshdeform.requests.stages import goal_guidance
 
@@ -132,7 +133,8 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages` and "
+        "`params.prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -187,8 +189,13 @@ class JobRequest(StrictModel):
     def workload(self) -> str:
         """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
-        guidance = goal_guidance(params) if isinstance(params, DeformParams) else getattr(params, "guidance", "")
-        return f"{self.kind}/{guidance}/{getattr(params, 'model', '') or ''}"
+        if not isinstance(params, DeformParams):
+            return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
+        own = f"{self.kind}/{goal_guidance(params)}/{params.model or ''}"
+        pulling = active_prompts(self.prompt, params.prompts)
+        # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
+        local = sum(bool(each.regions) for each in pulling)
+        return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

@@ -35,9 +35,10 @@ from meshdeform.requests.choices import (
     Safeguard,
     Symmetry,
 )
-from meshdeform.requests.control import MAX_HANDLES, Handle, LengthLimits, Region
+from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
@@ -187,14 +188,7 @@ class DeformParams(StrictModel):
         description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
         examples=[[{"node": "Hinge"}, {"box": {"min": [0, 1, -1], "max": [1, 2, 1]}, "action": "only"}]],
     )
-    falloff: float = Field(
-        0.1,
-        ge=0.0,
-        le=1.0,
-        description="Distance along the surface over which it joins what `regions` keep, as a share of the diagonal of "
-        "the asset's bounding box.",
-        examples=[0.1],
-    )
+    falloff: float = FALLOFF
     handles: tuple[Handle, ...] = Field(
         (),
         max_length=MAX_HANDLES,
@@ -215,6 +209,7 @@ class DeformParams(StrictModel):
         "of the asset's own. They cannot be combined with `rigid`. Default: no limits.",
         examples=[{"x": "keep", "y": {"max": 1.2}}],
     )
+    prompts: tuple[Prompt, ...] = PROMPTS
     guidance_scale: float = of_preset(
         100.0,
         "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",

@@ -8,6 +8,7 @@ from meshdeform.requests.choices import AppearanceMode, Carrier, GuidanceKind
 from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams
 from meshdeform.requests.presets import OVERRIDES, Family
+from meshdeform.requests.prompts import contradicted
 from meshdeform.requests.stages import goal_guidance
 
 __all__ = ["resolve"]
@@ -71,6 +72,11 @@ def _with_goal(params: DeformParams) -> DeformParams:
     for other in ("target", "landmarks", "silhouettes"):
         if params.stages and getattr(params, other):
             raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
+    if found := contradicted(params, guidance):
+        other, why = found
+        raise _refused(
+            "prompts", f"`prompts` cannot be combined with `{other}`: {why}.", f"Leave out prompts or {other}."
+        )
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
         detail = f"guidance is `{params.guidance}`, and `{'stages' if params.stages else 'target'}` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")

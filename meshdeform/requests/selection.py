@@ -173,8 +173,8 @@ class Selection(StrictModel):
         return what, value.name if isinstance(value, JointWeight) else value
 
 
-List = Literal["rigid", "regions"]
-"""The parameters that are lists of selections."""
+List = Literal["rigid", "regions"] | tuple[str | int, ...]
+"""A parameter that is a list of selections, or the path to one within a parameter."""
 
 
 def find_parts(place: List, number: int, selection: Selection, parts: Sequence[Mapping[str, Any]]) -> list[int]:
@@ -182,8 +182,8 @@ def find_parts(place: List, number: int, selection: Selection, parts: Sequence[M
 
     Parameters
     ----------
-    place : str
-        Name of the list in `params`.
+    place : str or tuple
+        Name of the list in `params`, or the path to it there.
     number : int
         Place of the selection in the list.
     selection : Selection
@@ -240,8 +240,8 @@ def check_selections(
 
     Parameters
     ----------
-    place : str
-        Name of the list in `params`.
+    place : str or tuple
+        Name of the list in `params`, or the path to it there.
     selections : sequence of Selection
     named : mapping
         Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
@@ -258,8 +258,9 @@ def check_selections(
 
 def refuse_selection(place: List, number: int, what: str, detail: str, advice: str) -> ParameterError:
     """Return the error about one member of one selection."""
-    message = f"params.{place}: {detail}"
-    location = {"loc": ["params", place, number, what], "msg": message, "type": "value_error"}
+    path = [place] if isinstance(place, str) else list(place)
+    message = f"params.{'.'.join(map(str, path))}: {detail}"
+    location = {"loc": ["params", *path, number, what], "msg": message, "type": "value_error"}
     return ParameterError(message, advice=advice, errors=[location])
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
@@ -15,14 +17,17 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
+from meshdeform.guidance.texts import WeightedPrompt
 from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
+from meshdeform.requests.prompts import prompt_words
 from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.generated_target import GenerateTarget
 from meshdeform.runs.movement import HoldCounter, measure_movement
+from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.report import sha256_hex
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.target_fit import TargetFit
@@ -39,12 +44,14 @@ class Goal:
     ----------
     name : str
     prompt : str
-        Empty for a target.
+        With which the result is compared; empty for a target, and if each prompt has a region.
     params : ResolvedParams
         Those of this stage.
     guidance : Guidance
     fit : TargetFit, optional
         The target of the stage, placed on the asset.
+    shares : sequence of (F,) float64
+        The faces that each loss of the guidance reaches (`Deformation`).
     """
 
     name: str
@@ -52,6 +59,7 @@ class Goal:
     params: ResolvedParams
     guidance: Guidance
     fit: TargetFit | None = None
+    shares: Sequence[NDArray[np.float64]] = ()
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,8 @@ class GoalSource:
         The same in the cameras' frame.
     prior : Prior, optional
         For prompts.
+    prompts : Prompts, optional
+        Those of a job with `params.prompts`.
     targets : mapping of str to InputFile
         Target meshes by part.
     generate : callable
@@ -86,6 +96,7 @@ class GoalSource:
     silhouettes: SilhouetteFit | None
     limits: Limits | None
     device: str
+    prompts: Prompts | None = None
 
 
 def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -> list[Goal]:
@@ -106,6 +117,8 @@ def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -
         target = None
         if params.guidance is GuidanceKind.TARGET:
             target = params.target or "target"
+        if given.prompts is not None and target is None:
+            return [_several(given.prompts, request, params, given)]
         return [_goal("", request.prompt, target, params, given)]
     return [
         _goal(stage.name, stage.prompt, stage.target, _of_stage(request, params, stage), given, number)
@@ -156,8 +169,13 @@ def _goal(
     return Goal(name or title, "", params, guidance, fit)
 
 
-def _pictured(prompt: str, params: ResolvedParams, given: GoalSource) -> Guidance:
-    """Return the guidance of a prompt, of pictures, or of both."""
+def _several(prompts: Prompts, request: JobRequest, params: ResolvedParams, given: GoalSource) -> Goal:
+    name = prompt_words(request.prompt, params)
+    return Goal(name, prompts.main, params, _pictured(prompts.texts, params, given), shares=prompts.shares)
+
+
+def _pictured(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, given: GoalSource) -> Guidance:
+    """Return the guidance of prompts, of pictures, or of both."""
     pictures = given.silhouettes
     if params.guidance is GuidanceKind.SILHOUETTES and pictures is not None:
         return pictures.guidance(given.device)
@@ -165,7 +183,7 @@ def _pictured(prompt: str, params: ResolvedParams, given: GoalSource) -> Guidanc
     return guidance if pictures is None else pictures.beside(guidance, given.device)
 
 
-def _prompted(prompt: str, params: ResolvedParams, prior: Prior | None) -> Guidance:
+def _prompted(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, prior: Prior | None) -> Guidance:
     if not prompt:
         raise PromptError("The prompt is empty.")
     if prior is None:

@@ -62,8 +62,8 @@ class SelectableSurface:
 
         Parameters
         ----------
-        place : str
-            Name of the list in `params`, for errors.
+        place : str or tuple
+            Name of the list in `params`, or the path to it there, for errors.
         number : int
             Place of the selection in the list.
         selection : Selection

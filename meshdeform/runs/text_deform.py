@@ -39,6 +39,7 @@ from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
+from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
@@ -122,12 +123,14 @@ def start(
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
-        control = read_control(params, SelectableSurface(loaded, welded), frame, mesh)
+        surface = SelectableSurface(loaded, welded)
+        control = read_control(params, surface, frame, mesh)
+        prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         meshes = dict(targets or {})
         if target is not None:
             meshes["target"] = InputFile(target, target_filename)
         silhouettes = SilhouetteFit.of(params, pictures)
-        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device)
+        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
         identities = [goal.guidance.identity for goal in goals]
         run = fingerprint(
@@ -143,7 +146,7 @@ def start(
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
     facts = RunFacts(request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division)
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 
 def _begin(
@@ -159,6 +162,7 @@ def _begin(
         bodies=control.bodies,
         appearance=appearance if sees_colours(goal.params) else None,
         constraints=control.constraints,
+        shares=goal.shares,
     )
 
 
@@ -176,7 +180,9 @@ class TextDeformRun:
         control: Control,
         goals: list[Goal],
         silhouettes: SilhouetteFit | None = None,
+        prompts: Prompts | None = None,
     ) -> None:
+        self._prompts = prompts
         self._control = control
         self._goals = goals
         self._silhouettes = silhouettes
@@ -285,6 +291,7 @@ class TextDeformRun:
             likeness=self._likeness(self._goals[-1], verts) if stages is None else stages[-1].get("likeness"),
             fit=self._fitted(self._goals[-1], verts) if stages is None else stages[-1].get("fit"),
             silhouettes=self._overlaps(verts),
+            prompts=self._compared_prompts(verts),
             bodies=self._control.bodies,
             control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
         )
@@ -332,7 +339,7 @@ class TextDeformRun:
 
     def _likeness(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
-        if goal.guidance.identity["id"] != BUILTIN_MODEL:
+        if goal.guidance.identity["id"] != BUILTIN_MODEL or not goal.prompt:
             return None
         with self._clock.phase("measure"):
             return self._compared(goal.prompt, verts)
@@ -341,6 +348,17 @@ class TextDeformRun:
         from meshdeform.runs.likeness import likeness
 
         return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
+
+    def _compared_prompts(self, verts: Tensor) -> list[dict[str, Any]] | None:
+        """Compare the result with each of several prompts, if there are any."""
+        if self._prompts is None:
+            return None
+        from meshdeform.runs.likeness import likeness
+
+        judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
+        with self._clock.phase("measure"):
+            mesh = TriangleMesh(verts, self._welded.mesh.faces)
+            return prompt_reports(self._prompts, self._welded.mesh, mesh, likeness if judged else None)
 
     def _fitted(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the target, if there is one."""

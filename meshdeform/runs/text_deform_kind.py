@@ -20,6 +20,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
+from meshdeform.requests.prompts import active_prompts, prompt_words
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.stages import (
@@ -97,10 +98,9 @@ def check(
         check_generator(generated.model)
     if resolved.stages and request.prompt:
         raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
-    prompts = [stage.prompt for stage in resolved.stages if stage.prompt] if resolved.stages else [request.prompt]
     if needs_prior(resolved):
         model = params.model or default_model
-        _check_prompts(prompts, params, model)
+        _check_prompts(_prompts(request), params, model)
         if model != BUILTIN_MODEL:
             if model != default_model and model not in allowed_models:
                 raise _not_allowed(model, known)
@@ -129,16 +129,43 @@ def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
         )
 
 
-def _check_prompts(prompts: Sequence[str], params: DeformParams, model: str) -> None:
+def _prompts(request: JobRequest) -> list[tuple[list[str | int], str]]:
+    """Return the prompts of a request, each with its place in the document.
+
+    Raises
+    ------
+    ParameterError
+        There are several, and none pulls at anything.
+    """
+    params = request.params
+    if params.stages:
+        staged = enumerate(params.stages)
+        return [(["params", "stages", number, "prompt"], stage.prompt) for number, stage in staged if stage.prompt]
+    if not params.prompts:
+        return [(["prompt"], request.prompt)]
+    if not active_prompts(request.prompt, params.prompts):
+        raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
+    found: list[tuple[list[str | int], str]] = [(["prompt"], request.prompt)] if request.prompt else []
+    for number, each in enumerate(params.prompts):
+        found.append((["params", "prompts", number, "prompt"], each.prompt))
+    return found
+
+
+def _check_prompts(prompts: Sequence[tuple[list[str | int], str]], params: DeformParams, model: str) -> None:
     """Refuse prompts that are empty, or that the builtin model cannot read."""
-    for prompt in prompts:
+    for place, prompt in prompts:
         if not prompt:
             raise PromptError("The prompt is empty.")
         if model != BUILTIN_MODEL:
             continue
         from meshdeform.priors.builtin.grammar import parse, parse_negative
 
-        parse(prompt)
+        try:
+            parse(prompt)
+        except (PromptError, VocabularyError) as error:
+            if len(prompts) > 1:  # say which
+                error.extra |= {"errors": [{"loc": place, "msg": error.detail, "type": "value_error"}]}
+            raise
         if params.negative_prompt.strip():
             try:
                 parse_negative(params.negative_prompt, prompt)
@@ -198,6 +225,8 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
         find_excluded(params.exclude, found.nodes)
     check_selections("rigid", params.rigid, complete)
     check_selections("regions", params.regions, complete)
+    for number, prompt in enumerate(params.prompts):
+        check_selections(("prompts", number, "regions"), prompt.regions, complete)
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
@@ -247,7 +276,8 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
         return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
     like = filenames.get("target") or filenames.get(SILHOUETTE_PARTS[0])
     generated = request.params.target.prompt if request.params.target else ""
-    return request.prompt or generated or (f"like {PurePath(like).stem}" if like else "")
+    prompts = prompt_words(request.prompt, request.params)
+    return prompts or generated or (f"like {PurePath(like).stem}" if like else "")
 
 
 def _title(stage: Stage, filenames: Mapping[str, str]) -> str:

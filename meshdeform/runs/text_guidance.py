@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.guidance.texts import WeightedPrompt
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.shading import Shading
 from meshdeform.requests.choices import AppearanceMode
@@ -18,7 +21,9 @@ _SHADINGS: dict[AppearanceMode, Shading] = {
 }
 
 
-def score_distillation(prior: Prior, prompt: str, params: ResolvedParams) -> ScoreDistillation:
+def score_distillation(
+    prior: Prior, prompt: str | Sequence[WeightedPrompt], params: ResolvedParams
+) -> ScoreDistillation:
     """Return the guidance `sds` of a job with these parameters.
 
     Raises

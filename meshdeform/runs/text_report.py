@@ -59,6 +59,7 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
     return {
         "version": meshdeform.__version__,
         "prompt": facts.request.prompt,
+        **({"prompts": _weighted(facts.params)} if facts.params.prompts else {}),
         **({"stages": [stage.title for stage in facts.params.stages]} if facts.params.stages else {}),
         "seed": facts.params.seed,
         "preset": facts.params.preset.value,
@@ -66,6 +67,10 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
         "parameters_sha256": fingerprint(**facts.params.model_dump(mode="json")),
         "source_sha256": facts.asset_sha256,
     }
+
+
+def _weighted(params: ResolvedParams) -> list[dict[str, Any]]:
+    return [{"prompt": each.prompt, "weight": each.weight} for each in params.prompts]
 
 
 def build_report(
@@ -92,6 +97,7 @@ def build_report(
     fit: dict[str, Any] | None = None,
     stages: list[dict[str, Any]] | None = None,
     silhouettes: Sequence[Mapping[str, Any]] | None = None,
+    prompts: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
     control: Mapping[str, Any] | None = None,
 ) -> bytes:
@@ -139,6 +145,8 @@ def build_report(
         What came of each stage (`goals.stage_reports`); `likeness` and `fit` are those of the last one.
     silhouettes : sequence of mappings, optional
         How well the result fits each picture.
+    prompts : sequence of mappings, optional
+        Each of several prompts with what it pulled at (`prompts.prompt_reports`).
     bodies : sequence of Body
         What kept its shape.
     control : mapping, optional
@@ -214,6 +222,8 @@ def build_report(
         report["stages"] = stages
     if silhouettes is not None:
         report["silhouettes"] = list(silhouettes)
+    if prompts is not None:
+        report["prompts"] = list(prompts)
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
     if usdz is not None:

@@ -19,6 +19,7 @@ import pytest
 from meshdeform.record.models import JobState
 from meshdeform.support.failpoints import FAILPOINTS
 from tests.acceptance.cluster import LEASE_S, Cluster, lives, running_redis, until
+from tests.newer_version import upgrade_record
 from tests.servers import NotInstalledError, PostgresServer
 
 pytestmark = pytest.mark.acceptance
@@ -91,6 +92,22 @@ def test_nobody_waits_for_the_lease_of_a_worker_that_its_supervisor_has_seen_die
     job_id = cluster.submit(STEPS)
     cluster.start_worker(MESHDEFORM_FAILPOINTS=f"worker.step=kill;{tmp_path / 'died'}", MESHDEFORM_LEASE_S="3600")
     assert cluster.check(job_id, steps=STEPS).attempt == 2
+
+
+# A newer version beside this one
+
+
+def test_processes_go_on_and_start_again_on_a_record_that_a_newer_version_has_migrated(cluster: Cluster) -> None:
+    job_id = cluster.submit(STEPS)
+    supervisor = cluster.start_worker(**waiting_at(cluster, ["worker.step"]))
+    until("the worker is there", (cluster.folder / "worker.step.reached").exists)
+    upgrade_record(cluster.record.database)
+    # Another process of the old version must open the record; it waits for nothing any more.
+    (cluster.folder / "worker.step.go").touch()
+    supervisor.child().kill()
+    cluster.start_api()
+    assert cluster.check(job_id, steps=STEPS).attempt == 2
+    cluster.check(cluster.post(STEPS).json()["id"], steps=STEPS)
 
 
 # SIGKILL of the API

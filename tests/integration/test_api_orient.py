@@ -11,7 +11,8 @@ import pytest
 from meshdeform.assets import build_glb
 from meshdeform.assets.isolation import ChildOutcome
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import DependencyError
+from meshdeform.client import Client
+from meshdeform.errors import DependencyError, ParameterError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, resolve
@@ -45,6 +46,24 @@ def test_the_answer_is_what_the_report_would_say(
     run = text_deform.start(asset=BALL, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
     assert found.json() == run.orientation.to_dict()
     assert len(found.json()["grades"]) == 12
+    # Both clients drive the same generators.
+    with Client(api.url) as client:
+        orientation = client.orient(BALL, "a giraffe", params={"preset": "preview"}, filename="a.glb")
+        assert orientation.model_dump() == found.json()
+        with pytest.raises(ParameterError, match="would not search its front"):
+            client.orient(BALL, "a giraffe", params={"orientation": "keep"}, filename="a.glb")
+
+
+def test_an_unknown_word_in_any_prompt_is_found_before_the_job(api: Api) -> None:
+    prompts = [{"prompt": "a vase"}, {"prompt": "a zebr", "regions": [{"node": "Head"}]}]
+    with Client(api.url) as client:
+        with pytest.raises(VocabularyError) as caught:
+            client.validate(BALL, "a giraffe", params={"prompts": prompts}, filename="a.glb")
+        assert caught.value.extra["errors"][0]["loc"] == ["params", "prompts", 1, "prompt"]
+        prompts[1]["prompt"] = "a bell"
+        with pytest.raises(ParameterError, match="no node named 'Head'") as refused:
+            client.validate(BALL, "a giraffe", params={"prompts": prompts}, filename="a.glb")
+        assert refused.value.extra["errors"][0]["loc"] == ["params", "prompts", 1, "regions", 0, "node"]
 
 
 @each_case(

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import load_asset
+from meshdeform.fields.gluing import glue, topology
+from meshdeform.fields.reader import read_field
 from meshdeform.geometry.weld import weld
 from tests.cases import each_case
 
@@ -33,6 +35,15 @@ def generate(repository: Path) -> ModuleType:
 def test_every_example_is_generated(generate: ModuleType, repository: Path) -> None:
     assert sorted(generate.EXAMPLES) == NAMES
     assert sorted(path.stem for path in (repository / "examples").glob("*.glb")) == NAMES
+
+
+def test_the_field_unfolds_to_a_torus_of_64_000_triangles(repository: Path) -> None:
+    file = repository / "examples" / "bumpy_torus.ndf"
+    verts, faces = read_field(file).unfold(3)
+    assert len(faces) == 64_000
+    assert file.stat().st_size < 16_000
+    assert topology(faces, glue(verts, faces)).genus == 1
+    assert np.ptp(verts, axis=0) == pytest.approx([1.97, 0.57, 1.97], abs=0.05)
 
 
 @each_case("name", NAMES)

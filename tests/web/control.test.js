@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
+import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl, promptWords } from "../../service/web/app/create/control/model.js";
 import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { carriedFlags, keptFaces, Neighbours, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
@@ -54,6 +54,12 @@ test("all that was asked is said in words", () => {
   assert.deepEqual(controlWords(controlOf(ASKED)), [
     "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)", "Length along x: kept", "Length along y: at least 0.9×",
   ]);
+});
+
+test("further prompts are said with their weights and places", () => {
+  const sphere = { center: [0, 1, 0], radius: 0.5 };
+  const prompts = [{ prompt: "a bell" }, { prompt: "a vase", weight: 0.5, regions: [{ sphere, node: null, component: null }, { node: "Head" }] }, { prompt: "an owl", regions: [{ node: 3 }], outside: true }];
+  assert.deepEqual(promptWords(prompts), ["Prompt: a bell", "Prompt: a vase, weight 0.5 (Sphere of radius 0.5, Node Head)", "Prompt: an owl (outside of: Node 3)"]);
 });
 
 test("undo goes back step by step, and the same state is no step", () => {

@@ -36,6 +36,7 @@ test("a job is named after its prompt, its stages, or the target that a model ma
   assert.equal(goalWords({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
   assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
   assert.equal(goalWords({ prompt: "", params: { target: { prompt: "a shark" } } }), "a shark");
+  assert.equal(goalWords({ prompt: "a vase", params: { prompts: [{ prompt: "a bell", weight: 2 }] } }), "a vase + a bell");
   assert.equal(goalWords({ prompt: "" }), "");
   const others = [{ prompt: "", target: {} }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
   assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);

@@ -157,12 +157,14 @@ def _database_finding(connection: sa.Connection, url: sa.URL, subject: Subject) 
 
 
 def _schema_finding(detail: str, version: str | None) -> Finding:
-    from meshdeform.record.schema import HEAD
+    from meshdeform.record.schema import HEAD, compatible
 
     if version is None:
         return ok("database", f"{detail}, no tables yet: the first start creates them")
     if version == HEAD:
         return ok("database", f"{detail}, schema {version}")
+    if compatible(version):
+        return ok("database", f"{detail}, schema {version}, of a newer Meshdeform, which this one can use")
     if version < HEAD:
         return warn(
             "database", f"{detail}, schema {version}, not {HEAD}", "The next start migrates it: make a backup first."

@@ -117,14 +117,15 @@ const PHASES = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * The goals of a job in words: its prompt, its stages, or the target that a model makes; empty: a target mesh.
+ * The goals of a job in words: its prompts, its stages, or the target that a model makes; empty: a target mesh.
  *
  * @param {any} job
  */
 export function goalWords(job) {
   const stages = job.params?.stages ?? [];
   const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target?.prompt || stage.target);
-  return names.length ? names.join(" → ") : job.prompt || job.params?.target?.prompt || "";
+  const prompts = [job.prompt, ...(job.params?.prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
+  return names.length ? names.join(" → ") : prompts.join(" + ") || job.params?.target?.prompt || "";
 }
 
 const KIND_TITLES = /** @type {Record<string, string>} */ ({

@@ -14,14 +14,19 @@
  */
 
 const SWEEPS = 2000;
-const HEAT_TOLERANCE = 1e-5;
+const HEAT_TOLERANCE = 1e-4;
 const ITERATIONS = 3000;
+const RESIDUAL = 1e-5;
 
 export class HeatGeodesics {
   /** @param {import("./intrinsic.js").Intrinsic} mesh */
-  constructor({ faces, lengths, vertices }) {
-    this.faces = faces;
+  constructor({ faces: given, lengths, vertices }) {
     this.vertices = vertices;
+    // Neighbours get numbers near each other: the factor drops less, and memory is read in order.
+    this.rank = ranks(given, vertices);
+    const { rank } = this;
+    const faces = given.map((v) => rank[v]);
+    this.faces = faces;
     const count = faces.length;
     this.half = new Float64Array(count); // half the cotangent opposite to each side
     this.mass = new Float64Array(vertices);
@@ -47,6 +52,8 @@ export class HeatGeodesics {
     this.columns = rows.columns;
     this.values = rows.values;
     this.diagonal = rows.diagonal;
+    this.middle = rows.middle;
+    this.weighted = rows.values.map((value) => this.time * value);
     this.pivot = pivotsOf(rows);
     /** @type {Float64Array} The last solution, from which the next one begins. */
     this.phi = new Float64Array(vertices);
@@ -57,54 +64,37 @@ export class HeatGeodesics {
    * @returns {Float64Array} (V) infinite on parts without the source
    */
   distances(source) {
-    const order = this.#nearestFirst(source);
-    const heat = this.#heat(source, order);
-    const right = this.#divergence(heat);
-    const inside = new Uint8Array(this.vertices);
+    const { rank, phi, vertices } = this;
+    const start = rank[source];
+    const order = nearestFirst(this, start);
+    const right = this.#divergence(this.#heat(start, order));
+    const inside = new Uint8Array(vertices);
     for (const v of order) inside[v] = 1;
-    for (let v = 0; v < this.vertices; v++) if (!inside[v]) right[v] = 0;
+    for (let v = 0; v < vertices; v++) if (!inside[v]) right[v] = 0;
     this.#poisson(right);
-    const out = new Float64Array(this.vertices).fill(Infinity);
-    for (const v of order) out[v] = Math.max(this.phi[v] - this.phi[source], 0);
-    return out;
-  }
-
-  /** @param {number} source @returns {Uint32Array} vertices of its part, by the number of edges from it */
-  #nearestFirst(source) {
-    const order = new Uint32Array(this.vertices);
-    const seen = new Uint8Array(this.vertices);
-    order[0] = source;
-    seen[source] = 1;
-    let end = 1;
-    for (let at = 0; at < end; at++) {
-      for (let k = this.begin[order[at]]; k < this.begin[order[at] + 1]; k++) {
-        const next = this.columns[k];
-        if (seen[next]) continue;
-        seen[next] = 1;
-        order[end++] = next;
-      }
-    }
-    return order.subarray(0, end);
+    return Float64Array.from(rank, (v) => (inside[v] ? Math.max(phi[v] - phi[start], 0) : Infinity));
   }
 
   /** @param {number} source @param {Uint32Array} order */
   #heat(source, order) {
-    const { begin, columns, values, diagonal, mass, time } = this;
+    const { begin, columns, weighted, diagonal, mass, time } = this;
     const u = new Float64Array(this.vertices);
-    const sweep = (/** @type {number} */ v) => {
+    const inverse = mass.map((value, v) => 1 / (value + time * diagonal[v]));
+    /** @param {number} v @returns {boolean} whether it still changed */
+    const sweep = (v) => {
       let sum = v === source ? 1 : 0;
-      for (let k = begin[v]; k < begin[v + 1]; k++) sum += time * values[k] * u[columns[k]];
-      const found = sum / (mass[v] + time * diagonal[v]);
-      const change = found - u[v];
+      for (let k = begin[v]; k < begin[v + 1]; k++) sum += weighted[k] * u[columns[k]];
+      const found = sum * inverse[v];
+      const changed = found - u[v] > HEAT_TOLERANCE * found;
       u[v] = found;
-      return change > HEAT_TOLERANCE * found;
+      return changed;
     };
-    for (let turn = 0; turn < SWEEPS; turn++) {
-      let moved = false;
-      // Outwards, then inwards.
-      for (let i = 0; i < order.length; i++) if (sweep(order[i])) moved = true;
-      for (let i = order.length - 1; i >= 0; i--) if (sweep(order[i])) moved = true;
-      if (!moved) break;
+    // Outwards and inwards by turns. What is near the source is done first, and what is far has no effect on it.
+    for (let turn = 0, first = 0; turn < SWEEPS && first < order.length; turn++) {
+      let next = order.length;
+      for (let i = first; i < order.length; i++) if (sweep(order[i]) && i < next) next = i;
+      for (let i = order.length - 1; i >= first; i--) if (sweep(order[i]) && i < next) next = i;
+      first = next;
     }
     return u;
   }
@@ -134,7 +124,7 @@ export class HeatGeodesics {
 
   /** Solve L phi = right, from the last phi on. @param {Float64Array} right */
   #poisson(right) {
-    const { begin, columns, values, diagonal, pivot, phi, vertices } = this;
+    const { begin, middle, columns, values, diagonal, pivot, phi, vertices } = this;
     const rest = new Float64Array(vertices);
     const direction = new Float64Array(vertices);
     const image = new Float64Array(vertices);
@@ -149,12 +139,12 @@ export class HeatGeodesics {
     const precondition = () => {
       for (let v = 0; v < vertices; v++) {
         let sum = rest[v];
-        for (let k = begin[v]; k < begin[v + 1]; k++) if (columns[k] < v) sum += values[k] * better[columns[k]];
+        for (let k = begin[v]; k < middle[v]; k++) sum += values[k] * better[columns[k]];
         better[v] = sum / pivot[v];
       }
       for (let v = vertices - 1; v >= 0; v--) {
         let sum = 0;
-        for (let k = begin[v]; k < begin[v + 1]; k++) if (columns[k] > v) sum += values[k] * better[columns[k]];
+        for (let k = middle[v]; k < begin[v + 1]; k++) sum += values[k] * better[columns[k]];
         better[v] += sum / pivot[v];
       }
     };
@@ -167,7 +157,7 @@ export class HeatGeodesics {
     precondition();
     direction.set(better);
     let rho = dot(rest, better);
-    for (let turn = 0; turn < ITERATIONS && dot(rest, rest) > 1e-12 * wanted; turn++) {
+    for (let turn = 0; turn < ITERATIONS && dot(rest, rest) > RESIDUAL ** 2 * wanted; turn++) {
       apply(direction, image);
       const step = rho / dot(direction, image);
       if (!Number.isFinite(step)) break;
@@ -226,9 +216,19 @@ function assemble(faces, half, vertices) {
     }
     begin[v + 1] = out;
   }
+  // In each row those before it come first, up to `middle`.
+  const middle = begin.slice(0, vertices);
+  for (let v = 0; v < vertices; v++) {
+    for (let k = begin[v]; k < begin[v + 1]; k++) {
+      if (columns[k] > v) continue;
+      const to = middle[v]++;
+      [columns[k], columns[to]] = [columns[to], columns[k]];
+      [values[k], values[to]] = [values[to], values[k]];
+    }
+  }
   // What rounding leaves below zero; the sweeps need none.
   for (let k = 0; k < out; k++) if (values[k] < 0) values[k] = 0;
-  return { begin, columns: columns.subarray(0, out), values: values.subarray(0, out), diagonal };
+  return { begin, middle, columns: columns.subarray(0, out), values: values.subarray(0, out), diagonal };
 }
 
 /**
@@ -236,14 +236,51 @@ function assemble(faces, half, vertices) {
  *
  * @param {ReturnType<typeof assemble>} rows
  */
-function pivotsOf({ begin, columns, values, diagonal }) {
+function pivotsOf({ begin, middle, columns, values, diagonal }) {
   const pivots = new Float64Array(diagonal.length);
   for (let v = 0; v < pivots.length; v++) {
     let pivot = diagonal[v] * (1 + 1e-9);
-    for (let k = begin[v]; k < begin[v + 1]; k++) if (columns[k] < v) pivot -= values[k] ** 2 / pivots[columns[k]];
+    for (let k = begin[v]; k < middle[v]; k++) pivot -= values[k] ** 2 / pivots[columns[k]];
     pivots[v] = pivot > 1e-6 * diagonal[v] ? pivot : Math.max(diagonal[v], 1e-300);
   }
   return pivots;
+}
+
+/** @param {Uint32Array} faces @param {number} vertices @returns {Uint32Array} (V) new numbers, by a walk over the surface */
+function ranks(faces, vertices) {
+  const rows = assemble(faces, new Float64Array(faces.length), vertices);
+  const rank = new Uint32Array(vertices);
+  const seen = new Uint8Array(vertices);
+  let next = 0;
+  for (let v = 0; v < vertices; v++) {
+    if (seen[v]) continue;
+    for (const found of nearestFirst(rows, v)) {
+      seen[found] = 1;
+      rank[found] = next++;
+    }
+  }
+  return rank;
+}
+
+/**
+ * @param {{ begin: Uint32Array, columns: Uint32Array }} rows
+ * @param {number} source
+ * @returns {Uint32Array} vertices of its part, by the number of edges from it
+ */
+function nearestFirst({ begin, columns }, source) {
+  const order = new Uint32Array(begin.length - 1);
+  const seen = new Uint8Array(begin.length - 1);
+  order[0] = source;
+  seen[source] = 1;
+  let end = 1;
+  for (let at = 0; at < end; at++) {
+    for (let k = begin[order[at]]; k < begin[order[at] + 1]; k++) {
+      if (seen[columns[k]]) continue;
+      seen[columns[k]] = 1;
+      order[end++] = columns[k];
+    }
+  }
+  return order.subarray(0, end);
 }
 
 /** @param {Float64Array} a @param {Float64Array} b */

@@ -19,6 +19,8 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.rig import rig_warnings
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.testing import FakePrior
+from tests.cases import each_case
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import arm
 
@@ -85,6 +87,21 @@ def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
     # The front is twice as high as wide; the side, of another scale, four thirds as high as wide.
     np.testing.assert_allclose([size[1] / size[0], size[1] / size[2]], [2, 4 / 3], rtol=0.12)
     assert "0 degrees" in silhouettes_line(report["silhouettes"])
+
+
+@each_case("prompts", [[], [{"prompt": "a bell", "regions": [{"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}]}]])
+def test_prompts_beside_pictures_run_to_their_end(prompts: list[dict[str, object]]) -> None:
+    asked = request("a vase", silhouettes=BOTH[:1], preset="preview", steps=8, orientation="keep", prompts=prompts)
+    run = text_deform.start(asset=GLB, filename="a.glb", request=asked, prior=FakePrior(), pictures=[ellipse(40, 20)])
+    losses = [report.losses for report in run]
+    assert len(losses) == 8
+    assert all({"sds_mse", "silhouette_iou", "guidance"} <= each.keys() for each in losses)
+    report = json.loads(run.finish()["report.json"].data)
+    (found,) = report["silhouettes"]
+    assert found["iou"] > found["iou_before"] + 0.05
+    assert report["guidance"]["id"] == "fake"
+    assert report["guidance"]["silhouettes_sha256"]
+    assert len(report.get("prompts", [])) == (2 if prompts else 0)
 
 
 def test_pictures_that_cannot_be_used_are_named() -> None:

@@ -1,6 +1,6 @@
 // @ts-check
 /** What a job was asked to keep, to hold and to limit: in words, and over its first view. */
-import { controlOf, controlWords } from "../create/control/model.js";
+import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { h } from "../dom.js";
 import { counted } from "../format.js";
 import { toggle } from "./stage-controls.js";
@@ -22,7 +22,7 @@ function guideWords({ files = {}, params = {} }) {
   const target = files.target ? [`Target: ${files.target.filename}`] : [];
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
-  return [...target, ...pairs, ...pictures];
+  return [...target, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];
 }
 
 /**

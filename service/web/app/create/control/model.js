@@ -88,6 +88,20 @@ export function regionWords(region) {
 }
 
 /**
+ * The further prompts of a job, with their weights and what they pull at.
+ *
+ * @param {any[]} prompts
+ * @returns {string[]}
+ */
+export function promptWords(prompts) {
+  return prompts.map((each) => {
+    const where = (each.regions ?? []).map(withoutNulls).map(regionWords).join(", ");
+    const weight = (each.weight ?? 1) === 1 ? "" : `, weight ${figure(each.weight)}`;
+    return `Prompt: ${each.prompt}${weight}${where && ` (${each.outside ? "outside of: " : ""}${where})`}`;
+  });
+}
+
+/**
  * All that is asked, in sentences for a list.
  *
  * @param {Control} control

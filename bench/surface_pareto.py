@@ -1,0 +1,195 @@
+"""Compare `.ndf` files with other ways to send a surface: bytes, seconds, and errors of what is computed on it.
+
+The example of the README is `meshdeform surface-fit FOLDER/bumpy_torus.glb --steps 400 --threads 1`.
+
+python bench/make_surfaces.py FOLDER     # and put other surfaces there
+python -m bench.surface_pareto FOLDER/* -o pareto.json --plot pareto.svg --table
+python -m bench.surface_pareto --from *.json --table
+
+Every way is compared with the same reference: the input with its triangles divided, of at least 40,000 faces, so that
+no way has its triangulation. Eigenvalues are those of the intrinsic Delaunay Laplacian; geodesic distances are compared
+at the same 1,000 places. A noisy cloud is compared with the surface that it was sampled from, if `.truth.glb` is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from bench.surface_chart import draw, table
+from bench.surface_rivals import read_source, rivals
+from meshdeform.errors import AssetError
+from meshdeform.fields.base_mesh import base_of
+from meshdeform.fields.cleaning import CleanMesh, clean
+from meshdeform.fields.container import encode_base, write_field
+from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.fields.gluing import fans, glue, topology
+from meshdeform.fields.intrinsic import delaunay
+from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.measures import distances
+from meshdeform.fields.patches import level_of
+from meshdeform.fields.reader import read_field
+from meshdeform.fields.surface_sources import MeshSurface, Surface, surface_of
+from meshdeform.geometry.samples import even_samples
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+EIGENVALUES, SOURCES, PLACES = 20, 4, 1000
+FIELDS = ((120, 4, 16), (250, 4, 24), (500, 3, 32), (1000, 3, 32), (2000, 2, 32))
+"""Faces of the base, level, and width of the network."""
+
+
+class Truth:
+    """Eigenvalues and distances of the reference."""
+
+    def __init__(self, surface: Surface) -> None:
+        mesh = surface.reference
+        verts, faces = mesh.verts, mesh.faces
+        while len(faces) < 40_000:
+            level = level_of(faces, len(verts), 1)
+            verts, faces = np.einsum("pk,pkc->pc", level.weights, verts[level.corners]), level.faces
+            if surface.kind != "mesh":
+                verts, _ = surface.project(verts, np.zeros_like(verts))
+        self.surface, self.components = surface, mesh.topology.components
+        fine = clean(verts, faces)
+        found = delaunay(fine.verts, fine.faces)
+        self.eigenvalues, _ = spectrum(found, EIGENVALUES)
+        solver = HeatGeodesics(found)
+        corners = fine.verts[fine.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(cross, axis=1)
+        face, weights = even_samples(area, PLACES, seed=1)
+        self.places = np.einsum("pk,pkc->pc", weights, corners[face])
+        self.normals = cross[face] / area[face, None]
+        start = _spread(fine.verts, SOURCES)
+        self.sources = fine.verts[start]
+        self.far = [(solver.distances([s])[fine.faces[face]] * weights).sum(1) for s in start]
+
+    def compare(self, mesh: CleanMesh) -> dict[str, float]:
+        """Return errors and CPU seconds of a mesh: of preparing, and of solving for both tasks."""
+        begin = time.process_time()
+        intrinsic = delaunay(mesh.verts, mesh.faces)
+        ready = time.process_time()
+        values, _ = spectrum(intrinsic, EIGENVALUES)
+        spectral = time.process_time()
+        solver = HeatGeodesics(intrinsic)
+        ours = MeshSurface(mesh)
+        face, weights = ours._tree.find(self.places, self.normals)
+        shares, geodesic = [], 0.0
+        for source, far in zip(self.sources, self.far, strict=True):
+            near = int(np.linalg.norm(mesh.verts - source, axis=1).argmin())
+            start = time.process_time()
+            own = solver.distances([near])
+            geodesic += time.process_time() - start
+            found = (own[mesh.faces[face]] * weights).sum(1)
+            both = np.isfinite(found) & np.isfinite(far)
+            shares.append(float(np.abs(found - far)[both].mean() / far[both].mean()))
+        wanted = self.eigenvalues[self.components :]
+        apart = np.abs(values[self.components :][: len(wanted)] - wanted) / wanted
+        return {
+            "eigenvalues": float(apart.mean()),
+            "geodesics": float(np.mean(shares)),
+            "distance": float(distances(self.surface, mesh.verts, mesh.faces)["mean"]),
+            "all_delaunay": bool(intrinsic.certified),
+            "prepare_s": ready - begin,
+            "solve_s": spectral - ready + geodesic,
+        }
+
+
+def _spread(verts: _Floats, count: int) -> list[int]:
+    found = [int(np.linalg.norm(verts - verts.mean(0), axis=1).argmax())]
+    far = np.linalg.norm(verts - verts[found[0]], axis=1)
+    while len(found) < count:
+        found.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(verts - verts[found[-1]], axis=1))
+    return found
+
+
+def _manifold(verts: _Floats, faces: _Index) -> CleanMesh:
+    """Return a mesh as it is, if it is a manifold; else what cleaning makes of it."""
+    twin = glue(verts, faces)
+    fewest, _ = fans(faces, twin)
+    if fewest == len(np.unique(faces)) == len(verts):
+        return CleanMesh(verts, faces, twin, topology(faces, twin), {})
+    return clean(verts, faces)
+
+
+def fit(surface: Surface, base_faces: int, width: int, steps: int) -> bytes:
+    """Return a `.ndf`."""
+    frame = FieldFrame.around(surface.reference.verts)
+    verts, faces = base_of(surface.reference, base_faces)
+    base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
+    found = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, width=width))
+    for _ in found:
+        pass
+    return write_field(base, found.field, centre=frame.centre, scale=frame.scale, provenance={})
+
+
+def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Return a row for every way to send a surface."""
+    source = read_source(path.read_bytes(), path.name)
+    surface = surface_of(source)
+    known = path.with_suffix(".truth.glb")
+    truth = Truth(MeshSurface(read_source(known.read_bytes(), known.name)) if known.exists() else surface)
+    rows = []
+
+    def add(method: str, setting: str, size: int, unpack: Callable[[], Any], **more: Any) -> None:
+        begin = time.process_time()
+        try:
+            mesh = _manifold(*unpack())
+            unpacked = time.process_time() - begin
+            row = truth.compare(mesh) | {"faces": len(mesh.faces), "unpack_s": unpacked}
+        except Exception as error:  # a way that makes no manifold of a surface is a result
+            row = {"fails": f"{type(error).__name__}: {error}"}
+        rows.append({"surface": path.stem, "method": method, "setting": setting, "bytes": size, **more, **row})
+        note(json.dumps(rows[-1]))
+
+    for base_faces, level, width in FIELDS:
+        name = f"base {base_faces}, level {level}"
+        begin = time.process_time()
+        try:
+            data = fit(surface, base_faces, width, steps)
+        except AssetError as error:
+            rows.append({"surface": path.stem, "method": "ndf", "setting": name, "bytes": None, "fails": str(error)})
+            continue
+        spent = time.process_time() - begin
+        add("ndf", name, len(data), lambda data=data, level=level: read_field(data).unfold(level), fit_s=spent)
+    for rival in rivals(source, surface):
+        add(rival.method, rival.setting, rival.size, rival.unpack)
+    return rows
+
+
+def main() -> None:
+    """Measure, or read what was measured; draw, and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("surfaces", type=Path, nargs="*")
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--from", dest="before", type=Path, nargs="*", default=[])
+    parser.add_argument("--steps", type=int, default=400)
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--table", action="store_true")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    rows: list[dict[str, Any]] = [row for path in given.before for row in json.loads(path.read_text())]
+    for path in given.surfaces:
+        if path.name.endswith(".truth.glb"):
+            continue
+        rows += measure(path, given.steps, lambda line: print(line, flush=True))
+        if given.output:
+            given.output.write_text(json.dumps(rows, indent=1) + "\n")
+    if given.plot:
+        given.plot.write_text(draw(rows))
+    if given.table:
+        print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

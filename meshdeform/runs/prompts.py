@@ -1,0 +1,213 @@
+"""Read the prompts of a job: their texts, their weights, and the faces of the asset that each pulls at.
+
+With the weight w_i of prompt i, and m_i(f) in 0 .. 1 how much of face f it pulls at, the face gets the share::
+
+    w_i m_i(f) / max(1, sum_j w_j m_j(f))          m_i(f) = h^2 (3 - 2 h),   h = min(1, d_i(f) / fall-off)
+
+of the prompt's gradient, with d_i(f) the distance of the face from what is outside of its regions, along the surface. A
+prompt without regions pulls at everything, m_i = 1. Where m_i could not reach 1, because a region is narrower than four
+fall-offs, its fall-off is half of its greatest depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.errors import ParameterError
+from meshdeform.geometry.geodesic import surface_distances
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.guidance.texts import WeightedPrompt
+from meshdeform.requests.document import ResolvedParams
+from meshdeform.requests.prompts import Prompt, active_prompts
+from meshdeform.runs.control import Control
+from meshdeform.runs.selection import SelectableSurface
+
+__all__ = ["Prompts", "prompt_reports", "read_prompts"]
+
+Likeness = Callable[[TriangleMesh, str], dict[str, Any] | None]
+
+_Flags = NDArray[np.bool_]
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prompts:
+    """The prompts of a job that pull at anything.
+
+    Attributes
+    ----------
+    given : list of Prompt
+    faces : list of (F,) bool or None
+        The faces of the welded mesh that each pulls at; None for everything.
+    texts : list of WeightedPrompt
+        The same, for the guidance.
+    shares : list of (F,) float64
+        For each group of `texts`, the share of its gradient that each face gets; empty if all get everything.
+    """
+
+    given: list[Prompt] = field(default_factory=list)
+    faces: list[_Flags | None] = field(default_factory=list)
+    texts: list[WeightedPrompt] = field(default_factory=list)
+    shares: list[_Floats] = field(default_factory=list)
+
+    @property
+    def main(self) -> str:
+        """The first prompt that pulls at everything; empty if there is none."""
+        return next((each.prompt for each, faces in zip(self.given, self.faces, strict=True) if faces is None), "")
+
+
+def read_prompts(
+    prompt: str, params: ResolvedParams, surface: SelectableSurface, mesh: RestMesh, control: Control
+) -> Prompts:
+    """Return the prompts of a request.
+
+    Parameters
+    ----------
+    prompt : str
+        That of the request.
+    params : ResolvedParams
+    surface : SelectableSurface
+        In the file's units.
+    mesh : RestMesh
+        The welded mesh in the cameras' frame.
+    control : Control
+        With a symmetry, a region has its mirror image as well.
+
+    Raises
+    ------
+    ParameterError
+        A region selects nothing, everything or only what is kept.
+    """
+    given = active_prompts(prompt, params.prompts)
+    # Their numbers in the request, for errors.
+    numbers = [None] * bool(prompt) + [n for n, each in enumerate(params.prompts) if each.weight > 0]
+    faces = [
+        None if number is None or not each.regions else _pulled(number, each, surface, control)
+        for number, each in zip(numbers, given, strict=True)
+    ]
+    faces = [None if flags is not None and flags.all() else flags for flags in faces]
+    if all(flags is None for flags in faces):
+        scale = max(1.0, sum(each.weight for each in given))
+        return Prompts(given, faces, [WeightedPrompt(each.prompt, each.weight / scale) for each in given])
+    masks, groups = _grouped(faces)
+    falloff = params.falloff * float(np.linalg.norm(np.ptp(mesh.verts.numpy(), axis=0)))
+    pulls = [np.ones(len(mesh.faces)) if mask is None else _pull(mesh, mask, falloff) for mask in masks]
+    total = sum(each.weight * pulls[group] for each, group in zip(given, groups, strict=True))
+    shares = [pull / np.maximum(1.0, total) for pull in pulls]
+    texts = [WeightedPrompt(each.prompt, each.weight, group) for each, group in zip(given, groups, strict=True)]
+    return Prompts(given, faces, texts, shares)
+
+
+def prompt_reports(
+    prompts: Prompts, rest: TriangleMesh, mesh: TriangleMesh, likeness: Likeness | None
+) -> list[dict[str, Any]]:
+    """Return the report's `prompts`: each with its weight, its region, and what became of it.
+
+    Parameters
+    ----------
+    prompts : Prompts
+    rest, mesh : TriangleMesh
+        The welded source and result in their world.
+    likeness : callable, optional
+        Compares a mesh with a prompt; a prompt with a region is compared with the region alone.
+    """
+    reports = []
+    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
+    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
+    corners = mesh.faces.numpy()
+    for each, faces in zip(prompts.given, prompts.faces, strict=True):
+        report = each.model_dump(mode="json", exclude_none=True)
+        report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
+        if faces is not None:
+            within = np.zeros(len(moved), bool)
+            within[corners[faces].ravel()] = True
+            report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
+        if likeness is not None:
+            report["likeness"] = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
+        reports.append(report)
+    return reports
+
+
+def _rms(squares: _Floats) -> float:
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
+
+
+def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
+    """Return some faces of a mesh as a mesh of their own."""
+    chosen = mesh.faces[torch.from_numpy(faces)]
+    used, corners = torch.unique(chosen, return_inverse=True)
+    verts: Tensor = mesh.verts[used]
+    return TriangleMesh(verts, corners.view(-1, 3))
+
+
+def _pulled(number: int, prompt: Prompt, surface: SelectableSurface, control: Control) -> _Flags:
+    """Return flags (F,) of the faces that a prompt with regions pulls at."""
+    place = ("prompts", number, "regions")
+    found = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)
+    flags = np.asarray(~found if prompt.outside else found)
+    if control.partners is not None:
+        flags = flags | _mirrored(flags, surface.mesh, control.partners.axis)
+    if not flags.any():
+        raise _refusal(number, "its regions are the whole asset, so nothing is outside.", "Select less.")
+    kept = control.constraints.kept
+    if kept is not None and kept[surface.mesh.faces.numpy()[flags]].all():
+        raise _refusal(number, "all that it pulls at is kept.", "Keep less, or leave the prompt out.")
+    return flags
+
+
+def _mirrored(flags: _Flags, mesh: RestMesh, axis: int) -> _Flags:
+    """Return flags of the mirror images of flagged faces."""
+    verts = mesh.verts.numpy()
+    middles = verts[mesh.faces.numpy()].mean(1)
+    images = middles.copy()
+    images[:, axis] = verts[:, axis].min() + verts[:, axis].max() - images[:, axis]
+    return np.asarray(flags[cKDTree(middles).query(images)[1]])
+
+
+def _grouped(faces: Sequence[_Flags | None]) -> tuple[list[_Flags | None], list[int]]:
+    """Return the different regions, and the number of each prompt's among them."""
+    found: list[_Flags | None] = []
+    groups = []
+    for flags in faces:
+        group = next((n for n, other in enumerate(found) if _same(flags, other)), len(found))
+        if group == len(found):
+            found.append(flags)
+        groups.append(group)
+    return found, groups
+
+
+def _same(one: _Flags | None, other: _Flags | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return bool(np.array_equal(one, other))
+
+
+def _pull(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
+    """Return how much of each face (F,) a prompt pulls at."""
+    faces = mesh.faces.numpy()
+    outside = np.zeros(len(mesh.verts), bool)
+    outside[faces[~flags].ravel()] = True
+    if falloff <= 0:
+        return flags.astype(np.float64)
+    depths = np.minimum(surface_distances(mesh, outside, limit=2 * falloff), 2 * falloff)
+    of_face = depths[faces].mean(1) * flags
+    deepest = float(of_face.max())
+    if deepest <= 0:  # so narrow that all its corners are outside as well
+        return flags.astype(np.float64)
+    near = np.minimum(of_face / min(falloff, deepest / 2), 1.0)
+    return np.asarray(near**2 * (3 - 2 * near))
+
+
+def _refusal(number: int, what: str, advice: str) -> ParameterError:
+    detail = f"params.prompts.{number}: {what}"
+    place = {"loc": ["params", "prompts", number, "regions"], "msg": detail, "type": "value_error"}
+    return ParameterError(detail, advice=advice, errors=[place])

@@ -1,0 +1,260 @@
+"""The Kubernetes manifests: they render, are valid, grant no more than needed, and agree with the code."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+import yaml
+
+from meshdeform import __version__
+from meshdeform.record.models import JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.settings import Settings
+from service.operations.metrics import Metrics
+from tests.cases import each_case
+from worker.pulse import STOP_GRACE_S
+
+FOLDER = Path(__file__).parents[2] / "deploy/kubernetes"
+OURS = {"MESHDEFORM_" + name.upper() for name in Settings.model_fields}
+MONITORING = FOLDER / "components/monitoring"
+UNFINISHED = {state.value for state in JobState if not state.terminal}
+
+
+def documents(path: Path) -> list[dict[str, Any]]:
+    return [document for document in yaml.safe_load_all(path.read_text()) if document]
+
+
+def manifests() -> list[dict[str, Any]]:
+    return [document for path in sorted(FOLDER.rglob("*.yaml")) for document in documents(path)]
+
+
+def named(kind: str, name: str) -> dict[str, Any]:
+    found = [
+        document
+        for path in sorted((FOLDER / "base").glob("*.yaml"))
+        for document in documents(path)
+        if document["kind"] == kind and document["metadata"]["name"] == name
+    ]
+    assert len(found) == 1
+    return found[0]
+
+
+def pods() -> dict[str, dict[str, Any]]:
+    """The pods of the base, by name."""
+    key = named("CronJob", "meshdeform-first-key")["spec"]
+    assert key["suspend"] is True
+    return {
+        "api": named("Deployment", "meshdeform-api")["spec"]["template"]["spec"],
+        "worker": named("Deployment", "meshdeform-worker")["spec"]["template"]["spec"],
+        "first-key": key["jobTemplate"]["spec"]["template"]["spec"],
+    }
+
+
+def rules() -> list[dict[str, Any]]:
+    (document,) = documents(MONITORING / "alerts.yaml")
+    return [rule for group in document["spec"]["groups"] for rule in group["rules"]]
+
+
+def test_every_file_is_used_and_every_name_exists() -> None:
+    for kustomization in FOLDER.rglob("kustomization.yaml"):
+        (document,) = documents(kustomization)
+        used = {*document.get("resources", ()), *document.get("components", ())}
+        used |= {patch["path"] for patch in document.get("patches", ()) if "path" in patch}
+        used |= {file for maker in document.get("configMapGenerator", ()) for file in maker.get("files", ())}
+        assert all((kustomization.parent / name).exists() for name in used), kustomization
+        files = {path.name for path in kustomization.parent.iterdir() if path.is_file()} - {"kustomization.yaml"}
+        assert files == {name for name in used if "/" not in name}, kustomization
+
+
+def test_settings_and_secrets_are_those_that_exist(repository: Path) -> None:
+    text = "\n".join(path.read_text() for path in FOLDER.rglob("*.yaml"))
+    assert set(re.findall(r"MESHDEFORM_[A-Z_]+", text)) <= OURS
+    asked = {
+        entry["valueFrom"]["secretKeyRef"]["key"]
+        for pod in pods().values()
+        for entry in pod["containers"][0]["env"]
+        if "secretKeyRef" in entry.get("valueFrom", {})
+    }
+    guide = (repository / "docs/kubernetes.md").read_text()
+    assert asked == set(re.findall(r"--from-literal=([\w-]+)=", guide))
+    # No password, key or address with one is written down.
+    assert not re.search(r"://[^/\s]*:[^/\s]*@", text)
+    assert "kind: Secret\n" not in text
+
+
+def test_every_pod_is_restricted() -> None:
+    for name, pod in pods().items():
+        assert pod["automountServiceAccountToken"] is False, name
+        assert pod["securityContext"]["runAsNonRoot"] is True
+        assert pod["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+        (container,) = pod["containers"]
+        assert container["securityContext"] == {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"]},
+        }
+        assert "memory" in container["resources"]["limits"]
+        assert {volume["name"] for volume in pod["volumes"]} == {mount["name"] for mount in container["volumeMounts"]}
+        assert not any(key in pod for key in ("hostNetwork", "hostPID", "hostIPC"))
+        for volume in pod["volumes"]:
+            assert "sizeLimit" in volume["emptyDir"]
+
+
+def test_the_user_is_that_of_the_images(repository: Path) -> None:
+    for dockerfile in ("docker/service.Dockerfile", "docker/worker.Dockerfile"):
+        assert "USER 10001:10001" in (repository / dockerfile).read_text()
+    assert {pod["securityContext"]["runAsUser"] for pod in pods().values()} == {10001}
+
+
+def test_pods_stop_in_the_time_that_they_have() -> None:
+    from meshdeform.cli.servers import _API_GRACE_S
+
+    worker, api = pods()["worker"], pods()["api"]
+    assert "lifecycle" not in worker["containers"][0]
+    assert worker["terminationGracePeriodSeconds"] >= STOP_GRACE_S + 15
+    pause = api["containers"][0]["lifecycle"]["preStop"]["sleep"]["seconds"]
+    assert api["terminationGracePeriodSeconds"] >= pause + _API_GRACE_S + 10
+
+
+def test_what_is_scaled_has_no_fixed_number_and_fits_postgresql() -> None:
+    assert "replicas" not in named("Deployment", "meshdeform-api")["spec"]
+    (scaled,) = documents(FOLDER / "components/keda/scaled-object.yaml")
+    apis = named("HorizontalPodAutoscaler", "meshdeform-api")["spec"]["maxReplicas"]
+    # docs/operations.md, Sizing: 15 connections for each API process, 4 for each worker, 100 by default in all.
+    assert 15 * apis + 4 * scaled["spec"]["maxReplicaCount"] <= 90
+    (monitor,) = documents(MONITORING / "service-monitor.yaml")
+    service = named("Service", "meshdeform-api")
+    assert monitor["spec"]["selector"]["matchLabels"].items() <= service["metadata"]["labels"].items()
+    assert monitor["spec"]["endpoints"][0]["port"] == service["spec"]["ports"][0]["name"]
+
+
+def test_images_have_the_version() -> None:
+    tags = {image["newTag"] for document in manifests() for image in document.get("images", ()) if "newTag" in image}
+    assert tags == {__version__, f"{__version__}-cuda"}
+
+
+def test_keda_asks_the_record_for_the_unfinished_jobs(tmp_path: Path) -> None:
+    (scaled,) = documents(FOLDER / "components/keda/scaled-object.yaml")
+    (trigger,) = scaled["spec"]["triggers"]
+    query = trigger["metadata"]["query"]
+    assert set(re.findall(r"'(\w+)'", query)) == UNFINISHED
+    record = JobRecord(f"sqlite:///{tmp_path}/record.sqlite")
+    try:
+        with record.database.read() as connection:
+            assert connection.execute(sa.text(query)).scalar_one() == 0
+    finally:
+        record.close()
+    environment = {entry["name"] for entry in pods()["worker"]["containers"][0]["env"]}
+    assert trigger["metadata"]["connectionFromEnv"] in environment
+
+
+# -- monitoring
+def exported(tmp_path: Path) -> dict[str, set[str]]:
+    """The names of all series that the API exports, with the names of their labels."""
+    record = JobRecord(f"sqlite:///{tmp_path}/metrics.sqlite")
+    metrics = Metrics()
+    metrics.watch(record, "meshdeform")
+    metrics.answered("GET", "/v1/jobs", 200, 0.1)
+    try:
+        families = list(metrics.registry.collect())
+    finally:
+        record.close()
+    return {sample.name: set(sample.labels) for family in families for sample in family.samples}
+
+
+def expressions() -> list[str]:
+    dashboard = json.loads((MONITORING / "meshdeform.json").read_text())
+    shown = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
+    assert len({panel["id"] for panel in dashboard["panels"]}) == len(dashboard["panels"])
+    return [*shown, *(rule["expr"] for rule in rules())]
+
+
+def test_alerts_and_dashboard_ask_for_metrics_that_exist(tmp_path: Path) -> None:
+    series = exported(tmp_path)
+    asked = set()
+    for expression in expressions():
+        for name, selector in re.findall(r"\b(meshdeform_\w+)(?:\{([^}]*)\})?", expression):
+            asked.add(name)
+            assert name in series, expression
+            for label, value in re.findall(r'(\w+)=~?"([^"]*)"', selector):
+                assert label in series[name], expression
+                if label == "state":
+                    assert set(value.split("|")) <= {state.value for state in JobState}
+        for grouped in re.findall(r"by \(([^)]*)\)", expression):
+            known = set().union(*(series[name] for name in re.findall(r"meshdeform_\w+", expression)))
+            assert set(grouped.replace(" ", "").split(",")) <= known, expression
+    # Every metric is looked at somewhere: one that nobody needs would not be exported.
+    families = {re.sub(r"_(bucket|sum|count|total|created)$", "", name) for name in series}
+    assert families == {re.sub(r"_(bucket|total)$", "", name) for name in asked}
+
+
+def test_every_alert_has_a_line_in_the_runbook_and_a_test(repository: Path) -> None:
+    guide = (repository / "docs/kubernetes.md").read_text()
+    tested = (repository / "tests/unit/prometheus/alerts_test.yaml").read_text()
+    headings = re.findall(r"^### (Meshdeform\w+)$", guide, re.MULTILINE)
+    assert headings == [rule["alert"] for rule in rules()]
+    for rule in rules():
+        assert rule["annotations"]["runbook"] == f"docs/kubernetes.md#{rule['alert'].lower()}"
+        assert re.search(rf"alertname: {rule['alert']}\n\s+exp_alerts:", tested), rule["alert"]
+
+
+def test_promtool_says_when_each_alert_fires(repository: Path, tmp_path: Path) -> None:
+    if (promtool := shutil.which("promtool")) is None:
+        pytest.skip("promtool is not installed (Debian: the package prometheus)")
+    (document,) = documents(MONITORING / "alerts.yaml")
+    (tmp_path / "alerts.yaml").write_text(yaml.safe_dump(document["spec"]))
+    shutil.copy(repository / "tests/unit/prometheus/alerts_test.yaml", tmp_path)
+    for arguments in (["check", "rules", "alerts.yaml"], ["test", "rules", "alerts_test.yaml"]):
+        done = subprocess.run([promtool, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+# -- rendered
+@functools.cache
+def rendered(overlay: str) -> list[dict[str, Any]]:
+    if (kubectl := shutil.which("kubectl")) is None:
+        pytest.skip("kubectl is not installed")
+    done = subprocess.run([kubectl, "kustomize", FOLDER / overlay], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [document for document in yaml.safe_load_all(done.stdout) if document]
+
+
+@each_case("overlay", ["base", "example"])
+def test_what_kustomize_renders_is_valid(overlay: str) -> None:
+    found = rendered(overlay)
+    validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
+    foreign = [document for document in found if re.search(r"\.(sh|com)/", document["apiVersion"])]
+    assert len(foreign) == (3 if overlay == "example" else 0)
+    for document in found:
+        if document not in foreign:
+            validate.validate(document, "1.30" if overlay == "base" else "1.37", strict=True)
+
+
+def test_the_example_has_all_components() -> None:
+    found = {
+        (document["kind"], document["metadata"]["name"].split("-")[-1]): document for document in rendered("example")
+    }
+    worker = found["Deployment", "worker"]
+    (container,) = worker["spec"]["template"]["spec"]["containers"]
+    assert "replicas" not in worker["spec"]
+    assert container["image"] == f"registry.example.com/meshdeform-worker:{__version__}-cuda"
+    assert container["resources"]["limits"]["nvidia.com/gpu"] == "1"
+    assert {entry["name"] for entry in container["env"]} >= {"MESHDEFORM_DATABASE_URL", "MESHDEFORM_DEVICE"}
+    assert [volume["name"] for volume in worker["spec"]["template"]["spec"]["volumes"]].count("tmp") == 1
+    assert ("ConfigMap", "dashboard") in found
+    for kind, names in {
+        "NetworkPolicy": ("meshdeform", "api"),
+        "PodDisruptionBudget": ("api",),
+        "Service": ("api",),
+    }.items():
+        for name in names:
+            selector = found[kind, name]["spec"].get("podSelector") or found[kind, name]["spec"]["selector"]
+            assert selector.get("matchLabels", selector)["app.kubernetes.io/name"] == "meshdeform"
