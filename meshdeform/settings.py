@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
+from meshdeform.requests.models import TAUGHT_SUFFIX
 
 __all__ = ["Settings"]
 
@@ -66,6 +67,10 @@ class Settings(BaseSettings):
         default_factory=list,
         description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, separated by commas.",
     )
+    models: str = Field(
+        "",
+        description="Folder of files that `meshdeform teach` wrote; jobs may name them. The API reads it, too.",
+    )
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
         "auto",
@@ -73,7 +78,7 @@ class Settings(BaseSettings):
         "supports it, else float16.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
-    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per core.")
+    threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
     lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for this long loses its job.")
     max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
@@ -154,7 +159,14 @@ class Settings(BaseSettings):
     @property
     def offered_models(self) -> list[str]:
         """Every model that a job may name, as configured, the default one first."""
-        return list(dict.fromkeys([self.model, BUILTIN_MODEL, *self.allowed_models]))
+        return list(dict.fromkeys([self.model, BUILTIN_MODEL, *self.further_models]))
+
+    @property
+    def further_models(self) -> list[str]:
+        """The models that a job may name besides `builtin` and the default one; the folder is read every time."""
+        folder = Path(self.models).expanduser() if self.models else None
+        taught = sorted(map(str, folder.glob(f"*{TAUGHT_SUFFIX}"))) if folder else []
+        return [*self.allowed_models, *taught]
 
     @cached_property
     def resolved_storage_url(self) -> str:

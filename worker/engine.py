@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshdeform.requests.models import is_taught
 from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
@@ -63,7 +65,7 @@ class PriorCache:
     """A cache of one prior, the last one used, so that only one is in memory."""
 
     def __init__(self) -> None:
-        self._key: tuple[str, str, str, str] | None = None
+        self._key: tuple[str, str, str, str, str] | None = None
         self._prior: Prior | None = None
 
     def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
@@ -74,7 +76,7 @@ class PriorCache:
         ModelError, DependencyError
             It cannot be loaded.
         """
-        key = (model, device, revision, dtype)
+        key = (model, device, revision, dtype, _edition(model))
         if self._prior is None or self._key != key:
             self._prior = None  # before the next one is loaded: two may not fit
             from meshdeform.priors import load_prior
@@ -83,3 +85,14 @@ class PriorCache:
             self._prior = load_prior(model, device=device, revision=revision, dtype=dtype)
             self._key = key
         return self._prior
+
+
+def _edition(model: str) -> str:
+    """Return what changes if a file of taught weights is replaced by another one of the same name."""
+    if not is_taught(model):
+        return ""
+    try:
+        found = Path(model).expanduser().stat()
+    except OSError:
+        return ""
+    return f"{found.st_mtime_ns} {found.st_size} {found.st_ino}"

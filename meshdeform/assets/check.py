@@ -51,9 +51,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection"]
-"""What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, or many
-assets in a ZIP."""
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family"]
+"""What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
+in a ZIP, or a fitted family."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -201,12 +201,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
     parser.add_argument(
-        "--content", default="mesh", help="what the file should be: mesh, silhouette, surface or collection"
+        "--content", default="mesh", help="what the file should be: mesh, silhouette, surface, collection or family"
     )
     options = parser.parse_args(arguments)
-    decode = {"silhouette": _read_picture, "surface": _decode_surface, "collection": _read_collection}.get(
-        options.content, _decode
-    )
+    decode = {
+        "silhouette": _read_picture,
+        "surface": _decode_surface,
+        "collection": _read_collection,
+        "family": _read_family,
+    }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
@@ -262,6 +265,17 @@ def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, An
     from meshdeform.assets.collection import inspect_collection
 
     return asdict(inspect_collection(path.read_bytes(), limits))
+
+
+def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    if path.stat().st_size > limits.max_bytes:
+        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    from meshdeform.assets.family_file import read_family
+
+    family = read_family(path.read_bytes(), limits)
+    triangles = sum(len(segments) for segments in family.segments)
+    return asdict(AssetSummary("safetensors", 0, triangles, meshes=len(family.names)))
 
 
 def has_area(surface: Surface) -> bool:

@@ -22,6 +22,7 @@ from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.family_fit import family_fit
+from meshdeform.cli.family_synthesize import family_synthesize
 from meshdeform.cli.fetch import fetch
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import jobs
@@ -32,10 +33,12 @@ from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
 from meshdeform.cli.submit import submit
 from meshdeform.cli.surface_fit import surface_fit
+from meshdeform.cli.teach import teach
 from meshdeform.cli.unfold import unfold
 from meshdeform.cli.variants import variants
 from meshdeform.cli.version import print_version, version
 from meshdeform.cli.waiting import wait, watch
+from meshdeform.support.threads import limit_spinning
 
 __all__ = ["app", "main"]
 
@@ -111,10 +114,12 @@ app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(apply)
 app.command(rich_help_panel=_MACHINE)(variants)
 app.command("family-fit", rich_help_panel=_MACHINE)(family_fit)
+app.command("family-synthesize", rich_help_panel=_MACHINE)(family_synthesize)
 app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
+app.command(rich_help_panel=_MACHINE)(teach)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
@@ -137,4 +142,5 @@ app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 def main() -> None:
     """Run the command that the arguments name, and exit."""
+    limit_spinning()  # before a command imports torch
     app()

@@ -21,7 +21,7 @@ from meshdeform.cli.options import (
     UrlOption,
 )
 from meshdeform.cli.output import emit, note, table
-from meshdeform.cli.request import merge_params
+from meshdeform.cli.request import find_taught, merge_params
 from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
@@ -216,6 +216,7 @@ def _checker() -> Any:
     def check(request: JobRequest, has_target: bool) -> None:
         if request.output.usd:
             require_usd()
+        request = find_taught(request, settings)
         named = request.params.model
         text_deform_kind.check(
             request,

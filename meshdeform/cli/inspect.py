@@ -13,7 +13,7 @@ from meshdeform.cli.options import AlsoOption, JsonOption, ModelOption, SetOptio
 from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.prompts import parse_also
-from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.request import find_taught, make_request, merge_params
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
@@ -53,7 +53,7 @@ def inspect(
     if prompt or also:
         written = merge_params(param or [], model=model, prompts=parse_also(also))
         request = make_request(prompt, {"orientation": "auto", **written})
-        found["orientation"] = _front(data, asset.name, request, settings)
+        found["orientation"] = _front(data, asset.name, find_taught(request, settings), settings)
     if as_json:
         emit(found)
         return

@@ -19,6 +19,7 @@ from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.goals import stage_words
 from meshdeform.cli.progress import ProgressView
+from meshdeform.cli.request import find_taught
 from meshdeform.errors import AlignmentError, UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
@@ -81,7 +82,8 @@ class LocalJob:
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
-        self._asset, self._request, self._settings, self._outputs = asset, request, settings, outputs
+        self._asset, self._settings, self._outputs = asset, settings, outputs
+        self._request = find_taught(request, settings)
         self._targets = {**({"target": target} if target else {}), **(targets or {})}
         self._pictures, self._resume, self._load = pictures, resume, load
         self._shown: list[Path] = []

@@ -38,13 +38,15 @@ def models(
 
     meshdeform models builtin
     """
+    from meshdeform.priors.public_names import public_name
+
     if url:
         with connect(url, api_key, api_key_file) as client:
             answer: Any = client.models()
         document = answer if isinstance(answer, dict) else answer.model_dump(mode="json")
     else:
         document = _local()
-    found = [entry for entry in document["models"] if model in (None, entry["id"])]
+    found = [entry for entry in document["models"] if model in (None, entry["id"], public_name(entry["id"]))]
     if not found:
         known = ", ".join(entry["id"] for entry in document["models"])
         raise ModelError(f"There is no model {model!r} here.", advice=f"Models: {known}.")
@@ -72,7 +74,7 @@ def _local() -> dict[str, Any]:
     from meshdeform.priors.catalogue import list_models
 
     settings = load_settings()
-    found = list_models(settings.model, settings.allowed_models, settings.model_revision)
+    found = list_models(settings.model, settings.further_models, settings.model_revision)
     return {"default": settings.model, "models": [asdict(entry) for entry in found]}
 
 
@@ -84,6 +86,14 @@ def _described(entry: dict[str, Any]) -> str:
     for name in ("nouns", "attributes", "examples"):
         if words.get(name):
             lines.append(f"{name}: {', '.join(words[name])}")
+    for lesson in entry.get("lessons") or []:
+        names = " or ".join([lesson["noun"], *lesson["synonyms"]])
+        meshes = list(lesson["meshes"][:3]) + (
+            [f"{len(lesson['meshes']) - 3} more"] if len(lesson["meshes"]) > 3 else []
+        )
+        licence = f"; licence of the meshes: {lesson['licence']}" if lesson["licence"] else ""
+        labels = f"; labelled {', '.join(lesson['attributes'])}" if lesson["attributes"] else ""
+        lines.append(f"taught {lesson['date']}: {names}, from {', '.join(meshes)}{labels}{licence}")
     lines.append(f"Licence: {entry.get('licence') or 'not stated here; see its model card'}")
     if not words:
         lines.append("Accepts any prompt.")

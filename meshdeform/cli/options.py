@@ -53,7 +53,7 @@ def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
     found = {"builtin": "the demonstration model that ships with Meshdeform"}
     with contextlib.suppress(MeshdeformError):
         settings = load_settings()
-        for name in (settings.model, *settings.allowed_models):
+        for name in (settings.model, *settings.further_models):
             found.setdefault(name, "from the settings")
     yield from ((name, text) for name, text in found.items() if name.startswith(incomplete))
 
@@ -141,7 +141,7 @@ ApiKeyFileOption = Annotated[
 ModelOption = Annotated[
     str | None,
     typer.Option(
-        help="`builtin`, or a Stable Diffusion model by hub id or folder.",
+        help="`builtin`, a file that `meshdeform teach` wrote, or a Stable Diffusion model by hub id or folder.",
         rich_help_panel="Method",
         autocompletion=complete_models,
         show_default=False,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -13,6 +14,7 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
     from meshdeform.requests.morph import MorphPath
+    from meshdeform.settings import Settings
 
 __all__ = [
     "make_request",
@@ -142,3 +144,15 @@ def make_request(
             advice="docs/parameters.md has every parameter with its bounds.",
             errors=found,
         ) from error
+
+
+def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
+    """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
+    from meshdeform.priors.public_names import configured_name
+    from meshdeform.requests.models import is_taught
+
+    model = request.params.model
+    if model is None or not is_taught(model) or Path(model).expanduser().exists():
+        return request
+    path = configured_name(model, settings.further_models)
+    return request.model_copy(update={"params": request.params.model_copy(update={"model": path})})

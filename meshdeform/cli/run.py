@@ -37,7 +37,7 @@ from meshdeform.cli.orientation import orientation_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.prompts import parse_also, prompt_lines
-from meshdeform.cli.request import make_request, merge_params, parse_exclude, parse_morph_path
+from meshdeform.cli.request import find_taught, make_request, merge_params, parse_exclude, parse_morph_path
 from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
@@ -194,7 +194,7 @@ def run(
     morph = morph or bool(morph_path) or bool(params.get("stages"))
     written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
     written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
-    request = make_request(prompt, params, output=written)
+    request = find_taught(make_request(prompt, params, output=written), settings)
     paths = {
         "result": output,
         "report": report or output.with_suffix(".report.json"),

@@ -40,6 +40,7 @@ __all__ = [
     "JobList",
     "JobView",
     "KindInfo",
+    "Lesson",
     "Limits",
     "ModelList",
     "ModelView",
@@ -306,6 +307,19 @@ class Vocabulary(_Open):
     examples: list[str] = Field(default_factory=list)
 
 
+class Lesson(_Open):
+    """What the builtin model was taught."""
+
+    noun: str
+    synonyms: list[str] = Field(default_factory=list)
+    attributes: list[str] = Field(default_factory=list)
+    meshes: list[str] = Field(default_factory=list)
+    licence: str = ""
+    date: str = ""
+    steps: int = 0
+    seed: int = 0
+
+
 class ModelView(_Open):
     """A model that jobs may use in `params.model`."""
 
@@ -316,6 +330,7 @@ class ModelView(_Open):
     vocabulary: Vocabulary | None = None
     purpose: str = "guidance"
     licence: str = ""
+    lessons: list[Lesson] = Field(default_factory=list)
 
 
 class ModelList(_Open):

@@ -20,6 +20,9 @@ _BLOW_UP = 2.0
 """An error so many times the best one ends a climb: back to the best weights at half the rate."""
 _LEAST_RATE = 1e-5
 _REACH = 20.0
+_OF_STRUCTURE = 30.0
+"""Factor of the rate of the structure part, whose gradients are as small as one over the number of shapes. Without it,
+it learns little more than how often each point exists, and what only some members have never comes in samples."""
 _FROM_BELOW = 0.5
 """Share of the epochs that start the reconstruction from the first layer, which is learned before those above it."""
 _POSITIVE = ("a0", "b0", "a", "b", "c", "d")
@@ -166,4 +169,5 @@ class Learning:
 def _reach(machine: BetaMachine) -> dict[str, Tensor]:
     strength = _REACH * (machine.weights["a0"] + machine.weights["b0"])
     shared = strength[:, None] / machine.sees.sum(1, keepdim=True).clamp_min(1.0)
-    return {"a0": strength, "b0": strength, **dict.fromkeys("abcd", shared)}
+    structure = dict.fromkeys(("e0", "g0", "eg"), torch.tensor(_OF_STRUCTURE))
+    return {"a0": strength, "b0": strength, **dict.fromkeys("abcd", shared), **structure}

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy import ndimage, optimize, spatial
+from scipy import ndimage, spatial
 from torch import Tensor
 from torch.nn import functional
 
@@ -227,7 +227,9 @@ def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
             row[3 + number] = -1.0
             rows.append(row)
     system = np.array(rows)
-    found, _ = optimize.nnls(np.delete(system, 3, 1), -system[:, 3])
+    from scipy.optimize import nnls  # a part of scipy that no other run needs
+
+    found, _ = nnls(np.delete(system, 3, 1), -system[:, 3])
     squared = np.concatenate([[1.0], found[3:]])
     if (squared <= 0).any():
         raise _contradiction(views)

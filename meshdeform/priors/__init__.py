@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.requests.models import is_taught
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -18,13 +20,13 @@ __all__ = ["check_model", "load_prior"]
 def check_model(model: str, revision: str = "") -> None:
     """Check, without torch and without a network, whether `load_prior` would find the model.
 
-    An environment without torch does not run models (for example, the API's own container). There, nothing is checked,
-    and the worker reports a missing model.
+    An environment without torch does not run models (for example, the API's own container). There, nothing is checked
+    but taught weights, whose words the prompts need, and the worker reports a missing model.
 
     Parameters
     ----------
     model : str
-        `builtin`, the folder of a Stable Diffusion checkpoint, or its hub id.
+        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, or its hub id.
     revision : str
         Branch, tag or commit of a hub model; by default its default branch.
 
@@ -36,6 +38,11 @@ def check_model(model: str, revision: str = "") -> None:
         The model needs packages that are not installed.
     """
     if model == BUILTIN_MODEL:
+        return
+    if is_taught(model):
+        from meshdeform.priors.builtin.taught import check as check_taught
+
+        check_taught(Path(model).expanduser())
         return
     from meshdeform.priors.model_files import check
 
@@ -66,6 +73,10 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
         return BuiltinPrior(device=device)
+    if is_taught(model):
+        from meshdeform.priors.builtin.prior import BuiltinPrior
+
+        return BuiltinPrior(device=device, weights=Path(model).expanduser())
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
     return StableDiffusionPrior(model, device=device, revision=revision, dtype=dtype)

@@ -12,9 +12,13 @@ from typing import Literal
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
+from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
+from meshdeform.priors.builtin.taught import check as check_taught
+from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
 from meshdeform.priors.public_names import hidden_folders, public_names
 from meshdeform.priors.text_to_3d import check_generator, is_generator
 from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.requests.models import is_taught
 
 __all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "list_models"]
 
@@ -30,6 +34,7 @@ EXAMPLES: tuple[str, ...] = (
 
 _GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended."
 _TARGETS = "A text-to-3D model: makes the target mesh of params.target. A GPU is recommended."
+_TAUGHT = "The builtin model with words of its own."
 _CARD = 10_000
 """Characters of a model card that are read."""
 
@@ -79,6 +84,8 @@ class ModelInfo:
         Whether it guides a deformation (`params.model`) or makes target meshes (`params.target`).
     licence : str
         What its model card says, or an empty text.
+    lessons : tuple of Lesson
+        What the builtin prior was taught, in order; empty for every other model.
     """
 
     id: str
@@ -89,6 +96,7 @@ class ModelInfo:
     vocabulary: Vocabulary | None
     purpose: Literal["guidance", "target"] = "guidance"
     licence: str = ""
+    lessons: tuple[Lesson, ...] = ()
 
 
 def list_models(
@@ -124,6 +132,8 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
             vocabulary=Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), NOUNS, MAX_ATTRIBUTES, EXAMPLES),
             licence="Apache-2.0",
         )
+    if is_taught(model):
+        return _describe_taught(model, name)
     makes_targets = is_generator(model)
     available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
@@ -137,6 +147,44 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
         purpose="target" if makes_targets else "guidance",
         licence=_licence(model),
     )
+
+
+def _describe_taught(model: str, name: str) -> ModelInfo:
+    path = Path(model).expanduser()
+    try:
+        with hidden_folders([model] if name != model else []):
+            words = check_taught(path)
+            lessons = lessons_of(read_metadata(path), path)
+    except MeshdeformError as error:
+        return ModelInfo(name, path.stem, _TAUGHT, False, f"{error.detail} {error.advice_text}", None)
+    own = ", ".join(lesson.noun for lesson in lessons)
+    return ModelInfo(
+        id=name,
+        title=path.stem,
+        description=f"{_TAUGHT[:-1]}: {own}." if own else _TAUGHT,
+        available=True,
+        problem=None,
+        vocabulary=Vocabulary(
+            tuple(sorted(words.nouns)),
+            tuple(map(str, ATTRIBUTES)),
+            dict(words.nouns),
+            MAX_ATTRIBUTES,
+            tuple(_examples(words, lessons)),
+        ),
+        licence="; ".join(dict.fromkeys(lesson.licence for lesson in lessons if lesson.licence)),
+        lessons=lessons,
+    )
+
+
+def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:
+    """Return prompts with the newest words, with the attributes that they were taught with."""
+    found = []
+    for lesson in reversed(lessons):
+        if lesson.noun in words.nouns:
+            degrees = [word for word in lesson.attributes if " " not in word] or ["tall"]
+            own = (ParsedPrompt(lesson.noun), ParsedPrompt(lesson.noun, (Attribute("whole", degrees[0]),)))
+            found += [str(prompt) for prompt in own]
+    return (found or list(EXAMPLES))[: len(EXAMPLES)]
 
 
 def _licence(model: str) -> str:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from meshdeform.errors import DependencyError, ModelError
+from meshdeform.requests.models import is_taught
 
 __all__ = ["configured_name", "hidden_folders", "public_name", "public_names"]
 
@@ -24,7 +25,9 @@ def public_names(models: Sequence[str]) -> dict[str, str]:
 
 
 def public_name(model: str) -> str:
-    """Return the last part of a folder's path; a hub id stays."""
+    """Return the last part of the path of a folder or of taught weights; a hub id stays."""
+    if is_taught(model):
+        return Path(model).name
     absolute_or_relative = model.startswith(("/", ".", "~")) or "\\" in model or model.count("/") > 1
     if absolute_or_relative or Path(model).is_dir():
         return Path(model).expanduser().resolve().name or "model"

@@ -19,6 +19,7 @@ __all__ = [
     "Rigidity",
     "Safeguard",
     "Symmetry",
+    "SynthesisMode",
 ]
 
 
@@ -28,6 +29,7 @@ class JobKind(StrEnum):
     TEXT_DEFORM = "text_deform"
     SURFACE_FIT = "surface_fit"
     FAMILY_FIT = "family_fit"
+    FAMILY_SYNTHESIZE = "family_synthesize"
 
     @classmethod
     def named(cls, name: str) -> JobKind:
@@ -143,3 +145,12 @@ class Easing(StrEnum):
 
     LINEAR = "linear"
     SMOOTH = "smooth"
+
+
+class SynthesisMode(StrEnum):
+    """What a synthesis makes of a family."""
+
+    SAMPLE = "sample"
+    INTERPOLATE = "interpolate"
+    COMPLETE = "complete"
+    SEARCH = "search"

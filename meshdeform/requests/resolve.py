@@ -6,6 +6,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.bounds import contradiction
 from meshdeform.requests.choices import AppearanceMode, Carrier, GuidanceKind
 from meshdeform.requests.control import LengthLimits
+from meshdeform.requests.models import is_builtin
 from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.prompts import contradicted
@@ -32,7 +33,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     """
     params = _with_goal(params)
     model = params.model or default_model
-    family: Family = "builtin" if model == BUILTIN_MODEL else "sd"
+    family: Family = "builtin" if is_builtin(model) else "sd"
     if params.guidance is not GuidanceKind.SDS:
         family = "target" if params.guidance is GuidanceKind.TARGET else "silhouettes"
     paper = {name: field.default for name, field in DeformParams.model_fields.items()}

@@ -15,6 +15,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, use_params
 from meshdeform.runs.base import JobRun, Kind, RunInput
 from meshdeform.runs.family_fit_kind import FAMILY_FIT
+from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
 from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -30,7 +31,7 @@ _registered: dict[JobKind, Kind] = {}
 
 
 def _built_in() -> list[Kind]:
-    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT]
+    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE]
 
 
 def register(kind: Kind) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-
 import torch
 
 from meshdeform.errors import ParameterError
+from meshdeform.support.threads import default_threads
 
 __all__ = ["resolve_device", "use_threads"]
 
@@ -36,8 +35,7 @@ def resolve_device(name: str) -> str:
 
 
 def use_threads(count: int) -> int:
-    """Set torch's number of CPU threads, 0 for one per core of this process, and return the number."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    threads = count or usable or 1
+    """Set torch's number of CPU threads and return it; 0 chooses as `support.threads.default_threads` does."""
+    threads = count or default_threads()
     torch.set_num_threads(threads)
     return threads

@@ -97,11 +97,11 @@ FAMILY_FIT = Kind(
         ArtifactKind(
             "correspondences.npz", _NPZ, "Where each template point lies on each asset, and how sure that is."
         ),
-        ArtifactKind("descriptors.npz", _NPZ, "Descriptors of the assets: the machine's top layers."),
+        ArtifactKind("descriptors.npz", _NPZ, "Descriptors of the assets."),
         ArtifactKind(
             "family.safetensors",
             "application/octet-stream",
-            "The part templates and the parameters of the Beta shape machine.",
+            "All that `family_synthesize` reads: template, Beta shape machine, places and parts of the assets.",
         ),
         ArtifactKind(
             "labelled.zip",

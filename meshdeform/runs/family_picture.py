@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from meshdeform.assets import Limits, Primitive, build_glb, load_asset
+from meshdeform.assets import Asset, Limits, Primitive, build_glb, load_asset
 from meshdeform.rendering.studio import Pose, Studio
 
-__all__ = ["COLOURS", "family_png"]
+__all__ = ["COLOURS", "assets_png", "family_png"]
 
 COLOURS = (
     (0.00, 0.17, 0.45, 1.0),
@@ -64,6 +64,26 @@ def _drawn(shape: Shown) -> Image.Image:
         colour = COLOURS[part % len(COLOURS)]
         coloured.append(Primitive(positions[rows], faces.reshape(-1, 3), material=f"part {part}", base_color=colour))
     asset = load_asset(build_glb(coloured), "shape.glb", Limits.unlimited())
+    return _photograph(asset)
+
+
+def assets_png(assets: Sequence[Asset], titles: Sequence[str]) -> bytes:
+    """Draw assets in rows as their materials show them, each above its title."""
+    columns = min(max(math.ceil(math.sqrt(len(assets) * 1.5)), 3), len(assets))
+    rows = -(-len(assets) // columns)
+    height = _SIZE + _MARGIN
+    sheet = Image.new("RGB", (columns * _SIZE, rows * height), (255, 255, 255))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
+    for number, (asset, title) in enumerate(zip(assets, titles, strict=True)):
+        x, y = number % columns * _SIZE, number // columns * height
+        sheet.paste(_photograph(asset), (x, y))
+        draw.text((x + 6, y + _SIZE + 4), title[-20:], fill=(40, 42, 48), font=font)
+    out = io.BytesIO()
+    sheet.save(out, "PNG")
+    return out.getvalue()
+
+
+def _photograph(asset: Asset) -> Image.Image:
     pose = Pose(asset.surface.positions, asset.surface.normals)
     studio = Studio(asset.appearance(), (pose,), size=_SIZE, azimuths_deg=(_AZIMUTH_DEG,))
     return Image.fromarray(studio.photograph(pose, (_AZIMUTH_DEG,))[0], "RGB")

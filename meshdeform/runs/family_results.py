@@ -11,13 +11,14 @@ from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
-import safetensors.torch
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, Primitive, load_asset
 from meshdeform.assets.collection import AssetLabels, CollectionFiles
+from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
+from meshdeform.families.boundary import without_strays
 from meshdeform.families.collection import SampledShape
 from meshdeform.families.inference import Inference
 from meshdeform.families.machine import BetaMachine
@@ -34,7 +35,7 @@ from meshdeform.runs.family_labels import labels_of
 from meshdeform.runs.family_picture import COLOURS, family_png
 from meshdeform.runs.report import versions
 
-__all__ = ["FamilyResults"]
+__all__ = ["FamilyResults", "packed_arrays"]
 
 _PICTURED = 36
 _MARKER = 0.008
@@ -63,6 +64,7 @@ class FamilyResults:
         pictures: list[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]] = []
         labelled = io.BytesIO()
         stride = -(-len(self.names) // _PICTURED)
+        digests: list[str] = []
         accuracy: list[float | None] = []
         with zipfile.ZipFile(labelled, "w", zipfile.ZIP_DEFLATED) as archive:
             for t, name in enumerate(self.names):
@@ -70,6 +72,7 @@ class FamilyResults:
                 found, score = self._segment(t, asset)
                 segments[f"{t:04d}"] = found
                 accuracy.append(score)
+                digests.append(surface_digest(asset.surface))
                 if t % stride == 0:
                     pictures.append((asset.surface.positions, asset.surface.triangles, found))
                 if self.params.embed_labels:
@@ -80,10 +83,16 @@ class FamilyResults:
         result = {
             "report.json": ArtifactData(self._report(accuracy, segments), "application/json"),
             "preview.png": ArtifactData(family_png(pictures, self.parts), "image/png"),
-            "segmentation.npz": ArtifactData(_npz({"names": names, "parts": np.array(self.parts), **segments}), npz),
-            "correspondences.npz": ArtifactData(_npz({"names": names, **self._correspondence_arrays()}), npz),
-            "descriptors.npz": ArtifactData(_npz({"names": names, "descriptors": self._descriptors.numpy()}), npz),
-            "family.safetensors": ArtifactData(self._machine(), "application/octet-stream"),
+            "segmentation.npz": ArtifactData(
+                packed_arrays({"names": names, "parts": np.array(self.parts), **segments}), npz
+            ),
+            "correspondences.npz": ArtifactData(packed_arrays({"names": names, **self._correspondence_arrays()}), npz),
+            "descriptors.npz": ArtifactData(
+                packed_arrays({"names": names, "descriptors": self._descriptors.numpy()}), npz
+            ),
+            "family.safetensors": ArtifactData(
+                self._family(digests, list(segments.values())), "application/octet-stream"
+            ),
         }
         if self.params.embed_labels:
             result["labelled.zip"] = ArtifactData(labelled.getvalue(), "application/zip")
@@ -115,6 +124,7 @@ class FamilyResults:
             shape.normals,
             self.inference.parts[t].numpy(),
         )
+        found = without_strays(surface.positions, surface.triangles, found)
         if self.files.labels is None or self.parts != self.files.labels.parts:
             return found, None
         given = labels_of(asset, self.names[t], labels, self.parts)
@@ -138,19 +148,32 @@ class FamilyResults:
             "part": self.inference.template.labels.numpy(),
         }
 
-    def _machine(self) -> bytes:
-        template = self.inference.template
-        tensors = {f"machine.{name}": value.contiguous() for name, value in self.machine.weights.items()}
-        tensors |= {
-            "machine.sees": self.machine.sees.contiguous(),
-            "template.points": template.points.contiguous(),
-            "template.features": template.features.contiguous(),
-            "template.labels": template.labels.contiguous(),
-            "scaling": self._visible[1].contiguous(),
-            "box": self.inference.collection.boxes.mean(0).contiguous(),
+    def _family(self, digests: list[str], segments: list[NDArray[np.uint8]]) -> bytes:
+        template, collection = self.inference.template, self.inference.collection
+        rows = torch.arange(len(self.shapes))[:, None]
+        family = FamilyFile(
+            names=self.names,
+            parts=self.parts,
+            digests=digests,
+            machine={name: value.numpy() for name, value in self.machine.weights.items()}
+            | {"sees": self.machine.sees.numpy()},
+            labels=template.labels.numpy(),
+            scaling=self._visible[1].numpy(),
+            points=collection.points[rows, self._matched.samples].double().numpy(),
+            triangles=self._correspondence_arrays()["triangles"],
+            exists=self._matched.exists.numpy().astype(bool),
+            centres=np.stack([shape.centre for shape in self.shapes]),
+            diagonals=np.array([shape.diagonal for shape in self.shapes]),
+            turns=collection.turns.double().numpy(),
+            descriptors=self._descriptors.numpy(),
+            segments=segments,
+        )
+        more = {
+            "template.points": template.points.numpy(),
+            "template.features": template.features.numpy(),
+            "box": collection.boxes.mean(0).numpy(),
         }
-        meta = {"format": "meshdeform-family-1", "parts": json.dumps(self.parts), "collection": self.sha256}
-        return safetensors.torch.save(tensors, meta)
+        return dump_family(family, more)
 
     def _report(self, accuracy: list[float | None], segments: dict[str, NDArray[np.uint8]]) -> bytes:
         likelihood = self.inference.likelihood
@@ -236,7 +259,7 @@ def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:
     return asset.with_vertex_values("_PART", values)
 
 
-def _npz(arrays: dict[str, NDArray[Any]]) -> bytes:
+def packed_arrays(arrays: dict[str, NDArray[Any]]) -> bytes:
     """Write arrays as NPZ; equal arrays give equal bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:

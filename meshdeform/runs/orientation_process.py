@@ -17,6 +17,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import DependencyError, MeshdeformError, ModelError, ParameterError, UnavailableError
 from meshdeform.requests.choices import GuidanceKind, OrientationMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
+from meshdeform.requests.models import is_builtin
 
 __all__ = ["check_searchable", "main", "orientation_of"]
 
@@ -38,7 +39,7 @@ def check_searchable(params: ResolvedParams) -> None:
     if params.orientation is not OrientationMode.AUTO:
         detail = f"params.orientation is {params.orientation}, so the job would not search its front."
         raise _refusal("orientation", detail, "Set it to auto.")
-    if params.model != BUILTIN_MODEL:
+    if not is_builtin(params.model):
         detail = "This model is not conditioned on the azimuth, so no side of the asset is its front."
         raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
 
@@ -117,17 +118,21 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _find(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.priors import load_prior
+    from meshdeform.priors.public_names import hidden_folders
     from meshdeform.runs import text_deform
     from meshdeform.runs.devices import use_threads
 
     use_threads(1)
+    params = ResolvedParams.model_validate(task["params"])
+    with hidden_folders([params.model]):
+        prior = load_prior(params.model, device="cpu")
     run = text_deform.start(
         asset=Path(task["asset"]).read_bytes(),
         filename=f"asset{task['suffix']}",
         request=JobRequest.model_validate(task["request"]),
-        prior=load_prior(BUILTIN_MODEL, device="cpu"),
+        prior=prior,
         limits=Limits(**task["limits"]),
-        resolved=ResolvedParams.model_validate(task["params"]),
+        resolved=params,
     )
     return run.orientation.to_dict()
 

@@ -20,6 +20,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
+from meshdeform.requests.models import is_builtin, is_taught
 from meshdeform.requests.prompts import active_prompts, prompt_words
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
@@ -100,13 +101,15 @@ def check(
         raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
     if needs_prior(resolved):
         model = params.model or default_model
+        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
+        if is_taught(model) and not offered:  # before its words are read
+            raise _not_allowed(model, known)
         _check_prompts(_prompts(request), params, model)
-        if model != BUILTIN_MODEL:
-            if model != default_model and model not in allowed_models:
-                raise _not_allowed(model, known)
-            from meshdeform.priors import check_model
+        if not offered:
+            raise _not_allowed(model, known)
+        from meshdeform.priors import check_model
 
-            check_model(model, revision if model == default_model else "")
+        check_model(model, revision if model == default_model else "")
     return resolved
 
 
@@ -156,19 +159,21 @@ def _check_prompts(prompts: Sequence[tuple[list[str | int], str]], params: Defor
     for place, prompt in prompts:
         if not prompt:
             raise PromptError("The prompt is empty.")
-        if model != BUILTIN_MODEL:
+        if not is_builtin(model):
             continue
         from meshdeform.priors.builtin.grammar import parse, parse_negative
+        from meshdeform.priors.builtin.taught import known_words
 
+        known = known_words(model)
         try:
-            parse(prompt)
+            parse(prompt, known)
         except (PromptError, VocabularyError) as error:
             if len(prompts) > 1:  # say which
                 error.extra |= {"errors": [{"loc": place, "msg": error.detail, "type": "value_error"}]}
             raise
         if params.negative_prompt.strip():
             try:
-                parse_negative(params.negative_prompt, prompt)
+                parse_negative(params.negative_prompt, prompt, known)
             except (PromptError, VocabularyError) as error:
                 # Add which of the two texts the error is about.
                 error.extra |= _at("negative_prompt", error.detail)
@@ -209,7 +214,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         return check(
             request,
             default_model=settings.model,
-            allowed_models=settings.allowed_models,
+            allowed_models=settings.further_models,
             revision=settings.model_revision,
             targets=files & set(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),

@@ -9,7 +9,8 @@ from meshdeform.guidance.texts import WeightedPrompt
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.shading import Shading
 from meshdeform.requests.choices import AppearanceMode
-from meshdeform.requests.document import BUILTIN_MODEL, ResolvedParams
+from meshdeform.requests.document import ResolvedParams
+from meshdeform.requests.models import is_builtin
 
 __all__ = ["score_distillation"]
 
@@ -41,5 +42,5 @@ def score_distillation(
         timestep_max=params.timestep_max,
         timestep_max_end=params.timestep_max_end,
         # Parameters resolved by an earlier edition have no appearance, and this model takes only its own.
-        shading=None if params.model == BUILTIN_MODEL else _SHADINGS[params.appearance],
+        shading=None if is_builtin(params.model) else _SHADINGS[params.appearance],
     )

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-__all__ = ["ModelList", "ModelView", "VocabularyView"]
+__all__ = ["LessonView", "ModelList", "ModelView", "VocabularyView"]
 
 
 class VocabularyView(BaseModel):
@@ -25,6 +25,19 @@ class VocabularyView(BaseModel):
     examples: list[str] = Field(
         description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
     )
+
+
+class LessonView(BaseModel):
+    """What the builtin model was taught by `meshdeform teach`."""
+
+    noun: str = Field(description="The noun.", examples=["teapot"])
+    synonyms: list[str] = Field(description="Other names of it.", examples=[["kettle"]])
+    attributes: list[str] = Field(description="Attributes that its meshes were labelled with.", examples=[["tall"]])
+    meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/utah.obj"]])
+    licence: str = Field(description="What was said about the licence of the meshes.", examples=["CC0-1.0"])
+    date: str = Field(description="The day of the lesson.", examples=["2026-11-22"])
+    steps: int = Field(ge=0, description="Steps of the training.", examples=[600])
+    seed: int = Field(description="Its seed.", examples=[0])
 
 
 class ModelView(BaseModel):
@@ -47,6 +60,10 @@ class ModelView(BaseModel):
         examples=["guidance"],
     )
     licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
+    lessons: list[LessonView] = Field(
+        default_factory=list,
+        description="What the builtin model was taught; empty for every other model.",
+    )
 
 
 class ModelList(BaseModel):

@@ -32,6 +32,6 @@ router = APIRouter(prefix="/v1/models", tags=["models"], dependencies=KNOWN_QUER
 def get_models(app: AppStateDep, _principal: PrincipalDep) -> JSONResponse:
     """Each model with its purpose, availability and vocabulary. Prompts made of its words are accepted."""
     settings = app.settings
-    found = list_models(settings.model, settings.allowed_models, settings.model_revision, public=True)
+    found = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
     views = [ModelView.model_validate(asdict(model)) for model in found]
     return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))

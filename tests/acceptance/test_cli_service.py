@@ -133,6 +133,7 @@ def test_ctrl_c_leaves_the_job_and_says_how_to_come_back(folder: Path, service: 
     assert json.loads(ended.stdout)["jobs"][0]["state"] == "canceled"
 
 
+@pytest.mark.long  # test_client_faults.py does the same with the client alone
 def test_watch_goes_on_through_an_api_that_is_killed(folder: Path, service: Service, url: str) -> None:
     with contextlib.ExitStack() as held:
         held.enter_context(service.held_jobs())
@@ -175,6 +176,7 @@ def test_what_is_wrong_has_its_exit_code_and_costs_no_job(folder: Path, url: str
     assert len(answer("jobs", "--limit", 500, "--url", url, cwd=folder)["jobs"]) == before
 
 
+@pytest.mark.long  # test_doctor_servers.py asks the same servers
 def test_the_doctor_finds_a_service_well(folder: Path, url: str) -> None:
     found = answer("doctor", "--url", url, cwd=folder)
     by_name = {check["name"]: check for check in found["checks"]}

@@ -86,6 +86,7 @@ def test_a_worker_killed_at_every_failpoint_loses_nothing(cluster: Cluster, tmp_
         assert job.attempt == (1 if point in ("worker.told", "worker.ended") else 2), point
 
 
+@pytest.mark.long  # as in test_leases.py
 def test_nobody_waits_for_the_lease_of_a_worker_that_its_supervisor_has_seen_die(
     cluster: Cluster, tmp_path: Path
 ) -> None:
@@ -160,7 +161,13 @@ def test_a_supervisor_killed_at_every_failpoint_of_its_worker_loses_nothing(
     cluster.check(job_id, steps=STEPS)
 
 
-@pytest.mark.parametrize("point", ["supervisor.reclaimed", "reconciler.reclaimed", "reconciler.told"])
+@pytest.mark.parametrize(
+    "point",
+    [
+        "reconciler.reclaimed",
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("supervisor.reclaimed", "reconciler.told")),
+    ],
+)
 def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(
     cluster: Cluster, point: str, tmp_path: Path
 ) -> None:
@@ -252,6 +259,7 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
     assert cluster.events(job_id)[-1].seq == last
 
 
+@pytest.mark.long  # test_worker_trouble.py lets steps hang, too
 def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
     points = f"worker.step=pause@6:{tmp_path / 'hang'};{tmp_path / 'hung'}"
     job_id = cluster.submit(STEPS)
@@ -262,6 +270,7 @@ def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_
 # Messages that come twice
 
 
+@pytest.mark.long  # in test_leases.py many claim one job
 def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) -> None:
     job_id = cluster.submit(60)
     for _ in range(6):
@@ -338,6 +347,7 @@ def _accepted(cluster: Cluster) -> str | None:
     return str(answer.json()["id"]) if answer.status_code == 202 else None
 
 
+@pytest.mark.long  # test_upkeep.py cuts such a lease
 def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_most(cluster: Cluster) -> None:
     # The clock of the process that gave the lease was an hour ahead; then its worker was killed with its supervisor.
     job_id = cluster.submit(400)
@@ -369,6 +379,7 @@ def test_a_cancel_while_parts_die_ends_in_one_state(cluster: Cluster, tmp_path: 
     cluster.check(job_id, state=JobState.CANCELED)
 
 
+@pytest.mark.long  # test_leases.py counts the attempts
 def test_a_worker_that_dies_in_every_attempt_fails_the_job(cluster: Cluster) -> None:
     job_id = cluster.submit(STEPS)
     cluster.start_worker(MESHDEFORM_FAILPOINTS="worker.started=kill")

@@ -47,6 +47,7 @@ def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(se
     assert (again.returncode, command in again.stderr) == (3, True)
 
 
+@pytest.mark.long  # `serve` refuses by the same function
 def test_the_api_alone_refuses_too(server_folder: Path) -> None:
     environment = {
         "MESHDEFORM_DATA_DIR": str(server_folder / "api alone"),

@@ -80,6 +80,7 @@ def test_a_job_is_one_trace_through_api_and_worker(cluster: Cluster, collector: 
     assert {span.name for span in others} == {"GET /v1/jobs/{id}", "PUT /v1/jobs/{id}", "GET other"}
 
 
+@pytest.mark.long
 def test_the_attempt_after_a_lost_worker_is_of_the_same_trace(
     cluster: Cluster, collector: Collector, tmp_path: Path
 ) -> None:

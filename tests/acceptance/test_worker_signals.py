@@ -104,6 +104,7 @@ def test_a_burst_of_signals_in_the_midst_of_a_job_ends_the_worker_in_order(
     record.close()
 
 
+@pytest.mark.long
 def test_a_stop_that_was_swallowed_before_the_wait_for_a_job_is_noticed(tmp_path: Path, redis_url: str) -> None:
     with worker(tmp_path, redis_url, DEAF_ONCE) as process:
         try:

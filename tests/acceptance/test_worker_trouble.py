@@ -52,6 +52,7 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluste
     assert worker.child().pid != first
 
 
+@pytest.mark.long  # test_leases.py counts the same attempts
 def test_a_device_without_memory_fails_the_job_at_last(cluster: Cluster) -> None:
     worker = cluster.start_worker()
     job = cluster.check(cluster.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
@@ -90,6 +91,7 @@ def test_a_job_that_fails_leaves_the_worker_as_it_was(cluster: Cluster) -> None:
     assert worker.child() == process
 
 
+@pytest.mark.long  # test_leases.py has the order of all jobs
 def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
     usual = [cluster.submit(STEPS) for _ in range(3)]
     urgent = cluster.submit(STEPS, priority=10)
@@ -113,6 +115,7 @@ def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> No
     cluster.check(cluster.submit(STEPS), steps=STEPS)
 
 
+@pytest.mark.long  # test_alive.py asks the same
 def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) -> None:
     def healthy() -> bool:
         environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(cluster.folder)}

@@ -49,6 +49,11 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
 };
 if (self.OffscreenCanvas) OffscreenCanvas.prototype.getContext = () => null;
 """
+# What draws does nothing: the pages stay as they are with WebGL, but software need not compile and run the shaders.
+_NO_DRAWING = """
+for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
+  WebGL2RenderingContext.prototype[name] = () => {};
+"""
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of (\d+)")
 _OUTCOME = pytest.StashKey[dict[str, pytest.TestReport]]()
 
@@ -154,6 +159,8 @@ def watched(
     watch.attach(context)
     if request.node.get_closest_marker("without_3d"):
         context.add_init_script(_NO_WEBGL)
+    if request.node.get_closest_marker("without_pictures"):
+        context.add_init_script(_NO_DRAWING)
     page = context.new_page()
     try:
         yield page, watch

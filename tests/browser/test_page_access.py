@@ -19,7 +19,7 @@ from meshdeform.record.database import Database  # noqa: E402
 from meshdeform.record.keys import KeyRing  # noqa: E402
 from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
-from tests.acceptance.service import Service  # noqa: E402
+from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch, watched  # noqa: E402
 from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start, until_noted  # noqa: E402
 from tests.fake_kind import FakeKind  # noqa: E402
@@ -154,6 +154,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         expect(page.get_by_role("dialog", name="API key")).to_be_visible()
 
 
+@pytest.mark.without_pictures
 def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
     watch.allow(r"status of 422 .*/v1/jobs:validate")  # of a prompt that is still being typed
     open_form(page)
@@ -242,6 +243,7 @@ def widest(page: Page) -> list[str]:
     return found
 
 
+@pytest.mark.without_pictures
 def test_no_barrier_is_found(
     browser: Browser, service: Service, finished: str, axe: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
@@ -283,25 +285,21 @@ def barriers(page: Page, axe: str) -> list[str]:
 
 
 @pytest.mark.without_3d
-def test_the_page_is_dark_where_the_system_is(
-    browser: Browser, service: Service, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
-    lightness = {}
-    for scheme in ("light", "dark"):
-        with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, color_scheme=scheme) as (
-            page,
-            _,
-        ):
-            open_form(page)
-            lightness[scheme] = background(page)
-            if scheme == "light":
-                page.get_by_role("button", name="Theme: as the system").click()
-                page.get_by_role("button", name="Theme: light").click()
-                page.get_by_role("button", name="Theme: dark").wait_for()
-                assert background(page) < 0.3
-                page.reload()
-                assert background(page) < 0.3
-    assert lightness["dark"] < 0.3 < 0.7 < lightness["light"]
+def test_the_page_is_dark_where_the_system_is(page: Page) -> None:
+    page.emulate_media(color_scheme="light", reduced_motion="reduce")
+    page.goto("/#/jobs")
+    page.get_by_role("heading", level=1, name="Jobs").wait_for()
+    until("the page is light", lambda: background(page) > 0.7)
+    page.emulate_media(color_scheme="dark", reduced_motion="reduce")
+    until("the page is dark", lambda: background(page) < 0.3)
+    page.emulate_media(color_scheme="light", reduced_motion="reduce")
+    page.get_by_role("button", name="Theme: as the system").click()
+    page.get_by_role("button", name="Theme: light").click()
+    page.get_by_role("button", name="Theme: dark").wait_for()
+    until("the page is dark", lambda: background(page) < 0.3)
+    page.reload()
+    page.get_by_role("button", name="Theme: dark").wait_for()
+    until("the page is dark", lambda: background(page) < 0.3)
 
 
 def background(page: Page) -> float:

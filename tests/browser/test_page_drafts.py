@@ -66,6 +66,7 @@ def test_a_draft_survives_back_a_reload_and_a_closed_tab(page: Page, small_spher
     expect(other.locator("#seed-problem")).to_be_hidden()
 
 
+@pytest.mark.long
 def test_what_is_typed_before_the_first_asset_has_arrived_is_kept(page: Page, small_sphere: Path) -> None:
     page.route("**/examples/*.glb", lambda route: None)  # never answered
     open_form(page)

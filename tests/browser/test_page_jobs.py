@@ -112,6 +112,7 @@ def _pixels(picture: Image.Image, frame: int) -> NDArray[np.int16]:
     return np.asarray(picture.convert("RGB"), dtype=np.int16)
 
 
+@pytest.mark.without_pictures
 def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) -> None:
     """Even before the example that the form begins with has arrived, which then stays away."""
     held: list[Route] = []
@@ -140,6 +141,7 @@ def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) 
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
 
 
+@pytest.mark.long  # test_page_trouble.py cuts the line
 def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
     page: Page, watch: Watch, service: Service, small_sphere: Path
 ) -> None:
@@ -170,6 +172,7 @@ def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
     assert watch.posted() == ["POST /v1/jobs"]
 
 
+@pytest.mark.without_pictures
 def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Service, small_sphere: Path) -> None:
     params = {"preset": "preview", "steps": 12, "checkpoint_every_steps": 2, "seed": 7}
     with service.held_jobs():
@@ -259,25 +262,23 @@ def test_variations_are_compared_on_one_sheet(page: Page, service: Service, smal
     open_form(page)
     choose(page, small_sphere)
     page.get_by_label("Prompt", exact=True).fill("a fat penguin")
-    set_steps(page, 8, seed=100)
-    for _ in range(2):
-        page.get_by_role("button", name="More variations").click()
-    page.get_by_role("button", name="Deform, 3 variations").click()
+    set_steps(page, 2, seed=100)
+    page.get_by_role("button", name="More variations").click()
+    page.get_by_role("button", name="Deform, 2 variations").click()
     page.wait_for_url("**/#/groups/*")
-    expect(page.get_by_text("3 variations", exact=True)).to_be_visible()
+    expect(page.get_by_text("2 variations", exact=True)).to_be_visible()
     cards = page.locator(".contact-sheet .card")
-    expect(cards).to_have_count(3)
-    expect(page.locator(".contact-sheet .card img")).to_have_count(3)
+    expect(cards).to_have_count(2)
+    expect(page.locator(".contact-sheet .card img")).to_have_count(2)
     assert [card.inner_text().splitlines()[0] for card in cards.all()] == [
         "Variation 100",
         "Variation 101",
-        "Variation 102",
     ]
     group = page.url.rpartition("/")[2]
     jobs = service.http.get("/v1/jobs", params={"metadata[group]": group}).json()["jobs"]
-    assert sorted(job["params"]["seed"] for job in jobs) == [100, 101, 102]
+    assert sorted(job["params"]["seed"] for job in jobs) == [100, 101]
     page.get_by_role("link", name="Variation 101").click()
     expect(badge(page)).to_have_text("Succeeded")
     assert service.job(shown_job(page))["params"]["seed"] == 101
     page.go_back()
-    expect(cards).to_have_count(3)
+    expect(cards).to_have_count(2)

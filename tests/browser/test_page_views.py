@@ -134,6 +134,7 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
     assert len(asked) == 3
 
 
+@pytest.mark.without_pictures
 def test_the_way_to_a_result_is_bent_exaggerated_and_downloaded(
     page: Page, service: Service, small_sphere: Path, tmp_path: Path
 ) -> None:
@@ -142,7 +143,6 @@ def test_the_way_to_a_result_is_bent_exaggerated_and_downloaded(
     page.goto(f"/#/jobs/{done}")
     after = page.locator(".viewer").nth(1)
     expect(after.locator(".viewer-tag")).to_have_text("After")
-    until_drawn(after)
     for share in (60, 130):
         page.get_by_label("Morph", exact=True).fill(str(share))
         expect(after.locator(".viewer-tag")).to_have_text(f"After · strength {share}%")

@@ -28,6 +28,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.app import create_app
+from tests.in_process import children_in_process
 from tests.servers import free_port
 from tests.unit.webhooks.receiver import Receiver, receiving
 
@@ -37,11 +38,14 @@ WEBHOOK_SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run what is marked `both_databases` on PostgreSQL as well."""
+    """Run what is marked `both_databases` on PostgreSQL as well; with `long=True`, outside the suite only."""
     if "database_url" not in metafunc.fixturenames or "database_url" in _own_parameters(metafunc):
         return
-    both = metafunc.definition.get_closest_marker("both_databases") is not None
-    databases = ["sqlite", "postgresql"] if both else ["sqlite"]
+    databases: list[Any] = ["sqlite"]
+    if both := metafunc.definition.get_closest_marker("both_databases"):
+        databases.append(
+            pytest.param("postgresql", marks=pytest.mark.long) if both.kwargs.get("long") else "postgresql"
+        )
     metafunc.parametrize("database_url", databases, indirect=True, scope="module")
 
 
@@ -159,14 +163,14 @@ def serving_app(settings: Settings) -> Iterator[tuple[str, FastAPI]]:
 
 @contextmanager
 def serving(settings: Settings) -> Iterator[str]:
-    """Run the application on uvicorn, in a thread, and give its URL."""
-    with serving_app(settings) as (url, _):
+    """Run the application as `serving_app` does; what it leaves to child processes is done in this one."""
+    with children_in_process(), serving_app(settings) as (url, _):
         yield url
 
 
 @pytest.fixture(scope="module")
 def api(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
-    """The API with nothing faked behind it."""
+    """The API with nothing faked behind it; what it leaves to child processes is done in this one."""
     folder: Path = tmp_path_factory.mktemp("api")
     settings = Settings(
         data_dir=folder,

@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from meshdeform.assets import Asset, build_glb, load_asset
+from meshdeform.assets.isolation import run_child
 from meshdeform.cli.app import app
 from meshdeform.client import AsyncClient, Client
 from meshdeform.errors import NotFoundError
@@ -137,7 +138,10 @@ def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes, monkeypatch:
 
 
 @each_case("arguments", [{"max_check_s": 0.01}, {"max_memory_bytes": 2**24 - 8 * 2**30}])
-def test_a_child_that_exceeds_its_limits_is_an_error(arguments: dict[str, Any], tmp_path: Path) -> None:
+def test_a_child_that_exceeds_its_limits_is_an_error(
+    arguments: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(derive, "run_child", run_child)
     paths = tmp_path / "source", tmp_path / "result", tmp_path / "target"
     for path in paths[:2]:
         path.write_bytes(source().to_bytes())

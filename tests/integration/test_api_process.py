@@ -64,6 +64,7 @@ def api_process(folder: Path, redis_url: str) -> Iterator[tuple[subprocess.Popen
         process.communicate()
 
 
+@pytest.mark.long  # test_imports.py has what is imported
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux counts it")
 def test_the_api_needs_no_numpy_and_little_memory(redis_url: str, tmp_path: Path, repository: Path) -> None:
     with api_process(tmp_path, redis_url) as (process, url), httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
@@ -89,6 +90,7 @@ def test_the_api_needs_no_numpy_and_little_memory(redis_url: str, tmp_path: Path
     assert rss < MAX_RSS, f"{rss / 2**20:.0f} MiB"
 
 
+@pytest.mark.long  # test_serve.py ends and starts a server
 def test_a_second_start_on_the_same_directory_finds_the_jobs(redis_url: str, tmp_path: Path, repository: Path) -> None:
     asset = (repository / "examples" / "sphere.glb").read_bytes()
     with api_process(tmp_path, redis_url) as (process, url):

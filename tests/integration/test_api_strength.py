@@ -12,10 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
+from meshdeform.assets.isolation import run_child
 from meshdeform.assets.limits import Limits
 from meshdeform.client import AsyncClient, Client
 from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
+from meshdeform.runs import derive
 from meshdeform.runs.derive import DerivedInput
 from service.downloads import strengths
 from tests.integration.conftest import Api
@@ -53,6 +55,7 @@ def positions(data: bytes) -> NDArray[np.float64]:
 def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
     api: Api, job_id: str, sphere: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(derive, "run_child", run_child)  # a real child, once
     url = f"/v1/jobs/{job_id}/artifacts/result.glb"
     half = api.http.get(url, params={"strength": 0.5})
     assert half.status_code == 200, half.text

@@ -66,6 +66,7 @@ def test_the_notebook_is_kept_without_outputs(repository: Path) -> None:
     assert "start_server = False" in "".join(document["cells"][1]["source"])
 
 
+@pytest.mark.long  # its calls are those of docs/client.md
 def test_the_notebook_runs_from_its_first_cell_to_its_last(
     service: Service,
     folder: Path,

@@ -101,7 +101,16 @@ def test_an_item_done_again_is_the_same_to_the_bit(run: Path) -> None:
     assert mesh.read_bytes() == before
 
 
-@pytest.mark.parametrize("ablation", ["vertices", "single_views", "no_jacobian", "no_laplacian", "no_normal"])
+@pytest.mark.parametrize(
+    "ablation",
+    [
+        "single_views",
+        *(
+            pytest.param(name, marks=pytest.mark.long)
+            for name in ("vertices", "no_jacobian", "no_laplacian", "no_normal")
+        ),
+    ],
+)
 def test_an_ablation_runs_and_is_named_in_the_manifest(tmp_path: Path, finished: Path, ablation: str) -> None:
     done = evaluated(tmp_path / "run", *QUICK, "--limit", "1", "--ablation", ablation)
     assert done.exit_code == 0, done.output

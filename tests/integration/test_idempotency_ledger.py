@@ -17,7 +17,7 @@ from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import stored_file
 
-pytestmark = pytest.mark.both_databases
+pytestmark = pytest.mark.both_databases(long=True)
 
 
 def begun(record: JobRecord, owner: str = "me", key: str = "k", request: str = "hash") -> Claim:
@@ -78,6 +78,7 @@ def test_a_request_that_was_refused_gives_its_key_free_also_for_another_one(reco
     assert record.idempotency.begin("me", "k", "another") == answer(record)
 
 
+@pytest.mark.both_databases
 def test_the_key_of_a_request_that_died_is_taken_over_and_what_that_one_does_late_is_undone(record: JobRecord) -> None:
     slow = begun(record)
     later(record, 1.0)
@@ -101,6 +102,7 @@ def test_a_request_that_died_is_still_known_by_its_hash(record: JobRecord) -> No
         record.idempotency.begin("me", "k", "another")
 
 
+@pytest.mark.both_databases
 def test_of_many_that_come_at_once_one_is_done(record: JobRecord) -> None:
     def post(_: int) -> str:
         try:
@@ -116,6 +118,7 @@ def test_of_many_that_come_at_once_one_is_done(record: JobRecord) -> None:
     assert set(outcomes) <= {job.id, "busy", "answered"}
 
 
+@pytest.mark.both_databases
 def test_of_many_that_take_over_at_once_one_does(record: JobRecord) -> None:
     begun(record)
     later(record, 1.0)

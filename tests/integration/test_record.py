@@ -16,7 +16,7 @@ from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted, set_to
 
-pytestmark = pytest.mark.both_databases
+pytestmark = pytest.mark.both_databases(long=True)
 
 
 def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
@@ -58,6 +58,7 @@ def test_there_is_no_job_of_an_unknown_id(record: JobRecord) -> None:
         record.leases.heartbeat("job_nothing", 1, LEASE_S)
 
 
+@pytest.mark.both_databases
 def test_pages_hold_every_job_once_newest_first_also_when_jobs_come_in_between(record: JobRecord) -> None:
     ids = [new_job(record).id for _ in range(5)]
     first = record.list_jobs(limit=2)
@@ -131,6 +132,7 @@ def test_a_cancel_that_was_promised_is_kept(record: JobRecord, end: str) -> None
     assert canceled.finished_at is not None
 
 
+@pytest.mark.both_databases
 def test_a_job_is_found_by_its_labels_all_of_them(record: JobRecord) -> None:
     both = posted(record, metadata={"batch": "7", "who": "me"})
     one = posted(record, metadata={"batch": "7"})
@@ -173,6 +175,7 @@ def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoi
     assert "assets/copy" in record.files.unused()
 
 
+@pytest.mark.both_databases
 def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRecord) -> None:
     claim = Claim("me", "key", "a token that nobody holds")
     with pytest.raises(IdempotencyBusyError):
@@ -193,6 +196,7 @@ def test_what_runs_is_kept_beside_what_was_written(record: JobRecord) -> None:
     assert new_job(record).resolved is None
 
 
+@pytest.mark.both_databases
 def test_an_owner_has_only_so_many_unfinished_jobs_also_when_they_come_at_once(record: JobRecord) -> None:
     def post(_: int) -> Job | None:
         try:
@@ -232,6 +236,7 @@ def test_artifacts_are_published_with_success_and_only_then(record: JobRecord) -
     assert record.get(asked.id).progress.fraction == 0.0
 
 
+@pytest.mark.both_databases
 def test_only_a_job_that_is_over_is_deleted_with_all_that_belongs_to_it(record: JobRecord) -> None:
     job = posted(record, metadata={"a": "1"})
     with pytest.raises(ConflictError, match="queued"):
@@ -264,6 +269,7 @@ def test_heads_say_where_many_jobs_stand(record: JobRecord) -> None:
     assert heads[first.id].version == first.version
 
 
+@pytest.mark.both_databases
 def test_a_secret_is_made_once_also_by_many_at_once(record: JobRecord) -> None:
     with ThreadPoolExecutor(6) as pool:
         found = set(pool.map(record.secret, ["signing"] * 12))

@@ -55,6 +55,7 @@ def _take_compiled(folder: Path) -> None:
             shutil.copy2(index, place)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_checksums_are_those_of_the_files(released: dict[str, Path]) -> None:
     sums = released["SHA256SUMS"]
@@ -64,6 +65,7 @@ def test_the_checksums_are_those_of_the_files(released: dict[str, Path]) -> None
         assert hashlib.sha256((sums.parent / name).read_bytes()).hexdigest() == digest
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_same_commit_gives_the_same_wheel(released: dict[str, Path], tmp_path: Path, repository: Path) -> None:
     """This one is built from the tree, as the source distribution of the other one was."""
@@ -76,6 +78,7 @@ def test_the_same_commit_gives_the_same_wheel(released: dict[str, Path], tmp_pat
     assert again.read_bytes() == released[".whl"].read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp_path: Path, repository: Path) -> None:
     asset = repository / "examples/sphere.glb"
@@ -113,6 +116,7 @@ def test_a_wheel_that_lacks_or_leaks_something_is_noticed(tmp_path: Path) -> Non
     assert "has service/__pycache__/app.pyc, which was left behind" in wrong
 
 
+@pytest.mark.long
 def test_the_bill_names_every_dependency_with_its_licence_and_is_the_same_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -17,7 +17,7 @@ from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import WEBHOOK_SETTINGS, new_job, stored_file
 from tests.unit.webhooks.receiver import Receiver, receiving
 
-pytestmark = pytest.mark.both_databases
+pytestmark = pytest.mark.both_databases(long=True)
 
 
 def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
@@ -31,6 +31,7 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     assert len(record.deliveries.due(3)) == 3
 
 
+@pytest.mark.both_databases
 def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
     many = {record.webhooks.create("many", f"https://slow-{number}.example/")[0].id for number in range(10)}
     one, _ = record.webhooks.create("one", "https://quick.example/")
@@ -72,6 +73,7 @@ def test_owners_see_only_their_own(record: JobRecord, delivery: WebhookDelivery)
     assert book.get(mine.id, "one") == mine
 
 
+@pytest.mark.both_databases
 def test_an_owner_has_so_many_and_no_more_also_at_once(record: JobRecord) -> None:
     made: list[str] = []
     refused: list[RequestError] = []

@@ -82,9 +82,9 @@ class TextEncoder(nn.Module):
     own learned vector.
     """
 
-    def __init__(self, width: int, layers: int, out: int) -> None:
+    def __init__(self, width: int, layers: int, out: int, words: int) -> None:
         super().__init__()
-        self.word = nn.Embedding(len(VOCABULARY), width)
+        self.word = nn.Embedding(words, width)
         self.position = nn.Parameter(torch.randn(SEQUENCE_LENGTH, width) * 0.02)
         self.blocks = nn.ModuleList(TextBlock(width) for _ in range(layers))
         self.norm = nn.LayerNorm(width)
@@ -173,14 +173,17 @@ class AttentionBlock(nn.Module):
 
 
 class PriorNetwork(nn.Module):
-    """Predictor of the clean grid of views, or the clean single view, of a noisy one."""
+    """Predictor of the clean grid of views, or the clean single view, of a noisy one.
 
-    def __init__(self, config: ModelConfig | None = None) -> None:
+    `words` is the number of tokens.
+    """
+
+    def __init__(self, config: ModelConfig | None = None, *, words: int = len(VOCABULARY)) -> None:
         super().__init__()
         self.config = config or ModelConfig()
         c0, c1, c2 = self.config.channels
         e, heads = self.config.embedding, self.config.heads
-        self.text = TextEncoder(self.config.text_width, self.config.text_layers, e)
+        self.text = TextEncoder(self.config.text_width, self.config.text_layers, e, words)
         self.azimuth = nn.Linear(4, e)
         self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
         self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)

@@ -23,6 +23,7 @@ from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.schedule import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.style import STYLE
+from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
@@ -37,7 +38,7 @@ class BuiltinPrior:
     device : str or torch.device
         Device of the network, which always computes in float32.
     weights : pathlib.Path
-        A file written by `train.py`; by default the one in the package.
+        A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
     Raises
     ------
@@ -54,9 +55,10 @@ class BuiltinPrior:
         self.device = torch.device(device)
         self.dtype = torch.float32
         self._network = network.to(self.device)
+        self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.identity = {
-            "id": "builtin",
+            "id": "builtin" if weights == WEIGHTS else str(weights),
             "revision": f"{metadata.get('steps', '?')} steps, seed {metadata.get('seed', '?')}",
             "sha256": file_sha256(weights),
         }
@@ -73,8 +75,10 @@ class BuiltinPrior:
         PromptError, VocabularyError
             A text is outside this prior's grammar, or a negative prompt means the same as the prompt.
         """
-        rows = [torch.tensor([tokenise(parse(prompt))])]
-        rows += [torch.tensor([tokenise(parse_negative(o, prompt))]) if o.strip() else null_tokens(1) for o in others]
+        rows = [torch.tensor([tokenise(parse(prompt, self.words), self.words)])]
+        for other in others:
+            unwanted = parse_negative(other, prompt, self.words) if other.strip() else None
+            rows.append(torch.tensor([tokenise(unwanted, self.words)]) if unwanted else null_tokens(1))
         text: Tensor = self._network.text(torch.cat(rows).to(self.device))
         return text
 

@@ -9,6 +9,7 @@ import pytest
 from meshdeform.assets.json_text import clone, dump_json, parse_json
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTooLargeError
+from tests.cases import each_case
 
 LIMITS = Limits()
 TEXT = (
@@ -26,7 +27,7 @@ def test_an_unchanged_document_keeps_every_value_and_the_order() -> None:
     assert '"a":[1.0,1,0.1,100000.0,100000.0,0,-0.0,1.2345678901234567e+19,12345678901234567890]' in written
 
 
-@pytest.mark.parametrize("number", [0.1, 1 / 3, 5e-324, 1.7976931348623157e308, -0.0, 2.5e-7, float(2**53 + 2)])
+@each_case("number", [0.1, 1 / 3, 5e-324, 1.7976931348623157e308, -0.0, 2.5e-7, float(2**53 + 2)])
 def test_every_double_comes_back_as_itself(number: float) -> None:
     root = parse_json(f'{{"v": {number:.30e}}}'.encode(), LIMITS)
     assert json.loads(dump_json(root))["v"].hex() == number.hex()
@@ -41,7 +42,7 @@ def test_duplicate_keys_are_no_crash_and_the_last_one_counts() -> None:
     assert dump_json(parse_json(b'{"a": 1, "a": [2.50]}', LIMITS)) == b'{"a":[2.5]}'
 
 
-@pytest.mark.parametrize(
+@each_case(
     "text",
     [
         b"",

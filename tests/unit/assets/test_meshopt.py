@@ -61,7 +61,7 @@ def _grid_triangles(side: int) -> np.ndarray:
     return quads.reshape(-1).astype(np.uint32)
 
 
-@pytest.mark.parametrize("shuffled", [False, True])
+@each_case("shuffled", [False, True])
 def test_triangles_equal_the_encoders_input(encoder: Any, shuffled: bool) -> None:
     triangles = _grid_triangles(20).reshape(-1, 3)
     if shuffled:
@@ -78,7 +78,7 @@ def test_triangles_equal_the_encoders_input(encoder: Any, shuffled: bool) -> Non
     )
 
 
-@pytest.mark.parametrize("top", [10, 70_000, 2**29])
+@each_case("top", [10, 70_000, 2**29])
 def test_index_sequences_equal_the_encoders_input(encoder: Any, top: int) -> None:
     indices = np.random.default_rng(top).integers(0, top, 500).astype(np.uint32)
     data = encoder.encode_index_sequence(indices, len(indices), top)
@@ -99,7 +99,7 @@ QUATERNIONS = """
 """
 
 
-@pytest.mark.parametrize("width", [1, 2])
+@each_case("width", [1, 2])
 def test_octahedral_filter_equals_the_library(encoder: Any, width: int) -> None:
     dtype, one = (np.int8, 127) if width == 1 else (np.int16, 1023)
     rng = np.random.default_rng(width)
@@ -144,7 +144,7 @@ def test_exponential_filter_is_exact() -> None:
     np.testing.assert_array_equal(decoded, (mantissas * 2.0**exponents).astype(np.float32))
 
 
-@pytest.mark.parametrize("width", [1, 2])
+@each_case("width", [1, 2])
 def test_color_filter_gives_back_the_colors(width: int) -> None:
     bits = 8 * width
     rgb = np.random.default_rng(5).integers(0, 2 ** (bits - 1), (200, 3))
@@ -185,7 +185,7 @@ FROZEN = {
 }
 
 
-@pytest.mark.parametrize("name", ["attributes_v0", "attributes_v1"])
+@each_case("name", ["attributes_v0", "attributes_v1"])
 def test_frozen_attribute_streams(name: str) -> None:
     t = np.arange(40)
     elements = (np.stack([t * 7, t * t, t % 3 * 100, t * 300 - 5000], axis=1)).astype("<i2").view(np.uint8)

@@ -40,7 +40,7 @@ def test_a_matrix_is_stored_by_columns() -> None:
     np.testing.assert_array_equal(surface.positions, QUAD_VERTS * [2.0, 3.0, 4.0] + [5.0, 6.0, 7.0])
 
 
-@pytest.mark.parametrize("scale", [[-1, 1, 1], [2, -3, 4], [-1, -1, -1]])
+@each_case("scale", [[-1, 1, 1], [2, -3, 4], [-1, -1, -1]])
 def test_a_mirror_turns_the_winding_and_the_handedness(scale: list[float]) -> None:
     surface = load_asset(quad(scale=scale)).surface
     a, b, c = (surface.positions[surface.triangles[0, i]] for i in range(3))
@@ -128,7 +128,7 @@ def test_missing_normals_are_nan() -> None:
     assert np.isnan(surface.tangents).all()
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
+@each_case("dtype", [np.uint8, np.uint16, np.uint32])
 def test_every_index_type(dtype: Any) -> None:
     builder = Builder()
     builder.node(builder.mesh(builder.primitive(faces=QUAD_FACES.astype(dtype))))
@@ -163,7 +163,7 @@ def test_interleaved_views() -> None:
     np.testing.assert_allclose(surface.normals, QUAD_NORMALS, atol=1e-7)
 
 
-@pytest.mark.parametrize("with_base", [True, False])
+@each_case("with_base", [True, False])
 def test_sparse_accessors(with_base: bool) -> None:
     builder = Builder()
     primitive = builder.primitive(np.zeros((4, 3)))
@@ -218,7 +218,7 @@ def test_embedded_buffers_are_read() -> None:
         np.testing.assert_array_equal(load_asset(data, name).surface.positions, QUAD_VERTS)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@each_case("bad", [np.nan, np.inf, -np.inf])
 def test_positions_that_are_not_finite_are_told(bad: float) -> None:
     verts = QUAD_VERTS.copy()
     verts[2, 1] = bad

@@ -23,6 +23,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
+from tests.close import assert_close
 
 F64 = torch.float64
 
@@ -58,12 +59,12 @@ def test_every_point_follows_an_affine_map_exactly() -> None:
 
 def test_equal_jacobians_give_their_map_and_the_centre_of_mass_stays() -> None:
     field = LatticeField(CART)
-    torch.testing.assert_close(placed(field), CART.verts, atol=1e-12, rtol=0)
+    assert_close(placed(field), CART.verts, atol=1e-12, rtol=0)
     linear = random_stretch(1)[0]
     with torch.no_grad():
         field.tensors["cell_jacobians"].copy_(linear.expand_as(field.tensors["cell_jacobians"]))
     centre = RestMesh.of(CART).centre_of_mass()
-    torch.testing.assert_close(placed(field), (CART.verts - centre) @ linear.T + centre, atol=1e-10, rtol=0)
+    assert_close(placed(field), (CART.verts - centre) @ linear.T + centre, atol=1e-10, rtol=0)
 
 
 def test_the_gradient_of_the_solve_is_right() -> None:
@@ -105,7 +106,7 @@ def test_the_barrier_has_known_values_and_rotations_are_free() -> None:
     assert float(field.dirichlet_penalty(nodes @ turn.T + 3)) == pytest.approx(0, abs=1e-9)
     stretched = nodes * torch.tensor([2.0, 0.5, 1.0], dtype=F64)
     assert float(field.dirichlet_penalty(stretched)) == pytest.approx(4 + 0.25 + 0.25 + 4 + 1 + 1 - 6)
-    torch.testing.assert_close(field.sizes(stretched), torch.ones(len(field.elements), 6, 1, dtype=F64))
+    assert_close(field.sizes(stretched), torch.ones(len(field.elements), 6, 1, dtype=F64))
     mirrored = nodes * torch.tensor([-1.0, 1.0, 1.0], dtype=F64)
     assert (field.sizes(mirrored) < 0).all()
 
@@ -153,7 +154,7 @@ def test_islands_are_joined() -> None:
     with torch.no_grad():
         field.tensors["cell_jacobians"].mul_(2.0)
     gap = placed(field).detach()[-1] - placed(field).detach()[0]
-    torch.testing.assert_close(gap, 2 * (far.verts[-1] - far.verts[0]), atol=1e-9, rtol=0)
+    assert_close(gap, 2 * (far.verts[-1] - far.verts[0]), atol=1e-9, rtol=0)
 
 
 def test_auto_takes_the_lattice_for_several_parts_only() -> None:

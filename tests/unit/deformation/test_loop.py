@@ -23,6 +23,7 @@ from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from tests.close import assert_close
 
 STYLE = RenderStyle(view_size=32, supersample=2)
 
@@ -92,7 +93,7 @@ def test_the_centre_of_mass_stays() -> None:
     run(deformation)
     areas = torch.from_numpy(RestMesh.of(deformation.mesh).vertex_areas)[:, None]
     old, new = (areas * deformation.mesh.verts).sum(0), (areas * deformation.verts()).sum(0)
-    torch.testing.assert_close(new, old, atol=1e-10, rtol=0)
+    assert_close(new, old, atol=1e-10, rtol=0)
 
 
 def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:

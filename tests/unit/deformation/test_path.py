@@ -15,6 +15,7 @@ from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box, cylinder, icosphere, join
 from tests.cases import each_case
+from tests.close import assert_close
 
 LENGTH = 4.0
 BAR = cylinder(0.25, LENGTH, 16, 32)
@@ -72,8 +73,8 @@ def test_the_ends_are_exact(mesh: TriangleMesh) -> None:
     assert torch.equal(path.at(0), mesh.verts)
     assert torch.equal(path.at(1), result)
     # Nothing jumps just before an end.
-    torch.testing.assert_close(path.at(1e-9), mesh.verts, atol=1e-7, rtol=0)
-    torch.testing.assert_close(path.at(1 - 1e-9), result, atol=1e-7, rtol=0)
+    assert_close(path.at(1e-9), mesh.verts, atol=1e-7, rtol=0)
+    assert_close(path.at(1 - 1e-9), result, atol=1e-7, rtol=0)
 
 
 @each_case("share", SHARES)
@@ -81,7 +82,7 @@ def test_a_bend_of_120_degrees_keeps_lengths_and_volume_where_straight_lines_do_
     result = bend(BAR.verts, 120)
     shape = ShapePath(BAR, result).at(share)
     # A bend by that share of the angle, up to 0.3 % of the length.
-    torch.testing.assert_close(shape, bend(BAR.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+    assert_close(shape, bend(BAR.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
     straight = (1 - share) * BAR.verts + share * result
     whole = volume(BAR, BAR.verts)
     assert abs(volume(BAR, shape) / whole - 1) < 0.002
@@ -95,7 +96,7 @@ def test_a_bend_of_120_degrees_keeps_lengths_and_volume_where_straight_lines_do_
 def test_components_stay_together(share: float) -> None:
     mesh = train()
     shape = ShapePath(mesh, bend(mesh.verts, 120)).at(share)
-    torch.testing.assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+    assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
 
 
 @each_case("degrees", [179.9, 180.0, 180.1])
@@ -118,7 +119,7 @@ def test_a_twist_by_more_than_a_half_turn(share: float) -> None:
 
 def test_beyond_the_result_it_goes_on() -> None:
     shape = ShapePath(BAR, bend(BAR.verts, 80)).at(1.5)
-    torch.testing.assert_close(shape, bend(BAR.verts, 120), atol=0.005 * LENGTH, rtol=0)
+    assert_close(shape, bend(BAR.verts, 120), atol=0.005 * LENGTH, rtol=0)
 
 
 def test_what_shrinks_never_collapses_beyond_the_result() -> None:
@@ -142,7 +143,7 @@ def test_collapsed_faces_and_flat_results() -> None:
     mesh = TriangleMesh(verts, torch.cat([box(2).faces, torch.tensor([[0, 1, len(verts) - 1]])]))
     flat = verts * torch.tensor([1.0, 0.0, 1.0])
     half = ShapePath(mesh, flat.double()).at(0.5)
-    torch.testing.assert_close(half, (verts + flat) / 2, atol=1e-6, rtol=0)
+    assert_close(half, (verts + flat) / 2, atol=1e-6, rtol=0)
 
 
 def test_another_number_of_vertices_is_refused() -> None:

@@ -17,6 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.operators import cotangent_laplacian, gradient_operator, mass_matrix
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
+from tests.close import assert_close
 
 F64 = torch.float64
 MESHES = [
@@ -52,8 +53,8 @@ def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh)
     system = PoissonSystem(mesh)
     wanted = mesh.verts + 0.2 * random(*mesh.verts.shape)
     found = system.solve(jacobians_from_verts(gradient_operator(mesh), wanted))
-    torch.testing.assert_close(centred(system, found), centred(system, wanted), atol=1e-10, rtol=0)
-    torch.testing.assert_close(found - centred(system, found), mesh.verts - centred(system, mesh.verts))
+    assert_close(centred(system, found), centred(system, wanted), atol=1e-10, rtol=0)
+    assert_close(found - centred(system, found), mesh.verts - centred(system, mesh.verts))
 
 
 @each_case("mesh", MESHES)
@@ -61,24 +62,24 @@ def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh)
 def test_identities_give_the_rest_mesh_in_any_unit_at_any_place(mesh: TriangleMesh, unit: float) -> None:
     moved = TriangleMesh(unit * (mesh.verts + 3), mesh.faces)
     found = PoissonSystem(moved).solve(identity_jacobians(len(mesh.faces)))
-    torch.testing.assert_close(found, moved.verts, atol=1e-11 * unit, rtol=0)
+    assert_close(found, moved.verts, atol=1e-11 * unit, rtol=0)
 
 
 @each_case("mesh", MESHES)
 def test_rotations_give_the_rotated_mesh(mesh: TriangleMesh) -> None:
     system, turn = PoissonSystem(mesh), rotation(5)
     found = system.solve(turn.expand(len(mesh.faces), 3, 3).contiguous())
-    torch.testing.assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-11, rtol=0)
+    assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-11, rtol=0)
 
 
-@pytest.mark.parametrize("mesh", [icosphere(1), grid(3)])
+@each_case("mesh", [icosphere(1), grid(3)])
 def test_it_is_the_least_squares_solution(mesh: TriangleMesh) -> None:
     jacobians = random(len(mesh.faces), 3, 3)
     system = PoissonSystem(mesh)
     right = gradient_operator(mesh).T @ mass_matrix(mesh) @ jacobians.mT.reshape(-1, 3).numpy()
     dense = np.linalg.lstsq(cotangent_laplacian(mesh).toarray(), right, rcond=None)[0]
     expected = centred(system, torch.from_numpy(dense))
-    torch.testing.assert_close(centred(system, system.solve(jacobians)), expected, atol=1e-10, rtol=0)
+    assert_close(centred(system, system.solve(jacobians)), expected, atol=1e-10, rtol=0)
 
 
 def test_it_is_linear_up_to_the_centre() -> None:
@@ -87,10 +88,10 @@ def test_it_is_linear_up_to_the_centre() -> None:
     a, b = random(len(mesh.faces), 3, 3, seed=1), random(len(mesh.faces), 3, 3, seed=2)
     combined = centred(system, system.solve(2 * a - 3 * b))
     parts = 2 * centred(system, system.solve(a)) - 3 * centred(system, system.solve(b))
-    torch.testing.assert_close(combined, parts, atol=1e-11, rtol=0)
+    assert_close(combined, parts, atol=1e-11, rtol=0)
 
 
-@pytest.mark.parametrize("mesh", [icosphere(0), grid(2), join(icosphere(0), grid(1))])
+@each_case("mesh", [icosphere(0), grid(2), join(icosphere(0), grid(1))])
 def test_the_backward_pass_is_the_gradient(mesh: TriangleMesh) -> None:
     system = PoissonSystem(mesh)
     assert torch.autograd.gradcheck(system.solve, (random(len(mesh.faces), 3, 3).requires_grad_(),))
@@ -126,7 +127,7 @@ def test_unused_vertices_keep_their_place() -> None:
     assert system.rest.num_components == 2
     variable = random(len(mesh.faces), 3, 3).requires_grad_()
     found = system.solve(variable)
-    torch.testing.assert_close(found[0], mesh.verts[0])
+    assert_close(found[0], mesh.verts[0])
     found[0].sum().backward()
     assert variable.grad is not None
     assert variable.grad.abs().max() == 0
@@ -144,7 +145,7 @@ def test_doubled_flipped_and_non_manifold_faces_are_normal_input() -> None:
     system = PoissonSystem(mesh)
     wanted = mesh.verts + 0.1 * random(*mesh.verts.shape)
     found = system.solve(jacobians_from_verts(gradient_operator(mesh), wanted))
-    torch.testing.assert_close(centred(system, found), centred(system, wanted), atol=1e-11, rtol=0)
+    assert_close(centred(system, found), centred(system, wanted), atol=1e-11, rtol=0)
 
 
 def test_a_vertex_within_a_collapsed_edge_follows_that_edge() -> None:
@@ -156,10 +157,8 @@ def test_a_vertex_within_a_collapsed_edge_follows_that_edge() -> None:
     field = 2 * rotation(1).expand(2, 3, 3).clone()
     field[1] = torch.eye(3, dtype=F64)  # what stands for the collapsed face does not matter within it
     found = system.solve(field)
-    torch.testing.assert_close(found[2], (2 * found[0] + found[1]) / 3, atol=1e-6, rtol=0)
-    torch.testing.assert_close(
-        found[1] - found[0], 2 * rotation(1) @ (mesh.verts[1] - mesh.verts[0]), atol=1e-4, rtol=0
-    )
+    assert_close(found[2], (2 * found[0] + found[1]) / 3, atol=1e-6, rtol=0)
+    assert_close(found[1] - found[0], 2 * rotation(1) @ (mesh.verts[1] - mesh.verts[0]), atol=1e-4, rtol=0)
 
 
 def test_what_only_a_collapsed_face_connects_turns_as_one() -> None:
@@ -168,7 +167,7 @@ def test_what_only_a_collapsed_face_connects_turns_as_one() -> None:
     mesh = soup([*left, *right], [[0, 1, 2], [3, 4, 5], [0, 1, 3]])
     system, turn = PoissonSystem(mesh), rotation(2)
     found = system.solve(turn.expand(3, 3, 3).contiguous())
-    torch.testing.assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-8, rtol=0)
+    assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-8, rtol=0)
 
 
 @each_case("height", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 0.0])
@@ -181,14 +180,14 @@ def test_needles_of_any_thinness_do_not_break_the_factor(height: float) -> None:
     mesh = TriangleMesh(verts, flat.faces)
     system = PoissonSystem(mesh)
     found = system.solve(identity_jacobians(len(mesh.faces)))
-    torch.testing.assert_close(found, mesh.verts, atol=1e-8, rtol=0)
+    assert_close(found, mesh.verts, atol=1e-8, rtol=0)
     assert torch.isfinite(system.solve(random(len(mesh.faces), 3, 3))).all()
 
 
 def test_caps_and_needles_of_a_fine_pole() -> None:
     mesh = uv_sphere(6, 3000)
     found = PoissonSystem(mesh).solve(identity_jacobians(len(mesh.faces)))
-    torch.testing.assert_close(found, mesh.verts, atol=1e-9, rtol=0)
+    assert_close(found, mesh.verts, atol=1e-9, rtol=0)
 
 
 coordinate = st.one_of(
@@ -209,13 +208,11 @@ def test_any_triangle_soup_is_solved(rows: list[tuple[float, float, float]], fac
     found = system.solve(variable)
     found.square().sum().backward()
     size = float(verts.abs().max()) + 1e-30
-    torch.testing.assert_close(found, verts, atol=1e-5 * size, rtol=0)
+    assert_close(found, verts, atol=1e-5 * size, rtol=0)
     assert variable.grad is None or bool(torch.isfinite(variable.grad).all())
 
 
-@pytest.mark.parametrize(
-    "wrong", [torch.zeros(19, 3, 3, dtype=F64), torch.zeros(20, 3, 3), torch.zeros(20, 9, dtype=F64)]
-)
+@each_case("wrong", [torch.zeros(19, 3, 3, dtype=F64), torch.zeros(20, 3, 3), torch.zeros(20, 9, dtype=F64)])
 def test_wrong_shapes_and_types_are_refused(wrong: Tensor) -> None:
     with pytest.raises(ShapeError, match="expected jacobians"):
         PoissonSystem(icosphere(0)).solve(wrong)

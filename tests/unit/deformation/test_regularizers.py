@@ -14,6 +14,7 @@ from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
+from tests.close import assert_close
 
 F64 = torch.float64
 
@@ -41,7 +42,7 @@ def test_resolution_does_not_matter() -> None:
         assert values[1][name] == pytest.approx(values[2][name], rel=0.02), name
 
 
-@pytest.mark.parametrize("unit", [1e-3, 50.0])
+@each_case("unit", [1e-3, 50.0])
 def test_scale_does_not_matter(unit: float) -> None:
     mesh = icosphere(2)
     scaled = TriangleMesh(mesh.verts * unit, mesh.faces)
@@ -77,7 +78,7 @@ def test_the_laplacian_term_does_not_see_a_shear_inside_a_plane() -> None:
     sheared = mesh.verts + torch.stack([0 * x, 0 * x, 0.5 * x + 0.2 * y], 1)
     alone = regularizers.laplacian(mesh.verts + bump)
     assert float(alone) > 0.01
-    torch.testing.assert_close(regularizers.laplacian(sheared + bump) - regularizers.laplacian(sheared), alone)
+    assert_close(regularizers.laplacian(sheared + bump) - regularizers.laplacian(sheared), alone)
 
 
 def rolled(mesh: TriangleMesh, angle: float) -> Tensor:
@@ -94,7 +95,7 @@ def folded(mesh: TriangleMesh, angle: float) -> Tensor:
     return torch.stack([x - beyond + beyond * math.cos(angle), y, beyond * math.sin(angle)], 1)
 
 
-@pytest.mark.parametrize("mesh", [icosphere(3), box(4), torus()])
+@each_case("mesh", [icosphere(3), box(4), torus()])
 def test_the_rest_shape_costs_nothing_whatever_creases_it_has(mesh: TriangleMesh) -> None:
     regularizers = Regularizers(mesh)
     assert float(regularizers.normal(mesh.verts)) < 1e-20
@@ -129,7 +130,7 @@ def test_a_crease_may_open_and_not_sharpen_or_turn_over() -> None:
     assert turned == pytest.approx(at_rest, rel=0.1)
 
 
-@pytest.mark.parametrize("degrees", [10, 60, 170])
+@each_case("degrees", [10, 60, 170])
 def test_at_the_reference_resolution_a_flat_sheet_costs_what_is_published(degrees: float) -> None:
     mesh = grid(50)  # 5,000 faces
     bent = folded(mesh, math.radians(degrees))
@@ -160,7 +161,7 @@ def test_a_crease_costs_more_than_a_curve() -> None:
     assert float(regularizers.normal(crease)) > 10 * float(regularizers.normal(curve)) > 0
 
 
-@pytest.mark.parametrize("mesh", [icosphere(0), grid(2), box(1)])
+@each_case("mesh", [icosphere(0), grid(2), box(1)])
 def test_gradients_are_right(mesh: TriangleMesh) -> None:
     generator = torch.Generator().manual_seed(0)
     regularizers = Regularizers(mesh)
@@ -180,7 +181,7 @@ def _line(verts: Tensor) -> Tensor:
     return verts * torch.tensor([1.0, 0.0, 0.0], dtype=F64)
 
 
-@pytest.mark.parametrize("collapse", [_point, _line])
+@each_case("collapse", [_point, _line])
 def test_a_mesh_that_collapses_has_finite_gradients(collapse: Callable[[Tensor], Tensor]) -> None:
     mesh = icosphere(1)
     regularizers = Regularizers(mesh)

@@ -23,6 +23,7 @@ from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier, Rigidity
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
 from tests.cases import each_case
+from tests.close import assert_close
 
 F64 = torch.float64
 RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY
@@ -57,16 +58,16 @@ def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> Non
     plain, held = placed(bent(LatticeField(CART))).detach(), placed(bent(LatticeField(CART, bodies=BODIES))).detach()
     rest = CART.verts
     assert float((lengths(plain[LEFT]) - lengths(rest[LEFT])).abs().max()) > 0.01
-    torch.testing.assert_close(lengths(held[LEFT]), lengths(rest[LEFT]), atol=1e-12, rtol=0)
+    assert_close(lengths(held[LEFT]), lengths(rest[LEFT]), atol=1e-12, rtol=0)
     ratio = lengths(held[RIGHT])[0, 1:] / lengths(rest[RIGHT])[0, 1:]
-    torch.testing.assert_close(ratio, ratio[:1].expand_as(ratio), atol=1e-12, rtol=0)
+    assert_close(ratio, ratio[:1].expand_as(ratio), atol=1e-12, rtol=0)
     assert float(ratio[0]) == pytest.approx(1.2, abs=0.1)
     assert torch.equal(held[FREE], plain[FREE])
     # Each body is where the lattice puts it: no other motion is closer, not even by a little.
     areas = torch.from_numpy(CART.vertex_areas)
     for verts in (LEFT, RIGHT):
         weights = areas[verts][:, None]
-        torch.testing.assert_close((weights * held[verts]).sum(0), (weights * plain[verts]).sum(0), atol=1e-12, rtol=0)
+        assert_close((weights * held[verts]).sum(0), (weights * plain[verts]).sum(0), atol=1e-12, rtol=0)
         error = (weights * (held[verts] - plain[verts]) ** 2).sum()
         arms = held[verts] - (weights * held[verts]).sum(0) / weights.sum()
         for axis in torch.eye(3, dtype=F64):
@@ -77,7 +78,7 @@ def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> Non
 
 def test_a_field_without_bodies_is_the_plain_one_bit_for_bit() -> None:
     assert torch.equal(placed(bent(LatticeField(CART, bodies=[]))), placed(bent(LatticeField(CART))))
-    torch.testing.assert_close(placed(LatticeField(CART, bodies=BODIES)), CART.verts, atol=1e-12, rtol=0)
+    assert_close(placed(LatticeField(CART, bodies=BODIES)), CART.verts, atol=1e-12, rtol=0)
 
 
 @each_case("mode", [RIGID, SIMILARITY])
@@ -147,7 +148,7 @@ def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
         pass
     assert torch.equal(whole.verts(), resumed.verts())
     assert float((whole.verts() - CART.verts).abs().max()) > 0.05
-    torch.testing.assert_close(lengths(whole.verts()[LEFT]), lengths(CART.verts[LEFT]), atol=1e-12, rtol=0)
+    assert_close(lengths(whole.verts()[LEFT]), lengths(CART.verts[LEFT]), atol=1e-12, rtol=0)
 
 
 def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:

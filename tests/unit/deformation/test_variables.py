@@ -13,6 +13,7 @@ from meshdeform.errors import CheckpointError
 from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from tests.close import assert_close
 
 MESH = icosphere(2)
 KINDS = (JacobianField, VertexDisplacements)
@@ -21,7 +22,7 @@ KINDS = (JacobianField, VertexDisplacements)
 @pytest.mark.parametrize("kind", KINDS)
 def test_they_begin_at_rest_without_any_strain(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
-    torch.testing.assert_close(placed(variables), MESH.verts, atol=1e-9, rtol=0)
+    assert_close(placed(variables), MESH.verts, atol=1e-9, rtol=0)
     assert float(variables.jacobian_penalty().detach()) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -34,7 +35,7 @@ def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) 
         "displacements": MESH.verts * (stretch - 1),
     }
     copy_into(variables, state)
-    torch.testing.assert_close(placed(variables), MESH.verts * stretch, atol=1e-9, rtol=0)
+    assert_close(placed(variables), MESH.verts * stretch, atol=1e-9, rtol=0)
     # Along a normal there is no edge that could say how it is stretched; what there is, is bounded by the whole.
     strain = float(variables.jacobian_penalty().detach())
     assert 0.5 * 0.25 < strain <= 0.25 + 1e-9
@@ -69,7 +70,7 @@ def test_any_shape_of_one_part_can_be_adopted(kind: Callable[[TriangleMesh], Var
     variables.adopt(wished)
     found = placed(variables).detach()
     shift = (wished - found).mean(0)
-    torch.testing.assert_close(found + shift, wished, atol=1e-8, rtol=0)
+    assert_close(found + shift, wished, atol=1e-8, rtol=0)
 
 
 def test_jacobians_that_have_not_changed_are_solved_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,5 +92,5 @@ def test_jacobians_that_have_not_changed_are_solved_for_once(monkeypatch: pytest
     solved.clear()
     with torch.no_grad():
         variables.tensors["jacobians"].mul_(1.1)
-    torch.testing.assert_close(placed(variables), 1.1 * first.detach())
+    assert_close(placed(variables), 1.1 * first.detach())
     assert len(solved) == 1

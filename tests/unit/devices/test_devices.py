@@ -30,6 +30,7 @@ from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
 from meshdeform.rendering.rasterizer.spans import rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
+from tests.close import assert_close
 
 MESHES = {
     "sphere": icosphere(3, 0.6),
@@ -61,7 +62,7 @@ def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
     other = found.cpu() != expected
     # Ties in depth at shared edges are broken by the order of faces, or not.
     assert int(other.sum()) <= 1e-3 * int((expected >= 0).sum())
-    torch.testing.assert_close(found_depth.cpu()[~other], depth[~other], atol=2e-6, rtol=0)
+    assert_close(found_depth.cpu()[~other], depth[~other], atol=2e-6, rtol=0)
     assert float(depth.max()) == rasterizer.EMPTY_DEPTH
 
 

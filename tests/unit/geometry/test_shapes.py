@@ -11,6 +11,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
 from tests.cases import each_case
+from tests.close import assert_close
 
 
 def volume(mesh: TriangleMesh) -> float:
@@ -52,7 +53,7 @@ def test_an_icosphere_has_twenty_times_four_to_the_level_faces(level: int) -> No
     mesh = icosphere(level)
     assert mesh.faces.shape[0] == 20 * 4**level
     assert mesh.verts.shape[0] == 10 * 4**level + 2
-    torch.testing.assert_close(mesh.verts.norm(dim=1), torch.ones(len(mesh.verts), dtype=torch.float64))
+    assert_close(mesh.verts.norm(dim=1), torch.ones(len(mesh.verts), dtype=torch.float64))
 
 
 def test_the_grid_faces_forward() -> None:

@@ -21,6 +21,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.normalization import Frame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from tests.close import assert_close
 
 SPHERE = icosphere(3)
 NOWHERE = torch.zeros(3, dtype=torch.float64)
@@ -115,7 +116,7 @@ def test_the_loss_of_a_translation_has_its_value_in_closed_form() -> None:
     term = PointTerm(sheet, samples=400)
     term.begin(sheet)
     pull = term.pair(sheet.verts + step, NOWHERE, 0.0)
-    torch.testing.assert_close(pull, -step, atol=1e-9, rtol=0)
+    assert_close(pull, -step, atol=1e-9, rtol=0)
     loss, share = term.loss(sheet.verts + step, NOWHERE)
     assert share == 1.0
     assert loss.item() == pytest.approx(4 * (math.sqrt(2) - 1))
@@ -181,7 +182,7 @@ def test_the_result_goes_where_the_target_is() -> None:
     rest = framed(SPHERE)
     shift = torch.tensor([0.03, 0.0, -0.02], dtype=torch.float64)
     run = fit(rest, TriangleMesh(rest.verts + shift, rest.faces), steps=20)
-    torch.testing.assert_close(run.verts().mean(0), rest.verts.mean(0) + shift, atol=6e-3, rtol=0)
+    assert_close(run.verts().mean(0), rest.verts.mean(0) + shift, atol=6e-3, rtol=0)
 
 
 def test_a_landmark_is_honoured() -> None:

@@ -12,6 +12,7 @@ from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, resca
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.close import assert_close
 from tests.unit.guidance.pictures import PicturesPrior
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -48,8 +49,8 @@ def test_the_gradient_on_z0_is_exactly_the_papers_times_the_size_factor(side: in
     level = prior.alphas_cumprod[prior.timesteps[0]]
     noise = (prior.z_t - level.sqrt() * prior.z0.detach()) / (1 - level).sqrt()
     expected = (1 - level) * (0.5 * prior.z_t - noise) * REFERENCE_ELEMENTS / (3 * side * side)
-    torch.testing.assert_close(prior.z0.grad, expected, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(image.grad, 2 * prior.z0.grad)
+    assert_close(prior.z0.grad, expected, rtol=1e-4, atol=1e-5)
+    assert_close(image.grad, 2 * prior.z0.grad)
     assert logs["sds_gradient_norm"] == pytest.approx(expected.norm().item(), rel=1e-4)
 
 
@@ -75,7 +76,7 @@ def test_the_loss_scales_its_gradient() -> None:
         loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(image, context())
         (weight * loss).backward()
         grads.append(image.grad)
-    torch.testing.assert_close(grads[1], 3 * grads[0])
+    assert_close(grads[1], 3 * grads[0])
 
 
 def test_the_pull_does_not_depend_on_the_number_of_latents() -> None:
@@ -87,7 +88,7 @@ def test_the_pull_does_not_depend_on_the_number_of_latents() -> None:
         loss, _ = ScoreDistillation(prior, "", guidance_scale=7.5).loss(image, context())
         loss.backward()
         sums.append(image.grad.sum())
-    torch.testing.assert_close(sums[0], sums[1], rtol=1e-4, atol=0.0)
+    assert_close(sums[0], sums[1], rtol=1e-4, atol=0.0)
 
 
 def test_descent_reaches_the_only_picture_that_the_prior_knows() -> None:
@@ -228,10 +229,10 @@ def test_full_rescaling_gives_the_picture_the_spread_of_the_prompted_one() -> No
     wanted = to_clean(to_noise(text)).std()
     assert to_clean(strong).std() > 5 * wanted
     full = rescaled(strong, to_noise(text), noisy, level, 1.0)
-    torch.testing.assert_close(to_clean(full).std(), wanted, rtol=1e-4, atol=0.0)
-    torch.testing.assert_close(rescaled(strong, to_noise(text), noisy, level, 0.0), strong, rtol=1e-4, atol=1e-4)
+    assert_close(to_clean(full).std(), wanted, rtol=1e-4, atol=0.0)
+    assert_close(rescaled(strong, to_noise(text), noisy, level, 0.0), strong, rtol=1e-4, atol=1e-4)
     half = to_clean(rescaled(strong, to_noise(text), noisy, level, 0.5))
-    torch.testing.assert_close(half, (to_clean(full) + to_clean(strong)) / 2, rtol=1e-3, atol=1e-3)
+    assert_close(half, (to_clean(full) + to_clean(strong)) / 2, rtol=1e-3, atol=1e-3)
 
 
 def test_pictures_of_their_own_have_timesteps_of_their_own_and_share_the_weight() -> None:
@@ -243,7 +244,7 @@ def test_pictures_of_their_own_have_timesteps_of_their_own_and_share_the_weight(
     for k, timestep in enumerate(prior.timesteps):
         level = prior.alphas_cumprod[timestep]
         pull = 2 * (1 - level) * (level / (1 - level)).sqrt() * -1.0 * REFERENCE_ELEMENTS / images.numel()
-        torch.testing.assert_close(images.grad[k], pull.expand(3, 16, 16), rtol=1e-3, atol=1e-4)
+        assert_close(images.grad[k], pull.expand(3, 16, 16), rtol=1e-3, atol=1e-4)
 
 
 def test_a_negative_prompt_takes_the_place_of_nothing() -> None:
@@ -258,4 +259,4 @@ def test_a_negative_prompt_takes_the_place_of_nothing() -> None:
         # Each text's picture x pulls along sqrt(abar / (1 - abar)) (z0 - x), whatever noise was drawn.
         wanted = pictures[negative] + 3.0 * (pictures["a dog"] - pictures[negative])
         pull = 2 * (1 - level) * (level / (1 - level)).sqrt() * 2 * (0.5 - wanted) * REFERENCE_ELEMENTS / image.numel()
-        torch.testing.assert_close(image.grad, pull, rtol=1e-3, atol=1e-2)
+        assert_close(image.grad, pull, rtol=1e-3, atol=1e-2)

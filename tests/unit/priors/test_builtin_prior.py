@@ -7,7 +7,7 @@ import torch
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.schedule import add_noise
@@ -19,6 +19,8 @@ from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.text_guidance import score_distillation
 from tests.cases import each_case
+from tests.close import assert_close
+from tests.taught import THREE_NOUNS
 from tests.unit.priors.combined import guided, text_rows
 
 
@@ -44,9 +46,9 @@ def test_guidance_extrapolates_from_nothing_through_the_prompt(weights: Path) ->
     nothing, prompted, strong = (guided(*prior.predict_noise(z_t, at, embedding, cameras), s) for s in (0.0, 1.0, 7.5))
     assert strong.shape == z_t.shape
     assert (prompted - nothing).abs().max() > 1e-5
-    torch.testing.assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
+    assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
     other = text_rows(prior, "a dog")
-    torch.testing.assert_close(guided(*prior.predict_noise(z_t, at, other, cameras), 0.0), nothing)
+    assert_close(guided(*prior.predict_noise(z_t, at, other, cameras), 0.0), nothing)
 
 
 def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> None:
@@ -60,9 +62,9 @@ def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> N
         alone = guided(
             *prior.predict_noise(z_t[k : k + 1], at[k : k + 1], embedding, fixed_cameras((azimuth,), 10.0)), 3.0
         )
-        torch.testing.assert_close(together[k : k + 1], alone, atol=1e-3, rtol=1e-3)
+        assert_close(together[k : k + 1], alone, atol=1e-3, rtol=1e-3)
     turned = guided(*prior.predict_noise(z_t, at, embedding, fixed_cameras((20.0, -75.0, 0.0), 10.0)), 3.0)
-    torch.testing.assert_close(turned[:2], together[:2], atol=1e-3, rtol=1e-3)
+    assert_close(turned[:2], together[:2], atol=1e-3, rtol=1e-3)
     assert (turned[2] - together[2]).abs().max() > 1e-3
     four = fixed_cameras(20.0, 10.0)
     grid = guided(*prior.predict_noise(z_t[:1], at[:1], embedding, four), 3.0)
@@ -76,9 +78,9 @@ def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> Non
     prior = BuiltinPrior(weights=weights)
     image = torch.rand(1, 3, 128, 128, requires_grad=True)
     z0 = prior.encode_image(image)
-    torch.testing.assert_close(z0, image * 2 - 1)
+    assert_close(z0, image * 2 - 1)
     z0.sum().backward()
-    torch.testing.assert_close(image.grad, torch.full_like(image, 2.0))
+    assert_close(image.grad, torch.full_like(image, 2.0))
     embedding = text_rows(prior, "a hat")
     assert not guided(
         *prior.predict_noise(z0, torch.tensor([5]), embedding, fixed_cameras(0.0, 0.0)), 2.0
@@ -87,7 +89,8 @@ def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> Non
 
 def test_it_says_who_it_is(weights: Path) -> None:
     prior = BuiltinPrior(weights=weights)
-    assert prior.identity == {"id": "builtin", "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert prior.identity == {"id": str(weights), "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert BuiltinPrior().identity["id"] == "builtin"
     assert prior.alphas_cumprod.shape == (prior.num_timesteps,)
     assert prior.style == STYLE
     assert prior.dtype == torch.float32
@@ -107,12 +110,12 @@ def test_a_negative_prompt_stands_in_for_nothing(weights: Path) -> None:
     """Its row is that of the prompt it is; attributes alone are those of the prompt's noun."""
     prior = BuiltinPrior(weights=weights)
     negative, prompt = text_rows(prior, "a vase", "fat")
-    torch.testing.assert_close(prompt, text_rows(prior, "a vase")[1])
-    torch.testing.assert_close(negative, text_rows(prior, "a fat vase")[1])
+    assert_close(prompt, text_rows(prior, "a vase")[1])
+    assert_close(negative, text_rows(prior, "a fat vase")[1])
     assert not torch.allclose(negative, text_rows(prior, "a vase", "")[0])
     rows = prior.encode_texts("a vase", "", "a chair", "fat")
     assert rows.shape == (4, 16)
-    torch.testing.assert_close(rows[2], text_rows(prior, "a chair")[1])
+    assert_close(rows[2], text_rows(prior, "a chair")[1])
 
 
 def test_missing_torn_and_foreign_weights_are_model_errors(
@@ -124,7 +127,7 @@ def test_missing_torn_and_foreign_weights_are_model_errors(
     torn.write_bytes(weights.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
         BuiltinPrior(weights=torn)
-    monkeypatch.setattr(weights_file, "VOCABULARY", ("another",))
+    monkeypatch.setattr(taught, "BUILTIN_WORDS", THREE_NOUNS)
     with pytest.raises(ModelError, match="another vocabulary"):
         BuiltinPrior(weights=weights)
 

@@ -18,6 +18,7 @@ from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
+from tests.close import assert_close
 
 pytestmark = pytest.mark.training
 
@@ -66,7 +67,7 @@ def test_a_single_view_is_one_camera_s_at_the_azimuth_that_is_told(monkeypatch: 
     renderer = Renderer(torch.from_numpy(shape.faces), len(shape.verts), SINGLE_STYLE)
     for image, angle in zip(images, azimuth, strict=True):
         view = renderer.render(torch.from_numpy(shape.verts), fixed_cameras((float(angle),), 15.0, 40.0))[0]
-        torch.testing.assert_close(image.float() / 255, view.permute(2, 0, 1), atol=0.02, rtol=0.0)
+        assert_close(image.float() / 255, view.permute(2, 0, 1), atol=0.02, rtol=0.0)
 
 
 def test_drawn_prompts_never_have_what_is_held_out_unless_asked() -> None:
@@ -163,7 +164,7 @@ def test_weights_come_back_in_half_precision(tiny: PictureSet, tmp_path: Path) -
     assert metadata["steps"] == "1"
     assert network.config == SMALL
     for name, tensor in network.state_dict().items():
-        torch.testing.assert_close(tensor, trainer.average[name], atol=1e-3, rtol=1e-3)
+        assert_close(tensor, trainer.average[name], atol=1e-3, rtol=1e-3)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["prior.safetensors", "state.pt"]
 
 
@@ -218,7 +219,7 @@ def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None
     # What a single view adds is zero until it is trained.
     x, at, azimuth = torch.randn(1, 3, 128, 128), torch.tensor([300]), torch.tensor([20.0])
     text = network.text(torch.tensor([tokenise(parse("a tall vase"))]))
-    torch.testing.assert_close(network(x, at, text, azimuth), network(x, at, text, azimuth, torch.tensor([True])))
+    assert_close(network(x, at, text, azimuth), network(x, at, text, azimuth, torch.tensor([True])))
 
 
 def test_a_run_starts_from_older_weights_and_says_so(

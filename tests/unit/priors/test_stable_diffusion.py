@@ -23,6 +23,7 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 from meshdeform.requests.document import DeformParams, resolve
+from tests.close import assert_close
 from tests.unit.priors.combined import guided, text_rows
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -70,7 +71,7 @@ def test_the_schedule_is_the_published_one(prior: StableDiffusionPrior) -> None:
     """Scaled linear betas from 0.00085 to 0.012, as every Stable Diffusion 1 and 2 has them."""
     betas = torch.linspace(0.00085**0.5, 0.012**0.5, 1000, dtype=torch.float64) ** 2
     expected = torch.cumprod(1 - betas, 0).float()
-    torch.testing.assert_close(prior.alphas_cumprod, expected, rtol=1e-4, atol=1e-6)
+    assert_close(prior.alphas_cumprod, expected, rtol=1e-4, atol=1e-6)
 
 
 def test_a_picture_becomes_latents_an_eighth_its_size(prior: StableDiffusionPrior) -> None:
@@ -79,12 +80,12 @@ def test_a_picture_becomes_latents_an_eighth_its_size(prior: StableDiffusionPrio
     assert latents.dtype == torch.float32
     assert torch.equal(latents, prior.encode_image(picture()))
     raw = prior._vae.encode(2 * picture() - 1).latent_dist.mean
-    torch.testing.assert_close(latents, 0.18215 * raw)
+    assert_close(latents, 0.18215 * raw)
 
 
 def test_a_picture_of_another_size_is_resized(prior: StableDiffusionPrior) -> None:
     flat = torch.full((1, 3, 48, 48), 0.4)
-    torch.testing.assert_close(
+    assert_close(
         prior.encode_image(flat), prior.encode_image(torch.full((1, 3, SIZE, SIZE), 0.4)), rtol=1e-3, atol=1e-4
     )
     with pytest.raises(ShapeError):
@@ -111,7 +112,7 @@ def test_the_text_embedding_holds_the_negative_prompt_and_the_prompt(prior: Stab
     both = text_rows(prior, "a mushroom", "blurry")
     assert both.shape == (2, 77, 32)
     assert torch.equal(text_rows(prior, "a mushroom", "")[1], both[1])
-    torch.testing.assert_close(text_rows(prior, "blurry")[1], both[0])
+    assert_close(text_rows(prior, "blurry")[1], both[0])
     assert not torch.allclose(both[0], both[1])
 
 
@@ -130,7 +131,7 @@ def test_classifier_free_guidance_is_uncond_plus_s_times_the_difference(prior: S
     )
     for scale in (0.0, 1.0, 7.5, 100.0):
         predicted = guided(*prior.predict_noise(z_t, at, embedding, CAMERAS), scale)
-        torch.testing.assert_close(predicted, uncond + scale * (text - uncond), rtol=1e-4, atol=1e-3)
+        assert_close(predicted, uncond + scale * (text - uncond), rtol=1e-4, atol=1e-3)
     assert not predicted.requires_grad
 
 
@@ -158,7 +159,7 @@ def test_v_prediction_equals_the_noise_that_its_velocity_stands_for(
     embedding, z_t = text_rows(prior, "a vase"), noise(1, 4, 16, 16)
     monkeypatch.setattr(prior._unet, "forward", tells_noise)
     monkeypatch.setattr(other._unet, "forward", tells_velocity)
-    torch.testing.assert_close(
+    assert_close(
         guided(*other.predict_noise(z_t, at, embedding, CAMERAS), scale),
         guided(*prior.predict_noise(z_t, at, embedding, CAMERAS), scale),
         rtol=1e-4,
@@ -230,7 +231,7 @@ def test_bfloat16_agrees_roughly_and_still_speaks_float32(
     half = StableDiffusionPrior(str(tiny_stable_diffusion), dtype="bfloat16")
     latents = half.encode_image(picture())
     assert latents.dtype == torch.float32
-    torch.testing.assert_close(latents, prior.encode_image(picture()), rtol=0.1, atol=0.02)
+    assert_close(latents, prior.encode_image(picture()), rtol=0.1, atol=0.02)
     z_t, at = noise(1, 4, 16, 16), torch.tensor([300])
     predicted = guided(*half.predict_noise(z_t, at, text_rows(half, "a vase"), CAMERAS), 1.0)
     assert predicted.dtype == torch.float32

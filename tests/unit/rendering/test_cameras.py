@@ -15,6 +15,7 @@ from meshdeform.rendering.cameras import (
     sample_orthogonal_cameras,
 )
 from tests.cases import each_case
+from tests.close import assert_close
 
 
 def project(cameras: Cameras, point: tuple[float, float, float], view: int = 0) -> torch.Tensor:
@@ -25,7 +26,7 @@ def project(cameras: Cameras, point: tuple[float, float, float], view: int = 0) 
 def test_azimuth_0_stands_on_plus_z_and_sees_plus_x_on_the_right() -> None:
     cameras = fixed_cameras(0.0, 0.0)
     assert cameras.eye[0, 2] > 1
-    torch.testing.assert_close(cameras.eye[0, :2], torch.zeros(2), atol=1e-6, rtol=0)
+    assert_close(cameras.eye[0, :2], torch.zeros(2), atol=1e-6, rtol=0)
     assert project(cameras, (0.5, 0, 0))[0] > 0.1
     assert project(cameras, (0, 0.5, 0))[1] > 0.1
 
@@ -39,8 +40,8 @@ def test_azimuth_90_stands_on_plus_x() -> None:
 def test_the_four_views_are_quarter_turns() -> None:
     cameras = fixed_cameras(20.0, 10.0)
     turned = fixed_cameras(110.0, 10.0)
-    torch.testing.assert_close(cameras.view_proj[1], turned.view_proj[0], atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(cameras.view_proj[3], turned.view_proj[2], atol=1e-5, rtol=1e-5)
+    assert_close(cameras.view_proj[1], turned.view_proj[0], atol=1e-5, rtol=1e-5)
+    assert_close(cameras.view_proj[3], turned.view_proj[2], atol=1e-5, rtol=1e-5)
 
 
 @each_case("fov", [10.0, 30.0, 45.0, 100.0])
@@ -109,7 +110,7 @@ def test_draws_stay_in_bounds_and_follow_the_seed() -> None:
 
 def test_rotation_part_is_orthonormal() -> None:
     rotation = fixed_cameras(57.0, 28.0).view[:, :3, :3]
-    torch.testing.assert_close(rotation @ rotation.mT, torch.eye(3).expand(4, 3, 3), atol=1e-6, rtol=0)
+    assert_close(rotation @ rotation.mT, torch.eye(3).expand(4, 3, 3), atol=1e-6, rtol=0)
     assert torch.linalg.det(rotation).allclose(torch.ones(4), atol=1e-5)
     assert math.isclose(fixed_cameras(0.0, 30.0).eye[0, 1] / fixed_cameras(0.0, 30.0).eye[0].norm(), 0.5, rel_tol=1e-5)
 

@@ -13,15 +13,16 @@ from meshdeform.geometry.shapes import box, grid, icosphere, join
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from tests.cases import each_case
+from tests.close import assert_close
 
 
 def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:
     mesh = grid(2)
     renderer = Renderer(mesh.faces, 9, RenderStyle(view_size=32, supersample=1))
     images = renderer.render(mesh.verts, fixed_cameras(0.0, 0.0))
-    torch.testing.assert_close(images[0, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
+    assert_close(images[0, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
     # From behind, the other side of the surface faces the camera just as well.
-    torch.testing.assert_close(images[2, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
+    assert_close(images[2, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
     assert torch.equal(images[0, 0, 0], torch.zeros(3))
 
 

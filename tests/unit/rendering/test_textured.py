@@ -13,6 +13,7 @@ from meshdeform.assets.appearance import Appearance, Paint, Texture
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.rendering.textures import linear_from_srgb
+from tests.close import assert_close
 
 F64 = torch.float64
 SQUARE = torch.tensor([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=F64)
@@ -83,7 +84,7 @@ def test_gradients_are_those_of_the_picture(size: float) -> None:
             step = torch.zeros(4, 3, dtype=F64)
             step[at] = h
             numeric[at] = (value(verts + step) - value(verts - step)) / (2 * h)
-    torch.testing.assert_close(analytic, numeric, rtol=1e-4, atol=1e-4 * float(numeric.abs().max()))
+    assert_close(analytic, numeric, rtol=1e-4, atol=1e-4 * float(numeric.abs().max()))
 
 
 def test_the_edge_of_a_cut_out_moves_with_its_texture() -> None:
@@ -131,7 +132,7 @@ def test_what_is_cut_away_neither_shows_nor_separates() -> None:
     back = 0.7 * SQUARE
     verts = torch.cat([0.4 * SQUARE + torch.tensor([0.01, 0.02, 0.3], dtype=F64), back]).requires_grad_()
     picture = renderer(look).render(verts, FRONT)
-    torch.testing.assert_close(picture.detach(), renderer(alone).render(back, FRONT))
+    assert_close(picture.detach(), renderer(alone).render(back, FRONT))
     (gradient,) = torch.autograd.grad(picture.square().sum(), verts)
     assert not gradient[:4].any()
     assert gradient[4:].any()

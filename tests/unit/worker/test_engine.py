@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -41,3 +42,13 @@ def test_the_last_prior_is_kept_unless_another_one_is_asked_for(loads: list[dict
     for different in ({"dtype": "float16"}, {"dtype": "float16", "revision": "v2"}):
         assert cache.get("a", device="cpu", **different) is not first
     assert len(loads) == 3
+
+
+def test_taught_weights_that_were_replaced_are_loaded_again(loads: list[dict[str, Any]], tmp_path: Path) -> None:
+    cache, mine = PriorCache(), tmp_path / "mine.safetensors"
+    mine.write_bytes(b"one")
+    first = cache.get(str(mine), device="cpu")
+    assert cache.get(str(mine), device="cpu") is first
+    mine.write_bytes(b"another")
+    assert cache.get(str(mine), device="cpu") is not first
+    assert len(loads) == 2

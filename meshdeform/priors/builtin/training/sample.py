@@ -3,9 +3,10 @@
 Run ``python -m meshdeform.priors.builtin.training.sample "a vase" "a tall vase" -o sheet.png``.
 
 Every prompt has a row of pictures, each a 2 x 2 grid of four views (or, with `--single`, one view), sampled with
-deterministic DDIM and classifier-free guidance. Without prompts, every noun has one row.
+DDIM (by default deterministic) and classifier-free guidance. Without prompts, every noun has one row.
 
-Source: Song et al. 2021, Denoising diffusion implicit models, eq. 12 with sigma = 0.
+Source: Song et al. 2021, Denoising diffusion implicit models, eqs. 12 and 16 (eta = 1 is the ancestral sampling of
+Ho et al. 2020).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import torch
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import NOUNS, parse, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, NOUNS, Words, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tokens
 from meshdeform.priors.builtin.schedule import (
     NUM_TIMESTEPS,
@@ -42,6 +43,8 @@ def sample(
     guidance_scale: float = 3.0,
     seed: int = 0,
     single: bool = False,
+    words: Words = BUILTIN_WORDS,
+    eta: float = 0.0,
 ) -> Tensor:
     """Sample pictures of prompts.
 
@@ -55,17 +58,23 @@ def sample(
         Number of evenly spaced evaluations of the network.
     single : bool
         Sample single views instead of grids.
+    words : Words
+        The words of the network.
+    eta : float
+        Share of the noise that is drawn anew after every step: 0 is deterministic, 1 is ancestral sampling.
 
     Returns
     -------
     (B, 3, 128, 128) float32 in [0, 1].
     """
     count = len(prompts)
-    tokens = torch.cat([torch.tensor([tokenise(parse(prompt)) for prompt in prompts]), null_tokens(count)])
+    numbers = [tokenise(parse(prompt, words), words) for prompt in prompts]
+    tokens = torch.cat([torch.tensor(numbers), null_tokens(count)])
     text = network.text(tokens)
     levels = cosine_alphas_cumprod()
     alone = torch.ones(2 * count, dtype=torch.bool) if single else None
-    x = torch.randn(count, 3, IMAGE_SIZE, IMAGE_SIZE, generator=torch.Generator().manual_seed(seed))
+    generator = torch.Generator().manual_seed(seed)
+    x = torch.randn(count, 3, IMAGE_SIZE, IMAGE_SIZE, generator=generator)
     schedule = torch.linspace(NUM_TIMESTEPS - 1, 0, steps + 1).long()
     for now, following in itertools.pairwise(schedule):
         both = torch.cat([x, x]).contiguous(memory_format=torch.channels_last)
@@ -73,7 +82,11 @@ def sample(
         # Guidance of x0 is equivalent to guidance of eps, because each is affine in the other.
         clean = (nothing + guidance_scale * (prompted - nothing)).clamp(-1.0, 1.0)
         noise = noise_from_clean(clean, x, now.expand(count), levels)
-        x = levels[following].sqrt() * clean + (1.0 - levels[following]).sqrt() * noise
+        level, after = levels[now], levels[following]
+        fresh = eta * ((1 - after) / (1 - level) * (1 - level / after)).clamp_min(0.0).sqrt()
+        x = after.sqrt() * clean + (1.0 - after - fresh**2).clamp_min(0.0).sqrt() * noise
+        if eta:
+            x = x + fresh * torch.randn(x.shape, generator=generator)
     return (x.clamp(-1.0, 1.0) + 1.0) / 2.0
 
 

@@ -53,15 +53,23 @@ class TrainConfig:
 
 
 class Trainer:
-    """Training state: the network, its optimiser and its average, which start from `initial` if given."""
+    """Training state: the network, its optimiser and its average, which start from `initial` or `network` if given."""
 
     def __init__(
-        self, data: PictureSet, config: TrainConfig, *, device: str, precision: str, initial: Path | None = None
+        self,
+        data: PictureSet,
+        config: TrainConfig,
+        *,
+        device: str,
+        precision: str,
+        initial: Path | None = None,
+        network: PriorNetwork | None = None,
     ) -> None:
         torch.manual_seed(config.seed)
         self.data, self.config, self.device = data, config, torch.device(device)
         self.precision = precision
-        self.network = PriorNetwork().to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        started = network or PriorNetwork()
+        self.network: PriorNetwork = started.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.provenance: dict[str, str] = {}
         if initial:
             new = warm_start(self.network, initial, torch.Generator().manual_seed(config.seed))
@@ -133,7 +141,14 @@ class Trainer:
             **self.provenance,
         }
         write_weights(weights, self.average, self.network.config, provenance)
-        state_dict: dict[str, Any] = {
+        state.parent.mkdir(parents=True, exist_ok=True)
+        part = state.with_suffix(".part")
+        torch.save(self.state(), part)
+        part.replace(state)
+
+    def state(self) -> dict[str, Any]:
+        """Return the complete state; call only between two steps."""
+        return {
             "network": self.network.state_dict(),
             "average": self.average,
             "optimiser": self.optimiser.state_dict(),
@@ -142,14 +157,13 @@ class Trainer:
             "total_steps": self.total_steps,
             "provenance": self.provenance,
         }
-        state.parent.mkdir(parents=True, exist_ok=True)
-        part = state.with_suffix(".part")
-        torch.save(state_dict, part)
-        part.replace(state)
 
     def restore(self, state: Path) -> None:
         """Restore the state that `save` wrote."""
-        state_dict = torch.load(state, map_location=self.device, weights_only=True)
+        self.load_state(torch.load(state, map_location=self.device, weights_only=True))
+
+    def load_state(self, state_dict: dict[str, Any]) -> None:
+        """Restore what `state` returned."""
         self.network.load_state_dict(state_dict["network"])
         self.average = state_dict["average"]
         self.optimiser.load_state_dict(state_dict["optimiser"])

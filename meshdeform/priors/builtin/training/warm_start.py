@@ -19,7 +19,7 @@ from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
 from meshdeform.priors.builtin.weights_file import read_tensors, vocabulary_hash
 
-__all__ = ["warm_start"]
+__all__ = ["new_rows", "warm_start"]
 
 _WORDS = "text.word.weight"
 _NOISE = 0.3
@@ -85,9 +85,14 @@ def _word_rows(rows: Tensor, words: list[str], generator: torch.Generator) -> Te
             continue
         kind = _kind(word)
         peers = rows[[row for other, row in number.items() if _kind(other) == kind]]
-        noise = torch.randn(rows.shape[1], generator=generator)
-        made.append(peers.mean(0) + _NOISE * peers.std(0) * noise)
+        made.append(new_rows(peers, 1, generator)[0])
     return torch.stack(made)
+
+
+def new_rows(peers: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """Return rows (count, width) of new words: the mean of the rows (P, width) of their kind, with a little noise."""
+    noise = torch.randn(count, peers.shape[1], generator=generator)
+    return peers.mean(0) + _NOISE * peers.std(0) * noise
 
 
 def _kind(word: str) -> str:

@@ -9,6 +9,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import interpolate, rasterize
 from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
+from tests.close import assert_close
 
 SIZE = 24
 
@@ -29,8 +30,8 @@ def test_a_function_that_is_linear_in_space_is_exact() -> None:
     within = pixels % (SIZE * SIZE)
     x = (within % SIZE + 0.5) * 2 / SIZE - 1
     y = 1 - (within // SIZE + 0.5) * 2 / SIZE
-    torch.testing.assert_close(found[:, 0] / found[:, 3], x, atol=1e-5, rtol=0)
-    torch.testing.assert_close(found[:, 1] / found[:, 3], y, atol=1e-5, rtol=0)
+    assert_close(found[:, 0] / found[:, 3], x, atol=1e-5, rtol=0)
+    assert_close(found[:, 1] / found[:, 3], y, atol=1e-5, rtol=0)
 
 
 def test_the_backends_agree_in_values_and_gradients() -> None:
@@ -44,7 +45,7 @@ def test_the_backends_agree_in_values_and_gradients() -> None:
         (out * weights).sum().backward()
         found.append((out, c.grad, v.grad))
     for a, b in zip(*found, strict=True):
-        torch.testing.assert_close(a, b, atol=2e-4, rtol=1e-3)
+        assert_close(a, b, atol=2e-4, rtol=1e-3)
 
 
 def test_the_backends_agree_on_small_faces() -> None:
@@ -85,9 +86,9 @@ def test_a_face_seen_exactly_edge_on_gives_its_mean_and_pushes_nothing() -> None
     for function in (interpolate, interpolate_torch):
         c, v = clip.clone().requires_grad_(), values.clone().requires_grad_()
         out = function(c, v, torch.tensor([[0, 1, 2]]), pixels, face, 4, 4)
-        torch.testing.assert_close(out, torch.tensor([[3.0]]))
+        assert_close(out, torch.tensor([[3.0]]))
         out.sum().backward()
         assert c.grad is not None
         assert v.grad is not None
         assert torch.equal(c.grad, torch.zeros_like(clip))
-        torch.testing.assert_close(v.grad, torch.full_like(values, 1 / 3))
+        assert_close(v.grad, torch.full_like(values, 1 / 3))

@@ -12,6 +12,8 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import EMPTY_DEPTH, rasterize
 from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
 from meshdeform.rendering.rasterizer.spans import rasterize_spans
+from tests.cases import each_case
+from tests.close import assert_close
 
 BACKENDS = [rasterize_compiled, rasterize_spans]
 
@@ -27,7 +29,7 @@ def flat(points: list[tuple[float, float, float]]) -> Tensor:
     return torch.tensor([rows])
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_case("backend", BACKENDS)
 def test_a_triangle_covers_the_pixels_that_it_should(backend) -> None:
     clip = flat([(1, 1, 0), (7, 1, 0), (1, 7, 0)])
     ids, depth = backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)
@@ -41,7 +43,7 @@ def test_a_triangle_covers_the_pixels_that_it_should(backend) -> None:
     assert torch.equal(depth[0] == EMPTY_DEPTH, expected == -1)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_case("backend", BACKENDS)
 def test_the_nearer_triangle_wins_whatever_the_order(backend) -> None:
     near, far = [(0, 0, -0.5), (8, 0, -0.5), (0, 8, -0.5)], [(0, 0, 0.5), (8, 0, 0.5), (0, 8, 0.5)]
     for points, winner in ((near + far, 0), (far + near, 1)):
@@ -49,8 +51,8 @@ def test_the_nearer_triangle_wins_whatever_the_order(backend) -> None:
         assert set(ids.unique().tolist()) == {-1, winner}
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("far", [0.99, 1.0, 1.5, 2.9, 3.5])
+@each_case("backend", BACKENDS)
+@each_case("far", [0.99, 1.0, 1.5, 2.9, 3.5])
 def test_what_lies_at_or_beyond_the_far_plane_stays_behind(backend, far: float) -> None:
     near = [(0, 0, 0.0), (8, 0, 0.0), (0, 8, 0.0)]
     behind = [(0, 0, far), (8, 0, far), (0, 8, far)]
@@ -60,10 +62,10 @@ def test_what_lies_at_or_beyond_the_far_plane_stays_behind(backend, far: float) 
         assert set(ids.unique().tolist()) == {-1, winner}
         assert float(depth[ids >= 0].abs().max()) < 1e-6
     _, depth = backend(flat(behind), faces[:1], 8, 8)
-    torch.testing.assert_close(depth[0, 1, 1], torch.tensor(min(far, EMPTY_DEPTH)))
+    assert_close(depth[0, 1, 1], torch.tensor(min(far, EMPTY_DEPTH)))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_case("backend", BACKENDS)
 def test_both_sides_are_seen(backend) -> None:
     clip = flat([(1, 1, 0), (7, 1, 0), (1, 7, 0)])
     front, _ = backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)
@@ -71,7 +73,7 @@ def test_both_sides_are_seen(backend) -> None:
     assert torch.equal(front, back)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_case("backend", BACKENDS)
 def test_neighbours_neither_overlap_nor_leave_gaps(backend) -> None:
     """A tessellated square covers each pixel once: removing any face uncovers exactly its own pixels."""
     mesh = grid(5, 1.8)
@@ -84,14 +86,14 @@ def test_neighbours_neither_overlap_nor_leave_gaps(backend) -> None:
     assert (inner >= 0).all()
 
 
-@pytest.mark.parametrize("size", [(64, 64), (33, 97), (256, 256)])
+@each_case("size", [(64, 64), (33, 97), (256, 256)])
 def test_the_backends_agree(size: tuple[int, int]) -> None:
     for mesh in (torus(n=71, m=71), icosphere(4)):
         clip = to_clip(mesh.verts * 0.9)
         ids, depth = rasterize_compiled(clip, mesh.faces, *size)
         other, other_depth = rasterize_spans(clip, mesh.faces, *size)
         assert (ids != other).float().mean() < 1e-3
-        torch.testing.assert_close(depth, other_depth, atol=1e-5, rtol=0)
+        assert_close(depth, other_depth, atol=1e-5, rtol=0)
 
 
 def test_a_fan_of_slivers_is_exact() -> None:
@@ -108,7 +110,7 @@ def test_a_fan_of_slivers_is_exact() -> None:
     assert area.item() == pytest.approx(torch.pi * 0.81, rel=5e-3)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_case("backend", BACKENDS)
 def test_triangles_behind_the_camera_and_empty_meshes_draw_nothing(backend) -> None:
     clip = torch.tensor([[[0.0, 0, 0, -1], [1, 0, 0, 1], [0, 1, 0, 1]]])
     assert (backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)[0] == -1).all()

@@ -1,0 +1,210 @@
+"""Put parts of several assets together in one GLB. Each part keeps its materials, textures and vertex attributes.
+
+A part is a set of triangles of an asset with new positions. What it shows is copied: materials with their textures,
+images and samplers, texture coordinates, colours and the attributes of applications. Skins, morph targets and
+animations are not: they belong to the whole asset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform import __version__
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.asset import Asset
+from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
+from meshdeform.assets.json_text import Json, clone, dump_json
+from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.errors import AssetError
+
+__all__ = ["Piece", "assemble"]
+
+_KEPT = ("TEXCOORD_", "COLOR_", "_")
+_OF_IMAGES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of an asset.
+
+    Attributes
+    ----------
+    asset : Asset
+    triangles : (T,) bool
+        Which triangles of the asset's surface it has.
+    positions : (N, 3) float64
+        New positions of the surface's vertices; others than the part's are not read.
+    normals, tangents : (N, 3), (N, 4) float64
+        New directions; rows that the asset has none for are not read.
+    name : str
+        Of the node.
+    extras : mapping
+        JSON for the node.
+    """
+
+    asset: Asset
+    triangles: NDArray[np.bool_]
+    positions: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    tangents: NDArray[np.float64]
+    name: str
+    extras: Mapping[str, Any]
+
+
+def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = None) -> bytes:
+    """Write the pieces, one node each, in world space.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        At least one has triangles.
+    provenance : mapping, optional
+        JSON to store as `asset.extras.meshdeform`.
+
+    Returns
+    -------
+    A GLB.
+
+    Raises
+    ------
+    AssetError
+        An asset refers to a material, a texture or an image that it does not have.
+    """
+    about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}"}
+    if provenance is not None:
+        about["extras"] = {"meshdeform": dict(provenance)}
+    root: Json = {"asset": about, "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": []}
+    document = Document(root, None, b"")
+    looks: dict[int, _Looks] = {}
+    for piece in pieces:
+        primitives = []
+        copied = looks.setdefault(id(piece.asset), _Looks(piece.asset._document, document))
+        try:
+            for number, rows in _triangles_of_primitives(piece):
+                primitives.append(_primitive(piece, number, rows, document, copied))
+        except (IndexError, KeyError, TypeError, AttributeError) as error:
+            raise AssetError(
+                f"A material of the asset cannot be copied: {str(error)[:100]}.", advice="Export the asset again."
+            ) from error
+        if not primitives:
+            continue
+        root["scenes"][0]["nodes"].append(len(root["nodes"]))
+        root["nodes"].append({"name": piece.name, "mesh": len(root["meshes"]), "extras": dict(piece.extras)})
+        root["meshes"].append({"name": piece.name, "primitives": primitives})
+    used = sorted({name for each in looks.values() for name in each.extensions})
+    required = sorted({name for each in looks.values() for name in each.required})
+    if used:
+        root["extensionsUsed"] = used
+    if required:
+        root["extensionsRequired"] = required
+    return document.to_bytes()
+
+
+def _triangles_of_primitives(piece: Piece) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
+    """Return (block, primitive) and the corners (F, 3), rows of the surface, of each primitive with triangles left."""
+    found, start = [], 0
+    for number, block in enumerate(piece.asset._blocks):
+        for primitive, count in zip(block.primitives, block.triangles, strict=True):
+            rows = slice(start, start + count)
+            chosen = piece.asset.surface.triangles[rows][piece.triangles[rows]]
+            start += count
+            if len(chosen):
+                found.append(((number, primitive), chosen))
+    return found
+
+
+def _primitive(
+    piece: Piece, place: tuple[int, int], corners: NDArray[np.int64], document: Document, looks: _Looks
+) -> Json:
+    source, block = piece.asset._document, piece.asset._blocks[place[0]]
+    original = source.root["meshes"][block.mesh]["primitives"][place[1]]
+    rows, faces = np.unique(corners, return_inverse=True)
+    verts = piece.positions[rows].astype(np.float32)
+    attributes = {"POSITION": document.append_accessor(verts, bounds=True)}
+    for name, values in (("NORMAL", piece.normals), ("TANGENT", piece.tangents)):
+        if name in original["attributes"] and np.isfinite(values[rows]).all():
+            attributes[name] = document.append_accessor(values[rows].astype(np.float32))
+    local = rows - block.rows.start
+    for name, accessor in original["attributes"].items():
+        if name.startswith(_KEPT):
+            attributes[name] = document.append_accessor(read_floats(source, accessor)[local])
+    small = len(rows) < 2**16  # 65535 itself is not a valid 16-bit index
+    flat = faces.reshape(-1)
+    view = document.append_view(flat.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
+    kind = UNSIGNED_SHORT if small else UNSIGNED_INT
+    document.items("accessors").append(
+        {"bufferView": view, "componentType": kind, "count": len(flat), "type": "SCALAR"}
+    )
+    written: Json = {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    if "material" in original:
+        written["material"] = looks.material(original["material"])
+    return written
+
+
+class _Looks:
+    """Copies the materials of one document into another; equal ones are copied once."""
+
+    def __init__(self, source: Document, target: Document) -> None:
+        self._source, self._target = source, target
+        self._materials: dict[int, int] = {}
+        self.extensions: set[str] = set()
+
+    @property
+    def required(self) -> set[str]:
+        """The extensions that are copied and that the source cannot do without."""
+        return self.extensions & set(self._source.root.get("extensionsRequired", []))
+
+    def material(self, number: int) -> int:
+        """Copy a material and return its new number."""
+        if number not in self._materials:
+            self._materials[number] = self._add("materials", self._copied(self._source.root["materials"][number]))
+        return self._materials[number]
+
+    def _copied(self, value: Any, name: str = "") -> Any:
+        """Copy JSON; objects whose name ends in "Texture" hold the number of a texture."""
+        if isinstance(value, list):
+            return [self._copied(each) for each in value]
+        if not isinstance(value, dict):
+            return value
+        if name == "extras":
+            return clone(value)
+        found = {key: self._copied(each, key) for key, each in value.items()}
+        if name == "extensions":
+            self.extensions |= set(value)
+        if name.endswith("Texture") and isinstance(value.get("index"), int):
+            found["index"] = self._texture(value["index"])
+        return found
+
+    def _texture(self, number: int) -> int:
+        texture = self._copied(self._source.root["textures"][number])
+        if "sampler" in texture:
+            texture["sampler"] = self._add("samplers", clone(self._source.root["samplers"][texture["sampler"]]))
+        bodies = [texture["extensions"][name] for name in _OF_IMAGES if name in texture.get("extensions", {})]
+        for holder in (texture, *bodies):
+            if "source" in holder:
+                holder["source"] = self._image(holder["source"])
+        return self._add("textures", texture)
+
+    def _image(self, number: int) -> int:
+        image = clone(self._source.root["images"][number])
+        if "bufferView" not in image:
+            return self._add("images", image)
+        data = bytes(self._source.view_bytes(image.pop("bufferView")))
+        for index, known in enumerate(self._target.items("images")):
+            if "bufferView" in known and bytes(self._target.view_bytes(known["bufferView"])) == data:
+                return index
+        self._target.items("images").append({**image, "bufferView": self._target.append_view(data)})
+        return len(self._target.items("images")) - 1
+
+    def _add(self, kind: str, item: Json) -> int:
+        items, text = self._target.items(kind), dump_json(item)
+        for index, known in enumerate(items):
+            if dump_json(known) == text:
+                return index
+        items.append(item)
+        return len(items) - 1

@@ -1,0 +1,115 @@
+"""What the commands about families share: pack a collection, drive a run, and write a folder."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
+
+if TYPE_CHECKING:
+    from meshdeform.cli.progress import ProgressView
+    from meshdeform.runs.base import ArtifactData, JobRun, Kind
+
+__all__ = ["check_folder", "drive", "packed", "write_folder"]
+
+_ENDINGS = {".glb", ".obj", ".ply", ".stl"}
+
+
+def drive(run: JobRun, every: int, progress: ProgressView, checkpoint: Path | None) -> None:
+    """Do the steps; store checkpoints, also at Ctrl-C."""
+    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.support.atomic_files import write_files
+
+    with ctrl_c_between_steps() as interrupted:
+        for report in run:
+            progress.step(report.step, report.total_steps, report.losses["total"])
+            stop = interrupted()
+            if checkpoint is not None and (stop or report.step % every == 0):
+                with writing("The checkpoint", "--checkpoint"):
+                    write_files({checkpoint: run.checkpoint()})
+            if stop:
+                detail, advice = "Nothing was written.", "With --checkpoint FILE it could be resumed."
+                if checkpoint is not None:
+                    detail = f"The state is in {checkpoint}."
+                    advice = f"Continue with --resume {shlex.quote(str(checkpoint))}"
+                where = f"Interrupted at step {report.step} of {report.total_steps}."
+                raise OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"{where} {detail}", advice)
+
+
+def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
+    """Return the ZIP of a folder, or the given one, with the labels.
+
+    Raises
+    ------
+    AssetError
+        The folder holds no asset, or too many bytes; or the ZIP cannot be read.
+    """
+    if path.is_file() and labels is None:
+        return path.read_bytes()
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        if path.is_dir():
+            chosen = sorted(each for each in path.rglob("*") if each.suffix.lower() in _ENDINGS and each.is_file())
+            if not chosen:
+                raise AssetEmptyError(
+                    f"The folder {path} holds no asset.", advice="Give a folder with 10 to 3,000 GLB, OBJ, PLY or STL."
+                )
+            total = sum(each.stat().st_size for each in chosen)
+            if total > most:
+                raise AssetError(f"The assets have {total} bytes; the limit is {most} (MESHDEFORM_MAX_UPLOAD_BYTES).")
+            for each in chosen:
+                archive.writestr(zipfile.ZipInfo(each.relative_to(path).as_posix()), each.read_bytes())
+            beside = path / "labels.json"
+            labels = labels or (beside if beside.is_file() else None)
+        else:
+            _copy(path, archive, most)
+        if labels is not None:
+            archive.writestr(zipfile.ZipInfo("labels.json"), labels.read_bytes())
+    return buffer.getvalue()
+
+
+def _copy(path: Path, archive: zipfile.ZipFile, most: int) -> None:
+    try:
+        with zipfile.ZipFile(path) as source:
+            entries = [entry for entry in source.infolist() if entry.filename != "labels.json"]
+            if sum(entry.file_size for entry in entries) > most:
+                raise AssetError(f"{path} unpacks to more than {most} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+            for entry in entries:
+                archive.writestr(zipfile.ZipInfo(entry.filename), source.read(entry))
+    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
+        raise AssetError(f"{path} cannot be read: {error}.", advice="Pack it again.") from error
+
+
+def check_folder(folder: Path, kind: Kind) -> None:
+    """Refuse a folder that holds files of somebody else under the names of results of this kind."""
+    there = [artifact.name for artifact in kind.artifacts if (folder / artifact.name).exists()]
+    if not there:
+        return
+    try:
+        ours = json.loads((folder / "report.json").read_bytes())["kind"] == str(kind.name)
+    except (OSError, ValueError, KeyError, TypeError):
+        ours = False
+    if not ours:
+        raise ParameterError(
+            f"{folder / there[0]} exists and was not written by an earlier run.",
+            advice="Choose another folder with -o, or overwrite it with --force.",
+        )
+
+
+def write_folder(artifacts: dict[str, ArtifactData], folder: Path, kind: Kind) -> list[str]:
+    """Write all results or none, and remove those of an earlier run that this one has not; return the names."""
+    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.support.atomic_files import write_files
+
+    with ctrl_c_between_steps(), writing():
+        write_files({folder / name: artifact.data for name, artifact in artifacts.items()})
+        for artifact in kind.artifacts:
+            if artifact.name not in artifacts:
+                (folder / artifact.name).unlink(missing_ok=True)
+    return list(artifacts)

@@ -1,0 +1,184 @@
+"""Hold one member of a family as a supplier of parts: its surface in the frame, its parts, and where they touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from meshdeform.assets import Asset
+from meshdeform.assets.family_file import FamilyFile
+from meshdeform.families.boundary import welded
+from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.geometry.samples import samples_of
+
+__all__ = ["Contact", "MemberPart", "MemberShape", "PlacedSurface", "turned"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+_TOUCH = 0.02
+"""Distance, in diagonals, within which parts of a member touch."""
+_SPACING = 0.02
+_SITE = 0.06
+_PER_SITE = 24
+_OPPOSITE = 0.2
+
+
+def turned(vectors: _Floats, angle: float) -> _Floats:
+    """Turn vectors (N, 3) around +Y, as `families.collection.rotated` does."""
+    if angle == 0:
+        return vectors
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y, z = vectors.T
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], 1)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One place where a part touches another one.
+
+    Attributes
+    ----------
+    points : (P, 3) float64
+        On the part, in the frame.
+    patches : (P,) int64
+        The patch of the part of each.
+    offsets : (P, 3) float64
+        From the nearest place on the other part to the point.
+    normals : (P, 3) float64
+        Of the other part there.
+    """
+
+    points: _Floats
+    patches: _Index
+    offsets: _Floats
+    normals: _Floats
+
+
+class PlacedSurface:
+    """A surface (V, 3), (F, 3) in its place, to find the nearest places on it."""
+
+    def __init__(self, verts: _Floats, faces: _Index) -> None:
+        cross = np.cross(verts[faces[:, 1]] - verts[faces[:, 0]], verts[faces[:, 2]] - verts[faces[:, 0]])
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        solid = length[:, 0] > 1e-15
+        self.verts, self.faces = verts, faces[solid]
+        self.normals = cross[solid] / length[solid]
+        self._tree = SurfaceTree(verts, self.faces, self.normals, spacing=_SPACING, opposite=_OPPOSITE)
+
+    def nearest(self, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats, _Floats]:
+        """Return the nearest face (P,), its weights (P, 3) and the place (P, 3); `normals` tell sides apart."""
+        face, weights = self._tree.find(points, normals)
+        return face, weights, np.einsum("pc,pcd->pd", weights, self.verts[self.faces[face]])
+
+
+@dataclass(frozen=True)
+class MemberPart:
+    """One part of a member.
+
+    Attributes
+    ----------
+    triangles : (F,) bool
+        Which triangles of the member it has.
+    rows : (V,) int64
+        The vertices that it uses.
+    verts : (V, 3) float64
+        In the frame.
+    faces : (G, 3) int64
+    patches : (V,) int64
+        Connected patch of each vertex.
+    area : float
+    """
+
+    triangles: NDArray[np.bool_]
+    rows: _Index
+    verts: _Floats
+    faces: _Index
+    patches: _Index
+    area: float
+
+    def patch_of(self, points: _Floats) -> _Index:
+        """Return the patch (P,) of the vertex nearest to each point."""
+        return np.asarray(self.patches[cKDTree(self.verts).query(points)[1]])
+
+
+class MemberShape:
+    """One member of a family.
+
+    Parameters
+    ----------
+    family : FamilyFile
+    number : int
+    asset : Asset
+    """
+
+    def __init__(self, family: FamilyFile, number: int, asset: Asset) -> None:
+        self.asset, self.number = asset, number
+        self.turn, self.diagonal = float(family.turns[number]), float(family.diagonals[number])
+        self.centre, self.segments = family.centres[number], family.segments[number]
+        self.frame = turned((asset.surface.positions - self.centre) / self.diagonal, self.turn)
+        self._corners = welded(asset.surface.positions, asset.surface.triangles)
+        self._parts: dict[int, MemberPart] = {}
+        self._contacts: dict[tuple[int, int], list[Contact]] = {}
+
+    @cached_property
+    def present(self) -> list[int]:
+        """The numbers of its parts."""
+        return [int(part) for part in np.unique(self.segments)]
+
+    def part(self, number: int) -> MemberPart:
+        """Return one of its parts."""
+        if number not in self._parts:
+            chosen = self.segments == number
+            rows, faces = np.unique(self.asset.surface.triangles[chosen], return_inverse=True)
+            faces = faces.reshape(-1, 3)
+            corners = np.unique(self._corners[chosen], return_inverse=True)[1].reshape(-1, 3)
+            ends = np.concatenate([corners[:, :2], corners[:, 1:]])
+            size = int(corners.max()) + 1
+            graph = sparse.csr_matrix((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(size, size))
+            found = csgraph.connected_components(graph, directed=False)[1]
+            patches = np.zeros(len(rows), np.int64)
+            patches[faces] = found[corners]
+            verts = self.frame[rows]
+            cross = np.cross(verts[faces[:, 1]] - verts[faces[:, 0]], verts[faces[:, 2]] - verts[faces[:, 0]])
+            area = float(np.linalg.norm(cross, axis=1).sum() / 2)
+            self._parts[number] = MemberPart(chosen, rows, verts, faces, patches, area)
+        return self._parts[number]
+
+    def contacts(self, part: int, other: int) -> list[Contact]:
+        """Return where a part touches another one of this member, each connected place by itself."""
+        if (part, other) not in self._contacts:
+            both = part in self.present and other in self.present
+            self._contacts[part, other] = self._touching(part, other) if both else []
+        return self._contacts[part, other]
+
+    def _touching(self, part: int, other: int) -> list[Contact]:
+        own, of_other = self.part(part), self.part(other)
+        if own.area <= 0 or of_other.area <= 0:
+            return []
+        points, faces = samples_of(own.verts, own.faces, _SPACING)
+        points, patches = (
+            np.concatenate([points, own.verts]),
+            np.concatenate([own.patches[own.faces[faces, 0]], own.patches]),
+        )
+        surface = PlacedSurface(of_other.verts, of_other.faces)
+        face, _, place = surface.nearest(points, np.zeros_like(points))
+        near = np.flatnonzero(np.linalg.norm(points - place, axis=1) < _TOUCH)
+        if not len(near):
+            return []
+        pairs = cKDTree(points[near]).query_pairs(_SITE, output_type="ndarray")
+        pairs = pairs[patches[near[pairs[:, 0]]] == patches[near[pairs[:, 1]]]]
+        graph = sparse.csr_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near),) * 2)
+        site = csgraph.connected_components(graph, directed=False)[1]
+        found = []
+        for each in range(site.max() + 1):
+            rows = near[site == each]
+            rows = rows[:: max(1, len(rows) // _PER_SITE)]
+            found.append(Contact(points[rows], patches[rows], points[rows] - place[rows], surface.normals[face[rows]]))
+        return found

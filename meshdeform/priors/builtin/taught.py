@@ -1,0 +1,223 @@
+"""Describe files of weights of the builtin prior with their own words, and check them. Torch-free.
+
+A file is safetensors, never a pickle. Its metadata has, besides what `weights_file.py` writes:
+
+`words_format`
+    "1". Files without it have the words of the package.
+`words`
+    The tokens in the order of their numbers, separated by spaces.
+`nouns`
+    JSON: `nouns` (parts by noun), `synonyms` and `lessons` (what was taught, in order).
+
+A check reads only the header: sizes, names and shapes, and the words.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from meshdeform.errors import ModelError
+from meshdeform.priors.builtin.vocabulary import PARTS
+from meshdeform.priors.builtin.words import ATTRIBUTES, BUILTIN_WORDS, Words
+from meshdeform.requests.models import is_taught
+
+__all__ = [
+    "MAX_FILE_BYTES",
+    "MAX_NOUNS",
+    "Lesson",
+    "check",
+    "known_words",
+    "lessons_of",
+    "metadata_of",
+    "read_metadata",
+    "words_of",
+]
+
+MAX_FILE_BYTES = 256 * 2**20
+"""The shipped weights take 8 MiB, and a noun's pictures for replay 1.5 MiB."""
+MAX_NOUNS = 200
+_MAX_HEADER_BYTES = 4 * 2**20
+_FORMAT = "1"
+_WORD = re.compile(r"[a-z]+(-[a-z]+)*")
+_LONGEST_WORD = 40
+_ADVICE = "Use a file that `meshdeform teach` wrote, or teach it again."
+_CONVERT = (
+    'A Stable Diffusion checkpoint in one file can be converted once with diffusers: python -c "from diffusers import '
+    "StableDiffusionPipeline as P; P.from_single_file('FILE').save_pretrained('FOLDER')\"; then name the folder."
+)
+_ROWS = "text.word.weight"
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What a file of weights was taught.
+
+    Attributes
+    ----------
+    noun : str
+    synonyms : tuple of str
+    attributes : tuple of str
+        Attributes that meshes were labelled with.
+    meshes : tuple of str
+        Names of the files.
+    licence : str
+        One line about the meshes' licence; may be empty.
+    date : str
+        Day of the lesson, as YYYY-MM-DD.
+    steps, seed : int
+    """
+
+    noun: str
+    synonyms: tuple[str, ...]
+    attributes: tuple[str, ...]
+    meshes: tuple[str, ...]
+    licence: str
+    date: str
+    steps: int
+    seed: int
+
+
+def metadata_of(words: Words, lessons: Sequence[Lesson]) -> dict[str, str]:
+    """Return the metadata that describes a file's words."""
+    document = {
+        "nouns": {noun: list(parts) for noun, parts in words.nouns.items()},
+        "synonyms": dict(words.synonyms),
+        "lessons": [asdict(lesson) for lesson in lessons],
+    }
+    return {"words_format": _FORMAT, "words": " ".join(words.tokens), "nouns": json.dumps(document)}
+
+
+def words_of(metadata: Mapping[str, str], path: Path) -> Words:
+    """Return the words of a file.
+
+    Raises
+    ------
+    ModelError
+        The metadata is not of this format, or its parts contradict each other.
+    """
+    if "words_format" not in metadata:
+        if metadata.get("words", "").split() != list(BUILTIN_WORDS.tokens):
+            raise ModelError(f"The weights in {path} were trained for another vocabulary.", advice=_ADVICE)
+        return BUILTIN_WORDS
+    if metadata["words_format"] != _FORMAT:
+        raise ModelError(
+            f"The weights in {path} have words of the format {metadata['words_format'][:20]!r}; this version reads "
+            f"{_FORMAT!r}.",
+            advice="Use the version of Meshdeform that wrote them, or a newer one.",
+        )
+    document = _document(metadata, path)
+    tokens = tuple(metadata.get("words", "").split())
+    nouns = {str(noun): tuple(map(str, parts)) for noun, parts in document["nouns"].items()}
+    synonyms = {str(word): str(noun) for word, noun in document["synonyms"].items()}
+    fixed = set(BUILTIN_WORDS.tokens) - set(BUILTIN_WORDS.nouns)
+    wrong = (
+        not 0 < len(nouns) <= MAX_NOUNS
+        or set(tokens) != fixed | set(nouns)
+        or len(tokens) != len(set(tokens))
+        or tokens[0] != BUILTIN_WORDS.tokens[0]
+        or not all(_WORD.fullmatch(word) and len(word) <= _LONGEST_WORD for word in (*nouns, *synonyms))
+        or not set(synonyms.values()) <= set(nouns)
+        or not {part for parts in nouns.values() for part in parts} <= set(PARTS)
+    )
+    if wrong:
+        raise ModelError(f"The words of the weights in {path} contradict each other.", advice=_ADVICE)
+    return Words(nouns, synonyms, tokens)
+
+
+def lessons_of(metadata: Mapping[str, str], path: Path) -> tuple[Lesson, ...]:
+    """Return what a file was taught, in order; nothing for the weights in the package.
+
+    Raises
+    ------
+    ModelError
+        The metadata is not of this format.
+    """
+    if "words_format" not in metadata:
+        return ()
+    try:
+        return tuple(_lesson(entry) for entry in _document(metadata, path)["lessons"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelError(f"The weights in {path} have an unreadable list of lessons.", advice=_ADVICE) from error
+
+
+def _lesson(entry: Mapping[str, Any]) -> Lesson:
+    texts = {name: str(entry[name])[:500] for name in ("noun", "licence", "date")}
+    lists = {name: tuple(str(item)[:500] for item in entry[name]) for name in ("synonyms", "attributes", "meshes")}
+    if not set(lists["attributes"]) <= set(map(str, ATTRIBUTES)):
+        raise ValueError("unknown attributes")
+    return Lesson(**texts, **lists, steps=int(entry["steps"]), seed=int(entry["seed"]))  # type: ignore[arg-type]
+
+
+def _document(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(metadata.get("nouns", ""))
+    except (ValueError, RecursionError):
+        document = None
+    kinds = {"nouns": dict, "synonyms": dict, "lessons": list}
+    if not isinstance(document, dict) or not all(isinstance(document.get(key), kind) for key, kind in kinds.items()):
+        raise ModelError(f"The weights in {path} have unreadable words.", advice=_ADVICE)
+    if not all(isinstance(parts, list) for parts in document["nouns"].values()):
+        raise ModelError(f"The weights in {path} have unreadable words.", advice=_ADVICE)
+    return document
+
+
+def read_metadata(path: Path) -> dict[str, str]:
+    """Read a file's metadata from its header, and check its size against the header's.
+
+    Raises
+    ------
+    ModelError
+        There is no file, it is too large, or it is not safetensors of this prior.
+    """
+    header = _header(path)
+    rows = header.get(_ROWS)
+    if not isinstance(rows, dict) or "stem.weight" not in header:
+        raise ModelError(
+            f"The file {path} has no weights of the builtin prior.",
+            advice=f"Single files of other models are not read. {_CONVERT}",
+        )
+    found = header.get("__metadata__") or {}
+    return {str(key): str(value) for key, value in found.items()}
+
+
+def check(path: Path) -> Words:
+    """Check the header of a file, and return its words; see `read_metadata` and `words_of`."""
+    metadata = read_metadata(path)
+    words = words_of(metadata, path)
+    shape = _header(path)[_ROWS].get("shape")
+    if not isinstance(shape, list) or shape[:1] != [len(words.tokens)]:
+        raise ModelError(f"The weights in {path} have {shape} for {len(words.tokens)} words.", advice=_ADVICE)
+    return words
+
+
+def known_words(model: str) -> Words:
+    """Return the words of `builtin`, or of a file that `meshdeform teach` wrote; see `check`."""
+    return check(Path(model).expanduser()) if is_taught(model) else BUILTIN_WORDS
+
+
+def _header(path: Path) -> dict[str, Any]:
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise ModelError(
+                f"The file {path} has {size:,} bytes; weights of the builtin prior have at most {MAX_FILE_BYTES:,}.",
+                advice=_CONVERT,
+            )
+        with path.open("rb") as file:
+            length = int.from_bytes(file.read(8), "little")
+            header = json.loads(file.read(length)) if length <= min(size, _MAX_HEADER_BYTES) else {}
+        ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
+    except FileNotFoundError as error:
+        raise ModelError(f"There is no file {path} on the machine that runs the worker.", advice=_ADVICE) from error
+    except OSError as error:
+        raise ModelError(f"The file {path} cannot be read: {error.strerror}.", advice=_ADVICE) from error
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
+        raise ModelError(f"The file {path} is not safetensors: {error}.", advice=_ADVICE) from error
+    if not ends or max(ends) != size - 8 - length or not isinstance(header.get("__metadata__") or {}, dict):
+        raise ModelError(f"The file {path} is not safetensors, or it is not whole.", advice=_ADVICE)
+    return dict(header)

@@ -1,0 +1,146 @@
+"""Say what is taught: the noun with its synonyms, and what the folders of the meshes are called. Torch-free."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from meshdeform.errors import ParameterError, PromptError, VocabularyError
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.taught import MAX_NOUNS
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS, PARTS
+from meshdeform.priors.builtin.words import Attribute, Words, is_adjective, noun_of, part_of
+
+__all__ = ["STATE_MAGIC", "NewNoun", "attributes_of_folder", "new_noun"]
+
+STATE_MAGIC = b"meshdeform-lesson-1\n"
+"""First bytes of the saved state of a lesson."""
+_NOUN = re.compile(r"[a-z]+(-[a-z]+){0,3}")
+_LONGEST = 40
+
+
+@dataclass(frozen=True)
+class NewNoun:
+    """A noun to teach.
+
+    Attributes
+    ----------
+    noun : str
+        Canonical: small letters; several words are joined by hyphens.
+    synonyms : tuple of str
+    replaces : bool
+        Whether the weights know the noun already, so that its meaning is replaced.
+    words : Words
+        The words of the new weights. Parts of the noun are those that its meshes are labelled with.
+    """
+
+    noun: str
+    synonyms: tuple[str, ...]
+    replaces: bool
+    words: Words
+
+    def with_parts(self, parts: Sequence[str]) -> NewNoun:
+        """Return the noun with these named parts."""
+        nouns = {**self.words.nouns, self.noun: tuple(part for part in PARTS if part in parts)}
+        return replace(self, words=replace(self.words, nouns=nouns))
+
+
+def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_known: bool = False) -> NewNoun:
+    """Read the name of what is taught.
+
+    Parameters
+    ----------
+    name : str
+        For example "a teapot" or "teddy bear".
+    known : Words
+        The words of the weights that the training starts from.
+    synonyms : sequence of str
+        Other names of the same thing.
+    replace_known : bool
+        Whether a noun that the weights know may get a new meaning.
+
+    Raises
+    ------
+    ParameterError
+        The name is no noun that a prompt could name, or it is known and may not be replaced.
+    """
+    noun = _canonical(name)
+    others = tuple(dict.fromkeys(word for text in synonyms if (word := _canonical(text)) != noun))
+    for word in (noun, *others):
+        _check_free(word)
+    named = noun_of(noun, known)
+    replaces = noun in known.nouns
+    if named is not None and not replaces and noun not in known.synonyms:
+        replaces, noun = True, named  # a plural
+    if replaces and not replace_known:
+        raise ParameterError(
+            f"The model knows {noun!r} already.",
+            advice="Choose another name, or give the word a new meaning with --replace.",
+        )
+    if taken := [word for word in others if word in known.nouns]:
+        raise ParameterError(
+            f"{taken[0]!r} is a noun of its own and cannot be a synonym of {noun!r}.", advice="Leave this synonym out."
+        )
+    if not replaces and len(known.nouns) >= MAX_NOUNS:
+        raise ParameterError(
+            f"The model knows {len(known.nouns)} nouns, which is the maximum.", advice="Replace one, or start anew."
+        )
+    # A new noun takes its name from another noun's synonyms: "cup" is a bowl until it is taught.
+    names = {word: meaning for word, meaning in known.synonyms.items() if word not in (noun, *others)}
+    words = Words(
+        {**known.nouns, noun: ()},
+        names | dict.fromkeys(others, noun),
+        known.tokens if replaces else (*known.tokens, noun),
+    )
+    return NewNoun(noun, others, replaces, words)
+
+
+def _canonical(name: str) -> str:
+    """Return a name in small letters without its article, its words joined by hyphens."""
+    found = [word for word in re.split(r"[\s-]+", name.strip().lower()) if word]
+    if found[:1] and found[0] in ("a", "an", "the"):
+        found = found[1:]
+    noun = "-".join(found)
+    if not _NOUN.fullmatch(noun) or len(noun) > _LONGEST:
+        raise ParameterError(
+            f"{name!r} is no noun that can be taught.",
+            advice=f'Use one to four words of the letters a to z, at most {_LONGEST} letters: "a teapot".',
+        )
+    return noun
+
+
+def _check_free(word: str) -> None:
+    if word in FILLERS or is_adjective(word) or part_of(word) is not None:
+        raise ParameterError(
+            f"{word!r} has another role in prompts: it is an article, an adjective or a part.",
+            advice="Choose another name.",
+        )
+
+
+def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:
+    """Read the name of a folder of meshes as attributes: `tall`, `tall thin`, `long-neck`, `with_big_handle`.
+
+    Raises
+    ------
+    ParameterError
+        A word of the name is no attribute, or the attributes contradict each other.
+    """
+    text = " ".join(re.split(r"[\s_-]+", name.strip().lower()))
+    every = replace(new.words, nouns={**new.words.nouns, new.noun: tuple(PARTS)})
+    words = text.split()
+    sized = any(part_of(word) is not None for word in words)
+    prompt = f"{new.noun} with {text}" if sized else f"{text} {new.noun}"
+    try:
+        found = parse(prompt, every).attributes
+    except (PromptError, VocabularyError) as error:
+        raise ParameterError(
+            f"The folder {name!r} does not name attributes of a {new.noun}: {error.detail}",
+            advice=f"Name it by adjectives ({', '.join(ADJECTIVES)}) or by one sized part (long neck, big handle), "
+            "or give the files themselves instead of their folder.",
+        ) from error
+    if not found:
+        raise ParameterError(
+            f"The folder {name!r} does not name attributes of a {new.noun}.", advice="Rename it, or give its files."
+        )
+    return found

@@ -1,0 +1,158 @@
+"""Draw the pictures of a lesson: members of the new noun, replay of the old ones, and pictures that are held out.
+
+Source of replay: Robins 1995, Catastrophic forgetting, rehearsal and pseudorehearsal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.teaching.lesson import NewNoun
+from meshdeform.priors.builtin.teaching.shapes import Shape, member, prompt_of
+from meshdeform.priors.builtin.training.dataset import PictureSet, draw_prompt, pictures, single_views
+from meshdeform.priors.builtin.training.families import FAMILIES
+from meshdeform.priors.builtin.training.families import member as member_of_family
+from meshdeform.priors.builtin.training.families.parts import Part
+from meshdeform.priors.builtin.words import ParsedPrompt, Words
+
+__all__ = ["KEPT_PICTURES", "LessonPictures", "LessonSize", "draw_lesson", "joined", "replay_of", "taken"]
+
+KEPT_PICTURES = 32
+"""Pictures of a taught noun that its file keeps, for replay when the file is taught again."""
+_HELD_MEMBERS = 6
+_HELD_GRIDS, _HELD_OLD_SEED = 1, 7
+_NEW, _HELD, _OLD = 0, 1, 2
+"""First numbers of the seeds of members; the second is the member, so that a set does not depend on the order."""
+_FEWEST_TO_HOLD_OUT = 3
+
+
+@dataclass(frozen=True)
+class LessonSize:
+    """How many pictures are drawn.
+
+    Attributes
+    ----------
+    members : int
+        Least number of members of the new noun; at least `each` of every mesh.
+    each : int
+    grids : int
+        Grids of four views of a member, in addition to one single view.
+    replay : int
+        Members of every noun that the weights know and that has a family.
+    """
+
+    members: int = 60
+    each: int = 4
+    grids: int = 3
+    replay: int = 6
+
+
+@dataclass(frozen=True)
+class LessonPictures:
+    """The pictures of a lesson.
+
+    Attributes
+    ----------
+    training : PictureSet
+        Of the new noun and of the old ones.
+    held_new : PictureSet
+        Of the new noun: other members of the meshes, and of a mesh that the training does not see if there are three.
+    held_old : PictureSet
+        One member of every old noun with a family, from other seeds than the training's.
+    held_mesh : str
+        Name of the mesh that is held out, or empty.
+    kept : PictureSet
+        Pictures of the new noun for the file.
+    """
+
+    training: PictureSet
+    held_new: PictureSet
+    held_old: PictureSet
+    held_mesh: str
+    kept: PictureSet
+
+
+def draw_lesson(
+    new: NewNoun, shapes: Sequence[Shape], replayed: Mapping[str, PictureSet], size: LessonSize, seed: int
+) -> LessonPictures:
+    """Draw the pictures of a lesson; the same seed gives the same pictures.
+
+    Parameters
+    ----------
+    new : NewNoun
+    shapes : sequence of Shape
+        At least one.
+    replayed : mapping of str to PictureSet
+        Pictures of nouns that were taught before.
+    size : LessonSize
+    seed : int
+    """
+    number = int(np.random.default_rng(seed).integers(len(shapes)))
+    held = shapes[number] if len(shapes) >= _FEWEST_TO_HOLD_OUT else None
+    seen = [shape for shape in shapes if shape is not held]
+    count = max(size.members, size.each * len(seen))
+    ours = [_of_shape(seen[k % len(seen)], new, (seed, _NEW, k), size.grids) for k in range(count)]
+    tests = [held] if held is not None else seen
+    held_new = [_of_shape(tests[k % len(tests)], new, (seed, _HELD, k), _HELD_GRIDS) for k in range(_HELD_MEMBERS)]
+    old = [noun for noun in new.words.nouns if noun in FAMILIES and noun != new.noun and noun not in replayed]
+    replay = [
+        _of_family(noun, new.words, (seed, _OLD, number, k), max(1, size.grids - 1))
+        for number, noun in enumerate(old)
+        for k in range(size.replay)
+    ]
+    held_old = [_of_family(noun, new.words, (_HELD_OLD_SEED, _OLD, n), 1, plain=True) for n, noun in enumerate(old)]
+    drawn = joined(ours)
+    rows = torch.randperm(len(drawn), generator=torch.Generator().manual_seed(seed))[:KEPT_PICTURES]
+    return LessonPictures(
+        joined([drawn, *replay, *replayed.values()]),
+        joined(held_new),
+        joined(held_old),
+        held.name if held is not None else "",
+        taken(drawn, rows),
+    )
+
+
+def _of_shape(shape: Shape, new: NewNoun, seed: tuple[int, ...], grids: int) -> PictureSet:
+    rng = np.random.default_rng(seed)
+    part, attributes = member(shape, rng)
+    return _drawn(part, prompt_of(new.noun, attributes), new.words, rng, grids)
+
+
+def _of_family(noun: str, words: Words, seed: tuple[int, ...], grids: int, *, plain: bool = False) -> PictureSet:
+    rng = np.random.default_rng(seed)
+    prompt = ParsedPrompt(noun) if plain else draw_prompt(noun, rng)
+    return _drawn(member_of_family(noun, prompt.attributes, rng), prompt, words, rng, grids)
+
+
+def _drawn(part: Part, prompt: ParsedPrompt, words: Words, rng: np.random.Generator, grids: int) -> PictureSet:
+    """Render grids and one single view of a member."""
+    generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+    several, azimuths = pictures(part, grids, generator)
+    alone, azimuth = single_views(part, 1, generator)
+    return PictureSet(
+        torch.cat([several, alone]),
+        torch.tensor([tokenise(prompt, words)] * (grids + 1)),
+        torch.cat([azimuths, azimuth]),
+        torch.arange(grids + 1) >= grids,
+    )
+
+
+def joined(sets: Sequence[PictureSet]) -> PictureSet:
+    """Return all pictures of several sets, in order."""
+    return PictureSet(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(PictureSet)))
+
+
+def taken(pictures_: PictureSet, rows: Tensor) -> PictureSet:
+    """Return some pictures of a set."""
+    return PictureSet(*(getattr(pictures_, field.name)[rows] for field in fields(PictureSet)))
+
+
+def replay_of(tensors: Mapping[str, PictureSet], new: NewNoun) -> dict[str, PictureSet]:
+    """Return the kept pictures of nouns that were taught before and keep their meaning."""
+    return {noun: kept for noun, kept in tensors.items() if noun in new.words.nouns and noun != new.noun}

@@ -1,0 +1,112 @@
+"""Write the results of `family_synthesize`: the shapes, their points, the report and the picture."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets.family_file import FamilyFile
+from meshdeform.requests.choices import SynthesisMode
+from meshdeform.requests.family_synthesis import FamilySynthesisParams
+from meshdeform.runs.base import ArtifactData
+from meshdeform.runs.family_picture import assets_png
+from meshdeform.runs.family_results import packed_arrays
+from meshdeform.runs.report import versions
+
+__all__ = ["SynthesisResults"]
+
+
+@dataclass(frozen=True)
+class SynthesisResults:
+    """What a finished run has made. Attributes as in `FamilySynthesisRun`."""
+
+    family: FamilyFile
+    params: FamilySynthesisParams
+    limits: Limits
+    digests: dict[str, str]
+    members: list[int]
+    energies: list[float]
+    defects: NDArray[np.float64]
+    shapes: list[bytes]
+    about: list[dict[str, Any]]
+    drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]]
+    load: Callable[[int], Asset]
+
+    def artifacts(self) -> dict[str, ArtifactData]:
+        """Return all artifacts by name."""
+        search = self.params.mode is SynthesisMode.SEARCH
+        found = self._neighbours() if search else None
+        made: dict[str, ArtifactData] = {}
+        if found is None:
+            glb = "model/gltf-binary"
+            made["result.glb"] = ArtifactData(self.shapes[0], glb)
+            made["shapes.zip"] = ArtifactData(self._packed(), "application/zip")
+            points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
+            arrays = {"points": points, "exists": exists, "part": self.family.labels}
+            made["points.npz"] = ArtifactData(packed_arrays(arrays), "application/x-npz")
+            pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
+            titles = [str(number) for number in range(len(pictures))]
+        else:
+            rows = [self.members[0], *(self.family.names.index(each["name"]) for each in found)]
+            pictures = [self.load(row) for row in rows]
+            titles = [self.family.names[row] for row in rows]
+        made["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
+        made["report.json"] = ArtifactData(self._report(found), "application/json")
+        return made
+
+    @staticmethod
+    def _name(number: int) -> str:
+        return f"shape_{number:02d}.glb"
+
+    def _packed(self) -> bytes:
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+            for number, shape in enumerate(self.shapes):
+                archive.writestr(zipfile.ZipInfo(self._name(number)), shape)
+        return buffer.getvalue()
+
+    def _neighbours(self) -> list[dict[str, Any]]:
+        """Return the members nearest to the one that is searched for, without itself."""
+        family, query = self.family, self.members[0]
+        distance = np.abs(family.descriptors - family.descriptors[query]).sum(1)
+        distance[query] = np.inf
+        order = np.argsort(distance, kind="stable")[: min(self.params.count, len(family.names) - 1)]
+        return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
+
+    def _report(self, found: list[dict[str, Any]] | None) -> bytes:
+        clean = np.isfinite(self.defects) & (self.defects <= self.params.max_defect)
+        read = np.isfinite(self.defects)
+        warnings = []
+        for number, about in enumerate(self.about):
+            if about["loose"]:
+                warnings.append(f"{self._name(number)}: no member says where {', '.join(about['loose'])} would touch.")
+        for part, name in enumerate(self.family.parts):
+            if read[:, part].any() and not clean[:, part].any():
+                warnings.append(f"No member has a {name} with a clean boundary; the cleanest was used.")
+        report = {
+            "kind": "family_synthesize",
+            "versions": versions(),
+            "params": self.params.model_dump(mode="json"),
+            "input": {"sha256": self.digests, "members": len(self.family.names)},
+            "parts": self.family.parts,
+            "members": [
+                {"name": name, "free_energy": energy}
+                for name, energy in zip(self.family.names, self.energies, strict=True)
+            ],
+            "boundaries": {
+                name: {"members": int(read[:, part].sum()), "clean": int(clean[:, part].sum())}
+                for part, name in enumerate(self.family.parts)
+            },
+            "shapes": [{"name": self._name(number), **about} for number, about in enumerate(self.about)],
+            "nearest_members": found,
+            "warnings": warnings,
+        }
+        return json.dumps(report, indent=1, allow_nan=False).encode()

@@ -1,0 +1,290 @@
+"""Run jobs of kind `family_synthesize`: draw points from the machine, and make assets of members' parts on them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import Asset, Limits, build_glb, load_asset
+from meshdeform.assets.assemble import assemble
+from meshdeform.assets.collection import open_collection
+from meshdeform.assets.family_file import FamilyFile, read_family, surface_digest
+from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
+from meshdeform.errors import AssetError, ParameterError
+from meshdeform.families.assembly import Assembler, Assembly
+from meshdeform.families.boundary import boundary_defects
+from meshdeform.families.machine import BetaMachine
+from meshdeform.families.sampling import FreeEnergy, between, completed, sampled, to_frame, to_machine
+from meshdeform.requests.choices import SynthesisMode
+from meshdeform.requests.family_synthesis import FamilySynthesisParams
+from meshdeform.runs.base import ArtifactData, RunInput, StepReport
+from meshdeform.runs.family_results import FamilyResults
+from meshdeform.runs.family_synthesis_results import SynthesisResults
+from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
+from meshdeform.runs.report import sha256_hex
+
+__all__ = ["FamilySynthesisRun", "machine_of", "start"]
+
+
+def machine_of(family: FamilyFile) -> BetaMachine:
+    """Return the Beta shape machine of a family."""
+    weights = {name: torch.from_numpy(np.array(value)) for name, value in family.machine.items() if name != "sees"}
+    return BetaMachine(weights, torch.from_numpy(np.array(family.machine["sees"])))
+
+
+def start(given: RunInput) -> FamilySynthesisRun:
+    """Read the family, find its assets, and prepare the run.
+
+    Raises
+    ------
+    AssetError, RequestError, CheckpointError
+        The input cannot be run; the error says what to do.
+    """
+    params = params_of(given.request)
+    limits = given.limits or Limits()
+    files = {name: given.files[name] for name in ("family", "collection")}
+    digests = {name: file.sha256 or sha256_hex(file.data) for name, file in files.items()}
+    family = read_family(files["family"].data, limits)
+    assets = open_collection(files["collection"].data, limits).assets
+    run = fingerprint(kind="family_synthesize", params=params.model_dump(mode="json"), **digests)
+    state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+    return FamilySynthesisRun(family, assets, params, limits, run, digests, state)
+
+
+class FamilySynthesisRun:
+    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+
+    def __init__(
+        self,
+        family: FamilyFile,
+        assets: dict[str, bytes],
+        params: FamilySynthesisParams,
+        limits: Limits,
+        run: str,
+        digests: dict[str, str],
+        state: Checkpoint | None,
+    ) -> None:
+        self._family, self._params, self._limits, self._run, self._digests = family, params, limits, run, digests
+        self._data = [_asset_of(assets, name) for name in family.names]
+        self._members = [_member(family, name, number) for number, name in enumerate(params.members)]
+        self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
+        self._machine = machine_of(family)
+        self._exists = torch.from_numpy(family.exists.copy()).float()
+        self._scaling = torch.from_numpy(family.scaling.copy())
+        self._points = to_machine(torch.from_numpy(family.points.copy()).float(), self._scaling).clamp(1e-4, 1 - 1e-4)
+        self._energy = FreeEnergy(self._machine, self._points, self._exists)
+        self._defects = np.full((len(family.names), len(family.parts)), np.inf)
+        self._step = 0
+        self._shapes: list[bytes] = []
+        self._about: list[dict[str, Any]] = []
+        self._drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
+        if state is not None:
+            self._resume(state)
+        self._assembler: Assembler | None = None
+
+    @property
+    def total_steps(self) -> int:
+        """Total number of steps."""
+        return total_steps(self._params)
+
+    @property
+    def step(self) -> int:
+        """Number of steps done."""
+        return self._step
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the remaining steps: reading, then one for each shape."""
+        while self._step < self.total_steps:
+            if self._step < READ_STEPS:
+                self._read()
+            elif self._params.mode is not SynthesisMode.SEARCH:
+                self._make(self._step - READ_STEPS)
+            self._step += 1
+            yield StepReport(self._step, self.total_steps, {"total": float(self.total_steps - self._step)})
+
+    def checkpoint(self) -> bytes:
+        """Return the complete state of the run; call only between two steps."""
+        tensors = {"defects": torch.from_numpy(self._defects.copy())}
+        for number, (shape, about) in enumerate(zip(self._shapes, self._about, strict=True)):
+            tensors[f"glb.{number}"] = _bytes(shape)
+            tensors[f"about.{number}"] = _bytes(json.dumps(about).encode())
+            tensors[f"points.{number}"] = torch.from_numpy(self._drawn[number][0].copy())
+            tensors[f"exists.{number}"] = torch.from_numpy(self._drawn[number][1].copy())
+        return dump_checkpoint(Checkpoint(self._step, tensors), self._run, self._digests["family"])
+
+    def snapshot(self) -> ArtifactData:
+        """Return the newest shape, or the points of the first member before there is one."""
+        if self._shapes:
+            return ArtifactData(self._shapes[-1], "model/gltf-binary")
+        there = self._family.exists[0]
+        markers = FamilyResults.markers(self._family.points[0][there], self._family.labels[there])
+        return ArtifactData(build_glb(markers), "model/gltf-binary")
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return the results, by artifact name."""
+        return SynthesisResults(
+            self._family,
+            self._params,
+            self._limits,
+            self._digests,
+            members=self._members,
+            energies=self._energy.members.tolist(),
+            defects=self._defects,
+            shapes=self._shapes,
+            about=self._about,
+            drawn=self._drawn,
+            load=self._load,
+        ).artifacts()
+
+    def _load(self, member: int) -> Asset:
+        """Read a member's asset, and check that it is the one that the family was fitted to."""
+        name = self._family.names[member]
+        try:
+            asset = load_asset(self._data[member], name, self._limits)
+        except AssetError as error:
+            raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
+        if surface_digest(asset.surface) != self._family.digests[member]:
+            raise AssetError(
+                f"{name} has another shape than when the family was fitted.",
+                advice="Send the collection of that job, or its labelled.zip.",
+            )
+        return asset
+
+    def _read(self) -> None:
+        """Measure the boundaries of a tenth of the members that may give parts."""
+        mode = self._params.mode
+        if mode is SynthesisMode.SEARCH:
+            return
+        needed = self._members if mode is SynthesisMode.INTERPOLATE else list(range(len(self._family.names)))
+        count = len(needed)
+        for member in needed[count * self._step // READ_STEPS : count * (self._step + 1) // READ_STEPS]:
+            surface = self._load(member).surface
+            if len(surface.triangles) != len(self._family.segments[member]):
+                raise AssetError(f"{self._family.names[member]} has another number of triangles than in the family.")
+            self._defects[member] = boundary_defects(
+                surface.positions, surface.triangles, self._family.segments[member], len(self._family.parts)
+            )
+
+    def _make(self, number: int) -> None:
+        if self._assembler is None:
+            self._assembler = Assembler(self._family, self._load, self._defects, self._params.max_defect)
+        random = np.random.default_rng([self._params.seed, number])
+        family, machine = self._family, self._machine
+        diagonal, centre = float(np.median(family.diagonals)), np.median(family.centres, axis=0)
+        choice: dict[int, int] = {}
+        if self._params.mode is SynthesisMode.INTERPOLATE:
+            share = number / (self._params.count - 1)
+            pair = self._members
+            drawn = between(machine, self._points[pair], self._exists[pair], share)
+            near = pair[round(share)]
+            choice = dict.fromkeys(self._assembler.shape(near).present, near)
+            diagonal, centre = (
+                (1 - share) * values[pair[0]] + share * values[pair[1]] for values in (family.diagonals, family.centres)
+            )
+        elif self._params.mode is SynthesisMode.COMPLETE:
+            member = self._members[0]
+            known = torch.from_numpy(np.isin(family.labels, self._keep)).float()
+            drawn = completed(machine, self._points[member], self._exists[member], known, self._params.rounds, random)
+            choice = dict.fromkeys(self._keep, member)
+            diagonal, centre = float(family.diagonals[member]), family.centres[member]
+        else:
+            drawn = sampled(machine, self._points, self._exists, self._params.rounds, random)
+        points, exists = to_frame(drawn.points, self._scaling).double().numpy(), drawn.exists.numpy() > 0
+        if self._params.mode is SynthesisMode.INTERPOLATE and number in {0, self._params.count - 1}:
+            points = family.points[near].copy()  # not rounded on the way through the machine's interval
+        if self._params.mode is not SynthesisMode.INTERPOLATE:
+            for part in self._assembler.parts_of(exists):
+                found = None if part in choice else self._assembler.choose(points, exists, part)
+                if found is not None:
+                    choice[part] = found[0]
+        made = self._assembler.assemble(
+            points, exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
+        )
+        self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
+        self._drawn.append((points, exists))
+        self._about.append(self._described(made, drawn.points, drawn.exists))
+
+    def _described(self, made: Assembly, points: Tensor, exists: Tensor) -> dict[str, Any]:
+        family = self._family
+        energy = float(self._energy(points[None], exists[None])[0])
+        descriptor = self._machine.describe(points[None], exists[None])[0]
+        parts = [
+            {
+                "part": family.parts[each.number],
+                "member": family.names[each.member],
+                "kept": each.embedding is None,
+                "distance": each.distance,
+                "gap": each.gap,
+                "boundary_defect": float(self._defects[each.member, each.number]),
+            }
+            for each in made.parts
+        ]
+        return {
+            "parts": parts,
+            "loose": [family.parts[part] for part in made.loose],
+            "free_energy": energy,
+            "plausibility": self._energy.plausibility(energy),
+            "nearest_members": nearest_members(family, descriptor.numpy(), 3),
+        }
+
+    def _resume(self, state: Checkpoint) -> None:
+        self._step, tensors = state.step, state.tensors
+        self._defects = tensors["defects"].numpy().copy()
+        for number in range(max(state.step - READ_STEPS, 0)):
+            if f"glb.{number}" not in tensors:
+                return
+            self._shapes.append(tensors[f"glb.{number}"].numpy().tobytes())
+            self._about.append(json.loads(tensors[f"about.{number}"].numpy().tobytes()))
+            self._drawn.append((tensors[f"points.{number}"].numpy(), tensors[f"exists.{number}"].numpy()))
+
+
+def nearest_members(family: FamilyFile, descriptor: NDArray[np.float32], count: int) -> list[dict[str, Any]]:
+    """Return the members with the nearest descriptors (L1), nearest first."""
+    distance = np.abs(family.descriptors - descriptor).sum(1)
+    order = np.argsort(distance, kind="stable")[:count]
+    return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
+
+
+def _bytes(data: bytes) -> Tensor:
+    return torch.from_numpy(np.frombuffer(data, np.uint8).copy())
+
+
+def _asset_of(assets: dict[str, bytes], name: str) -> bytes:
+    for wanted in (name, str(PurePosixPath(name).with_suffix(".glb"))):
+        if wanted in assets:
+            return assets[wanted]
+    raise AssetError(
+        f"The collection has no {name[:100]!r}, which the family was fitted to.",
+        advice="Send the collection of that job, or its labelled.zip.",
+    )
+
+
+def _member(family: FamilyFile, name: str, place: int) -> int:
+    found = family.member(name)
+    if found is None:
+        detail = f"The family has no member {name[:100]!r}."
+        raise ParameterError(
+            detail,
+            advice=f"It has: {', '.join(family.names[:8])}{' ...' if len(family.names) > 8 else ''}.",
+            errors=[{"loc": ["params", "members", place], "msg": detail, "type": "value_error"}],
+        )
+    return found
+
+
+def _part(family: FamilyFile, name: str, member: int, place: int) -> int:
+    there = [family.parts[part] for part in np.unique(family.segments[member])]
+    if name not in there:
+        detail = f"{family.names[member]} has no part {name!r}."
+        raise ParameterError(
+            detail,
+            advice=f"It has: {', '.join(there)}.",
+            errors=[{"loc": ["params", "keep", place], "msg": detail, "type": "value_error"}],
+        )
+    return family.parts.index(name)

@@ -1,0 +1,123 @@
+"""Describe the kind `family_synthesize`: its files, the check of its requests, and its artifacts. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import JobKind, SynthesisMode
+from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.family_synthesis import FamilySynthesisParams
+from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+
+if TYPE_CHECKING:
+    from meshdeform.settings import Settings
+
+__all__ = ["FAMILY_SYNTHESIZE", "READ_STEPS", "params_of", "total_steps"]
+
+READ_STEPS = 10
+"""The assets are read in so many steps."""
+
+_MEMBERS = {
+    SynthesisMode.SAMPLE: 0,
+    SynthesisMode.INTERPOLATE: 2,
+    SynthesisMode.COMPLETE: 1,
+    SynthesisMode.SEARCH: 1,
+}
+
+
+def params_of(request: JobRequest) -> FamilySynthesisParams:
+    """Return the parameters of a request of this kind.
+
+    Raises
+    ------
+    ParameterError
+        They are those of another kind, or do not fit the mode.
+    """
+    params: Any = request.params
+    if not isinstance(params, FamilySynthesisParams):
+        raise ParameterError("The parameters are not those of `family_synthesize`.")
+    if request.output != OutputOptions():
+        raise _refused("output", "`output` is for jobs that deform one asset.", "Leave it out.", inside=False)
+    wanted = _MEMBERS[params.mode]
+    if len(params.members) != wanted:
+        many = {0: "no member", 1: "one member", 2: "two members"}[wanted]
+        raise _refused(
+            "members", f"The mode {params.mode} takes {many}, not {len(params.members)}.", "Change params.members."
+        )
+    if len(set(params.members)) < len(params.members):
+        raise _refused("members", "The two members are the same.", "Name two different members.")
+    if params.mode is SynthesisMode.COMPLETE and not params.keep:
+        raise _refused("keep", "The mode complete needs the parts to keep.", "Name them in params.keep.")
+    if params.mode is not SynthesisMode.COMPLETE and params.keep:
+        raise _refused("keep", "params.keep is for the mode complete.", "Leave it out, or choose that mode.")
+    if params.mode is SynthesisMode.INTERPOLATE and params.count < 2:
+        raise _refused("count", "An interpolation has at least two shapes.", "Take a count of at least 2.")
+    return params
+
+
+def total_steps(params: FamilySynthesisParams) -> int:
+    """Return the number of steps of a run."""
+    return READ_STEPS + (1 if params.mode is SynthesisMode.SEARCH else params.count)
+
+
+def _refused(name: str, detail: str, advice: str, *, inside: bool = True) -> ParameterError:
+    loc = ["params", name] if inside else [name]
+    return ParameterError(detail, advice=advice, errors=[{"loc": loc, "msg": detail, "type": "value_error"}])
+
+
+def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilySynthesisParams:
+    return params_of(request)
+
+
+def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
+    params: Any = request.params
+    return total_steps(params) if isinstance(params, FamilySynthesisParams) else 0
+
+
+def _load() -> StartRun:
+    from meshdeform.runs import family_synthesize
+
+    def start(given: RunInput) -> JobRun:
+        return family_synthesize.start(given)
+
+    return start
+
+
+FAMILY_SYNTHESIZE = Kind(
+    name=JobKind.FAMILY_SYNTHESIZE,
+    summary="Makes new assets of a fitted family out of parts of its members.",
+    reads=(
+        FilePart(
+            "family",
+            "The `family.safetensors` of a `family_fit` job.",
+            required=True,
+            media_types=("application/octet-stream",),
+            content="family",
+        ),
+        FilePart(
+            "collection",
+            "The collection of that job, or its `labelled.zip`.",
+            required=True,
+            media_types=("application/zip",),
+            content="collection",
+        ),
+    ),
+    params=FamilySynthesisParams,
+    check=_check,
+    steps=_steps,
+    load=_load,
+    artifacts=(
+        ArtifactKind("result.glb", "model/gltf-binary", "The first shape, if shapes are made."),
+        ArtifactKind("shapes.zip", "application/zip", "All shapes as GLB, if shapes are made."),
+        ArtifactKind(
+            "report.json",
+            "application/json",
+            "For each shape the member of each part, gaps, free energy, plausibility and the nearest members.",
+        ),
+        ArtifactKind("preview.png", "image/png", "All shapes; for `search`, the member and those nearest to it."),
+        ArtifactKind("points.npz", "application/x-npz", "The points of the shapes, and which of them exist."),
+    ),
+    goal=lambda _request, _files: "family",
+)

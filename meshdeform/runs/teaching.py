@@ -1,0 +1,338 @@
+"""Teach the builtin prior a noun from files: read the meshes, train, measure, and write the weights.
+
+The caller drives a lesson step by step, like a job: it decides when to store the state and when to stop.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import io
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import MeshdeformError
+from meshdeform.geometry.up_axis import looks_z_up
+from meshdeform.geometry.weld import weld
+from meshdeform.priors.builtin.network import PriorNetwork
+from meshdeform.priors.builtin.taught import Lesson, lessons_of, metadata_of, words_of
+from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_noun
+from meshdeform.priors.builtin.teaching.measure import interval, retrieved
+from meshdeform.priors.builtin.teaching.pictures import LessonPictures, LessonSize, draw_lesson, replay_of, taken
+from meshdeform.priors.builtin.teaching.replay import read_replay, replay_tensors
+from meshdeform.priors.builtin.teaching.shapes import Shape, seen_turned, shape_of
+from meshdeform.priors.builtin.teaching.sheet import learned_sheet
+from meshdeform.priors.builtin.teaching.teacher import (
+    TeachConfig,
+    Teacher,
+    TeachStep,
+    extended,
+    fastest_precision,
+    read_state,
+)
+from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, pack_weights, read_network
+from meshdeform.runs.lesson_files import MeshFile, check_count
+from meshdeform.runs.report import versions
+
+__all__ = ["TeachRequest", "TeachingRun", "start"]
+
+
+_LEARNED = 0.75
+"""Least share of held-out pictures of the new noun that are taken for it."""
+_FORGOTTEN = 2
+"""Pictures of old nouns that may be lost without a warning."""
+
+
+@dataclass(frozen=True)
+class TeachRequest:
+    """What to teach, and how.
+
+    Attributes
+    ----------
+    noun : str
+        As the user wrote it: "a teapot".
+    synonyms : tuple of str
+    replace : bool
+        Whether a noun that the weights know may get a new meaning.
+    licence : str
+        One line about the meshes' licence, for the file.
+    front_deg : float
+        Azimuth of the front of the meshes, as in `params.orientation`.
+    base : Path
+        Weights to start from.
+    config : TeachConfig
+    size : LessonSize
+    """
+
+    noun: str
+    synonyms: tuple[str, ...] = ()
+    replace: bool = False
+    licence: str = ""
+    front_deg: float = 0.0
+    base: Path = WEIGHTS
+    config: TeachConfig = field(default_factory=TeachConfig)
+    size: LessonSize = field(default_factory=LessonSize)
+
+
+def start(
+    request: TeachRequest,
+    files: Sequence[MeshFile],
+    *,
+    state: bytes | None = None,
+    device: str = "cpu",
+    limits: Limits | None = None,
+) -> TeachingRun:
+    """Read the meshes and draw the pictures; go on from a saved state of the same lesson.
+
+    Raises
+    ------
+    ParameterError
+        There is no file, there are too many, or the noun cannot be taught.
+    ModelError
+        The weights to start from cannot be read.
+    CheckpointError
+        The state is of another lesson, or unreadable.
+    AssetError
+        A file cannot be read, or too little of its mesh can be seen; the message names the file.
+    """
+    check_count(len(files))
+    identity = _identity(request, files)
+    saved = read_state(state, identity, device) if state is not None else None
+    network, metadata = read_network(request.base)
+    known = words_of(metadata, request.base)
+    new = new_noun(request.noun, known, synonyms=request.synonyms, replace_known=request.replace)
+    new = new.with_parts([attribute.part for file in files for attribute in file.attributes])
+    warnings: list[str] = []
+    shapes = [_shape(file, request, limits, warnings) for file in files]
+    for name, front in seen_turned(shapes).items():
+        warnings.append(
+            f"{name} seems to face another way than the other meshes: its front seems to be at azimuth {front}. "
+            "Turn it, or the model learns both."
+        )
+    pictures = draw_lesson(new, shapes, replay_of(read_replay(request.base), new), request.size, request.config.seed)
+    # The last lesson about a noun counts.
+    lessons = [lesson for lesson in lessons_of(metadata, request.base) if lesson.noun != new.noun]
+    teacher = Teacher(
+        extended(network, known, new, request.config.seed),
+        pictures,
+        request.config,
+        device=device,
+        precision=fastest_precision(device),
+        identity=identity,
+    )
+    if saved is not None:
+        teacher.restore(saved)
+    return TeachingRun(request, new, shapes, files, pictures, teacher, network, lessons, warnings, device)
+
+
+def _identity(request: TeachRequest, files: Sequence[MeshFile]) -> str:
+    """Return a hash of all that decides the result, for saved states."""
+    document = {
+        **asdict(request),
+        "base": file_sha256(request.base),
+        "files": [
+            (file.name, hashlib.sha256(file.data).hexdigest(), list(map(str, file.attributes))) for file in files
+        ],
+        "torch": torch.__version__,
+    }
+    return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _digest(file: MeshFile) -> str:
+    return hashlib.sha256(file.data).hexdigest()
+
+
+def _shape(file: MeshFile, request: TeachRequest, limits: Limits | None, warnings: list[str]) -> Shape:
+    try:
+        surface = load_asset(file.data, file.name, limits).surface
+        mesh = weld(surface.positions, surface.triangles).mesh
+        if looks_z_up(surface.positions, surface.triangles):
+            warnings.append(f"{file.name} seems to have Z up, so the model learns it lying on its side.")
+        return shape_of(mesh, file.name, front_deg=request.front_deg, attributes=file.attributes)
+    except MeshdeformError as error:
+        if file.name in error.detail:
+            raise
+        raise type(error)(f"{file.name}: {error.detail}", advice=error.advice_text, **error.extra) from error
+
+
+class TeachingRun:
+    """A lesson in progress, created by `start`."""
+
+    def __init__(
+        self,
+        request: TeachRequest,
+        new: NewNoun,
+        shapes: Sequence[Shape],
+        files: Sequence[MeshFile],
+        pictures: LessonPictures,
+        teacher: Teacher,
+        before: PriorNetwork,
+        lessons: Sequence[Lesson],
+        warnings: list[str],
+        device: str,
+    ) -> None:
+        self.noun, self.warnings = new.noun, warnings
+        self._request, self._new, self._shapes, self._files = request, new, shapes, files
+        self._pictures, self._teacher, self._before, self._lessons = pictures, teacher, before, lessons
+        self._device = device
+
+    @property
+    def step(self) -> int:
+        """Number of steps done."""
+        return self._teacher.step
+
+    @property
+    def total_steps(self) -> int:
+        """Most steps that the lesson takes."""
+        return self._request.config.steps
+
+    def __iter__(self) -> Iterator[TeachStep]:
+        """Run the remaining steps; fewer if the held-out loss has stopped to fall."""
+        return iter(self._teacher)
+
+    def state(self) -> bytes:
+        """Return the complete state; call only between two steps."""
+        return self._teacher.state()
+
+    def finish(self) -> dict[str, bytes]:
+        """Return the weights, the contact sheet (a PNG) and the report (JSON), as `result`, `preview` and `report`."""
+        weights, sheet = self._weights(), io.BytesIO()
+        self.sheet().save(sheet, "PNG", optimize=True)
+        report = {
+            **self.report(),
+            "result": {"sha256": hashlib.sha256(weights).hexdigest(), "bytes": len(weights)},
+            "fingerprint": self._teacher.identity,
+            "versions": versions(),
+        }
+        text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
+        return {"result": weights, "preview": sheet.getvalue(), "report": text.encode()}
+
+    def _weights(self) -> bytes:
+        request, new = self._request, self._new
+        words = new.words
+        attributes = sorted({str(attribute) for file in self._files for attribute in file.attributes})
+        lesson = Lesson(
+            noun=new.noun,
+            synonyms=new.synonyms,
+            attributes=tuple(attributes),
+            meshes=tuple(file.name for file in self._files),
+            licence=" ".join(request.licence.split())[:500],
+            date=datetime.datetime.now(datetime.UTC).date().isoformat(),
+            steps=self._teacher.best_step,
+            seed=request.config.seed,
+        )
+        state = {name: tensor.cpu() for name, tensor in self._teacher.network().state_dict().items()}
+        kept = {**replay_of(read_replay(request.base), new), new.noun: self._pictures.kept}
+        for noun, pictures in kept.items():
+            state |= replay_tensors(noun, pictures)
+        provenance = {
+            "steps": str(self._teacher.best_step),
+            "total_steps": str(request.config.steps),
+            "seed": str(request.config.seed),
+            "batch": str(request.config.batch),
+            "pictures": str(len(self._pictures.training)),
+            "initial": file_sha256(request.base),
+        }
+        config = self._before.config
+        return pack_weights(state, config, provenance, metadata_of(words, [*self._lessons, lesson]))
+
+    def sheet(self) -> Any:
+        """Draw the contact sheet (a PIL image) of what was learned."""
+        network = self._teacher.network().cpu()
+        return learned_sheet(
+            network, self._new.words, self._new.noun, self._pictures.kept, seed=self._request.config.seed
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Measure what was learned and forgotten, and describe the lesson.
+
+        Retrieval asks the network itself: which noun explains a held-out picture best? Each old noun has one grid of
+        a member that the lesson did not show.
+        """
+        new, teacher = self._new, self._teacher
+        after = teacher.network()
+        before = self._before.to(after.place.device)
+        base_words = words_of(read_network(self._request.base)[1], self._request.base)
+        held = self._pictures.held_old
+        old_pictures = taken(held, (~held.single).nonzero()[:, 0])  # one grid each: a noun takes a pass of the network
+        names = [new.words.tokens[int(row[0])] for row in old_pictures.tokens]
+        was = retrieved(before, base_words, old_pictures, list(base_words.nouns))
+        now = retrieved(after, new.words, old_pictures, list(new.words.nouns))
+        mine = retrieved(after, new.words, self._pictures.held_new, list(new.words.nouns))
+        old = {
+            noun: {
+                "before": sum(a == noun for a, n in zip(was, names, strict=True) if n == noun),
+                "after": sum(a == noun for a, n in zip(now, names, strict=True) if n == noun),
+                "pictures": names.count(noun),
+            }
+            for noun in dict.fromkeys(names)
+        }
+        return {
+            "noun": new.noun,
+            "synonyms": list(new.synonyms),
+            "replaced": new.replaces,
+            "meshes": [
+                {
+                    "name": file.name,
+                    "sha256": _digest(file),
+                    "faces": len(shape.part.faces),
+                    "attributes": [str(attribute) for attribute in file.attributes],
+                    "held_out": shape.name == self._pictures.held_mesh,
+                }
+                for file, shape in zip(self._files, self._shapes, strict=True)
+            ],
+            "pictures": len(self._pictures.training),
+            "steps": {"done": teacher.step, "best": teacher.best_step, "most": self.total_steps},
+            "stopped_early": teacher.stopped_early,
+            "held_out_loss": [
+                {"step": step, "new": round(a, 5), "old": round(b, 5)} for step, a, b in teacher.measured
+            ],
+            "retrieval": {
+                "new": _share(mine.count(new.noun), len(mine)),
+                "old_before": _share(sum(a == n for a, n in zip(was, names, strict=True)), len(names)),
+                "old_after": _share(sum(a == n for a, n in zip(now, names, strict=True)), len(names)),
+                "taken_for": {noun: mine.count(noun) for noun in dict.fromkeys(mine)},
+            },
+            "old_nouns": old,
+            "warnings": [
+                *self.warnings,
+                *_doubts(
+                    new.noun,
+                    mine,
+                    sum(a == n for a, n in zip(was, names, strict=True)),
+                    sum(a == n for a, n in zip(now, names, strict=True)),
+                ),
+            ],
+            "seed": self._request.config.seed,
+            "device": self._device,
+            "base_sha256": file_sha256(self._request.base),
+        }
+
+
+def _share(hits: int, count: int) -> dict[str, Any]:
+    low, high = interval(hits, count)
+    return {
+        "hits": hits,
+        "pictures": count,
+        "share": round(hits / count, 4) if count else 0.0,
+        "interval_95": [round(low, 4), round(high, 4)],
+    }
+
+
+def _doubts(noun: str, found: Sequence[str], before: int, after: int) -> list[str]:
+    """Return what the measures warn of."""
+    warnings = []
+    if found.count(noun) < _LEARNED * len(found):
+        warnings.append(
+            f"Only {found.count(noun)} of {len(found)} held-out pictures are taken for a {noun}: take more steps or "
+            "meshes, or meshes that differ more from what the model knows."
+        )
+    if after < before - _FORGOTTEN:
+        warnings.append(f"The model takes {after} pictures of old nouns for what they show; before, {before}.")
+    return warnings

@@ -1,0 +1,46 @@
+"""Do in this process what the API leaves to child processes.
+
+Each child imports numpy, and some import torch, which takes seconds; what a child may do and what bounds it has is
+tested in `tests/security/test_checks.py`, `tests/unit/assets/test_check.py` and with every real `meshdeform serve`.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from meshdeform.assets import check
+from meshdeform.assets.isolation import ChildOutcome
+from meshdeform.runs import derive
+
+__all__ = ["children_in_process"]
+
+_PARENTS: tuple[ModuleType, ...] = (check, derive)
+_one_at_a_time = threading.Lock()
+
+
+def _run_here(module: str, arguments: list[str], *, timeout_s: float, temporary: Path | None = None) -> ChildOutcome:
+    del timeout_s, temporary
+    child = import_module(module)
+    printed: list[str] = []
+    with _one_at_a_time, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child, "print", printed.append, raising=False)
+        patch.setattr(child, "bound_resources", lambda *_: None)  # they would be those of the tests
+        code = child.main(arguments)
+    return ChildOutcome(code, json.loads(printed[-1]))
+
+
+@contextmanager
+def children_in_process() -> Iterator[None]:
+    """Let the API check files and make artifacts in this process, while the block runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        for parent in _PARENTS:
+            patch.setattr(parent, "run_child", _run_here)
+        yield

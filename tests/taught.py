@@ -1,0 +1,31 @@
+"""A builtin prior that is small enough to be taught within a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.taught import metadata_of
+from meshdeform.priors.builtin.weights_file import pack_weights
+from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
+
+__all__ = ["SMALL", "THREE_NOUNS", "write_small_weights"]
+
+SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
+_NOUNS = ("bowl", "heart", "vase")
+THREE_NOUNS = Words(
+    {noun: BUILTIN_WORDS.nouns[noun] for noun in _NOUNS},
+    {word: noun for word, noun in BUILTIN_WORDS.synonyms.items() if noun in _NOUNS},
+    tuple(token for token in BUILTIN_WORDS.tokens if token not in BUILTIN_WORDS.nouns or token in _NOUNS),
+)
+
+
+def write_small_weights(path: Path) -> Path:
+    """Write untrained weights of a small network that knows three nouns."""
+    torch.manual_seed(0)
+    network = PriorNetwork(SMALL, words=len(THREE_NOUNS.tokens))
+    provenance = {"steps": "0", "seed": "0"}
+    path.write_bytes(pack_weights(network.state_dict(), SMALL, provenance, metadata_of(THREE_NOUNS, [])))
+    return path

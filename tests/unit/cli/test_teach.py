@@ -1,0 +1,155 @@
+"""`meshdeform teach` with a small network: its files, Ctrl-C and going on, use, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+import trimesh
+from PIL import Image
+from safetensors import safe_open
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
+from meshdeform.priors.builtin.taught import known_words
+from meshdeform.priors.builtin.teaching import pictures, sheet
+from meshdeform.priors.builtin.teaching.pictures import LessonSize, draw_lesson
+from meshdeform.priors.builtin.training.train import Trainer
+from meshdeform.runs import teaching
+from tests.taught import write_small_weights
+
+_STEPS = ["--model", "small.safetensors", "--steps", "3"]
+_TEACH = ["teach", "a teapot", "teapots", "--synonym", "kettle", "--licence", "CC0-1.0", *_STEPS]
+
+
+@pytest.fixture(autouse=True)
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make a folder of three meshes and small weights current, and lessons short."""
+    monkeypatch.chdir(tmp_path)
+    write_small_weights(Path("small.safetensors"))
+    Path("teapots/tall").mkdir(parents=True)
+    Path("teapots/notes.txt").write_text("no mesh")
+    trimesh.creation.icosphere(1).export("teapots/round.glb")
+    trimesh.creation.box((1, 1, 1)).export("teapots/square.obj")
+    trimesh.creation.cylinder(
+        0.3, 2, sections=8, transform=trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0])
+    ).export("teapots/tall/can.stl")
+
+    def short(new: object, shapes: object, replayed: object, _size: LessonSize, seed: int) -> object:
+        return draw_lesson(new, shapes, replayed, LessonSize(members=2, each=1, grids=1, replay=1), seed)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(teaching, "draw_lesson", short)
+    monkeypatch.setattr(pictures, "_HELD_MEMBERS", 1)
+    monkeypatch.setattr(sheet, "_STEPS", 2)
+
+
+def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = CliRunner().invoke(app, [*_TEACH, "-o", "whole.safetensors"])
+    assert whole.exit_code == 0, whole.output
+    assert "of 2 held-out pictures are taken for a teapot" in whole.output
+    step = Trainer.step
+
+    def interrupted(self: Trainer) -> float:
+        signal.raise_signal(signal.SIGINT)
+        return step(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "step", interrupted)
+        stopped = CliRunner().invoke(app, [*_TEACH, "-o", "mine.safetensors", "--checkpoint", "mine.state"])
+    assert stopped.exit_code == 130, stopped.output
+    assert "Interrupted at step 1 of 3. The state is in mine.state." in stopped.output
+    assert not Path("mine.safetensors").exists()
+    other = CliRunner().invoke(app, [*_TEACH, "-o", "mine.safetensors", "--seed", "1", "--resume", "mine.state"])
+    assert other.exit_code == 3
+    assert "another lesson" in other.output
+    made = CliRunner().invoke(app, [*_TEACH, "-o", "mine.safetensors", "--resume", "mine.state", "--json"])
+    assert made.exit_code == 0, made.output
+    assert _contents("mine.safetensors") == _contents("whole.safetensors")
+
+    report = json.loads(Path("mine.report.json").read_text())
+    assert json.loads(made.stdout)["retrieval"] == report["retrieval"]
+    assert [(mesh["name"], mesh["attributes"]) for mesh in report["meshes"]] == [
+        ("round.glb", []),
+        ("square.obj", []),
+        ("tall/can.stl", ["tall"]),
+    ]
+    assert sum(mesh["held_out"] for mesh in report["meshes"]) == 1
+    assert [entry["step"] for entry in report["held_out_loss"]] == [0, 3]
+    assert set(report["old_nouns"]) == {"bowl", "heart", "vase"}
+    with Image.open("mine.preview.png") as picture:
+        assert picture.width > 4 * 64
+
+    again = CliRunner().invoke(
+        app,
+        ["teach", "a jug", "teapots/round.glb", "--model", "mine.safetensors", "--steps", "1", "-o", "two.safetensors"],
+    )
+    assert again.exit_code == 0, again.output
+    assert set(known_words("two.safetensors").nouns) == {"bowl", "heart", "vase", "teapot", "jug"}
+
+    Path("models").mkdir()
+    Path("two.safetensors").rename("models/two.safetensors")
+    Path("models/broken.safetensors").write_bytes(b"broken")
+    monkeypatch.setenv("MESHDEFORM_MODELS", "models")
+    listed = json.loads(CliRunner().invoke(app, ["models", "--json"]).stdout)["models"]
+    assert [(model["title"], model["available"]) for model in listed] == [
+        ("Builtin", True),
+        ("broken", False),
+        ("two", True),
+    ]
+    assert [lesson["noun"] for lesson in listed[2]["lessons"]] == ["teapot", "jug"]
+    assert listed[2]["licence"] == "CC0-1.0"
+    described = CliRunner().invoke(app, ["models", "two.safetensors"]).output
+    assert "teapot or kettle, from round.glb, square.obj, tall/can.stl; labelled tall" in described
+
+    run = ["run", "teapots/round.glb", "a tall kettle", "--steps", "1", "--set", "orientation=keep"]
+    used = CliRunner().invoke(app, [*run, "--model", "two.safetensors", "-o", "out.glb"])
+    assert used.exit_code == 0, used.output
+    report = json.loads(Path("out.report.json").read_text())
+    assert report["guidance"]["id"] == report["params"]["model"] == "two.safetensors"
+    assert "likeness" not in report
+    refused = CliRunner().invoke(app, [*run, "--model", "builtin", "-o", "other.glb"])
+    assert refused.exit_code == 3
+    assert "kettle" in refused.output
+
+
+def _contents(path: str) -> tuple[dict[str, str], dict[str, bytes]]:
+    """Return the metadata and the bytes of each tensor; the order of the metadata in a file is arbitrary."""
+    with safe_open(path, framework="np") as file:
+        return file.metadata(), {name: file.get_tensor(name).tobytes() for name in file.keys()}  # noqa: SIM118
+
+
+def test_what_cannot_be_taught_is_refused_before_anything_is_written() -> None:
+    before = sorted(Path().rglob("*"))
+    Path("mine.safetensors").write_bytes(b"mine")
+    Path("mine.state").write_bytes(b"mine")
+    Path("empty").mkdir()
+    Path("holiday/photos").mkdir(parents=True)
+    trimesh.creation.icosphere(1).export("holiday/photos/a.glb")
+    Path("face.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    Path("many").mkdir()
+    for number in range(201):
+        Path(f"many/{number}.obj").write_text("")
+    for arguments, words in (
+        (["a teapot", "empty"], "There is no mesh"),
+        (["a teapot", "many"], "more than 200 meshes"),
+        (["a teapot", "holiday"], "does not name attributes"),
+        (["a teapot", "face.obj"], "face.obj has 1 faces"),
+        (["a teapot", "teapots/notes.txt"], "notes.txt"),
+        (["a vase", "teapots"], "knows 'vase' already"),
+        (["a teapot", "teapots", "-o", "mine.safetensors"], "was not written by an earlier run"),
+        (["a teapot", "teapots", "-o", "mine.glb"], "does not end in"),
+        (["a teapot", "teapots", "--checkpoint", "mine.state"], "is not a checkpoint"),
+        (["a teapot", "teapots", "--resume", "mine.state"], "cannot be read"),
+        (["a teapot", "teapots", "--model", "mine.safetensors"], "not safetensors"),
+        (["a teapot", "teapots", "--model", "owner/model"], "cannot be taught"),
+        (["a teapot", "teapots", "-o", "small.safetensors"], "is an input of this run"),
+    ):
+        model = [] if "--model" in arguments else ["--model", "small.safetensors"]
+        refused = CliRunner().invoke(app, ["teach", *arguments, *model, "--steps", "1"])
+        assert refused.exit_code in {2, 3, 4}, (arguments, refused.output)
+        assert words in " ".join(refused.output.replace("│", " ").split()), (arguments, refused.output)
+    assert not Path("teapot.safetensors").exists()
+    assert Path("mine.safetensors").read_bytes() == Path("mine.state").read_bytes() == b"mine"
+    assert not [path for path in Path().rglob("*.part") if path not in before]

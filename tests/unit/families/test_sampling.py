@@ -1,0 +1,96 @@
+"""Samples of a machine, and the free energy that says how plausible a shape is."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import torch
+
+from meshdeform.families.machine import BetaMachine
+from meshdeform.families.sampling import FreeEnergy, State, between, completed, gibbs, to_frame, to_machine
+
+
+def planted(points=2, strong=1.0):
+    """A machine of two units in each layer, whose parameters are random but known."""
+    random = torch.Generator().manual_seed(3)
+
+    def draw(*shape):
+        return (torch.rand(*shape, generator=random) - 0.5) * 2 * strong
+
+    visible = 3 * points
+    weights = {
+        **{name: 1 + draw(visible).abs() for name in ("a0", "b0")},
+        **{name: draw(visible, 2).abs() for name in "abcd"},
+        **{name: draw(visible) - 1 for name in ("m0", "m1")},
+        "w1": draw(2),
+        "w2": draw(2),
+        "w3": draw(2),
+        "w12": draw(2, 2) * 2,
+        "w23": draw(2, 2) * 2,
+        "e0": draw(points),
+        "g0": draw(2),
+        "eg": draw(points, 2),
+    }
+    return BetaMachine(weights, torch.ones(visible, 2))
+
+
+def exact(machine):
+    """The probability of each state of the first layer, with coordinates and the other layers summed out."""
+    w, states = machine.weights, [torch.tensor(s, dtype=torch.float32) for s in itertools.product((0, 1), repeat=2)]
+    weight = []
+    for h1 in states:
+        alpha, beta = (each[0] for each in machine.exponents(h1[None]))
+        area = torch.lgamma(alpha) + torch.lgamma(beta) - torch.lgamma(alpha + beta)
+        shift = (w["m0"] @ (w["a"] - w["c"]) + w["m1"] @ (w["b"] - w["d"])) @ h1
+        above = [
+            h1 @ w["w12"] @ h2 + w["w2"] @ h2 + h2 @ w["w23"] @ h3 + w["w3"] @ h3 for h2 in states for h3 in states
+        ]
+        weight.append(area.sum() - shift + w["w1"] @ h1 + torch.stack(above).logsumexp(0))
+    return torch.stack(weight).softmax(0).numpy()
+
+
+def test_gibbs_samples_of_a_planted_machine_have_its_distribution():
+    machine, chains = planted(), 6000
+    zero = torch.zeros(chains, 2)
+    state = gibbs(machine, State(zero, zero, zero), torch.ones(chains, 2), 30, np.random.default_rng(0))
+    seen = np.bincount((state.h1 @ torch.tensor([2.0, 1.0])).long().numpy(), minlength=4) / chains
+    wanted = exact(machine)
+    assert wanted.max() - wanted.min() > 0.1  # the machine has something to be recovered
+    np.testing.assert_allclose(seen, wanted, atol=4 * 0.5 / chains**0.5)
+
+
+def test_what_lies_between_two_shapes_begins_and_ends_with_them():
+    machine = planted(points=3)
+    points, exists = torch.rand(2, 3, 3) * 0.5 + 0.25, torch.tensor([[1.0, 1, 0], [1, 0, 1]])
+    for share, end in ((0.0, 0), (1.0, 1)):
+        found = between(machine, points, exists, share)
+        assert torch.equal(found.points, points[end])
+        assert torch.equal(found.exists, exists[end])
+    near = between(machine, points, exists, 1e-4)
+    assert (near.points[:2] - points[0, :2]).abs().max() < 1e-3
+    scaling = torch.tensor([-0.4, -0.5, -0.3, 1.1])
+    assert torch.allclose(to_machine(to_frame(points, scaling), scaling), points, atol=1e-6)
+
+
+def test_a_completed_shape_has_the_known_points_exactly():
+    machine = planted(points=3)
+    points, exists = torch.rand(3, 3) * 0.5 + 0.25, torch.tensor([1.0, 0, 1])
+    for seed in range(5):
+        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), 3, np.random.default_rng(seed))
+        assert torch.equal(found.points[0], points[0])
+        assert found.exists[:2].tolist() == [1, 0]
+
+
+def test_shapes_of_the_machine_have_less_free_energy_than_noise():
+    machine = planted(points=6, strong=8.0)
+    zero = torch.zeros(40, 2)
+    state = gibbs(machine, State(zero, zero, zero), torch.ones(40, 6), 10, np.random.default_rng(1))
+    alpha, beta = machine.exponents(state.h1)
+    drawn = np.random.default_rng(2).beta(alpha.numpy(), beta.numpy())
+    points = torch.from_numpy(drawn).float().clamp(1e-3, 1 - 1e-3).reshape(40, 6, 3)
+    energy = FreeEnergy(machine, points, torch.ones(40, 6))
+    noise = energy(torch.rand(40, 6, 3, generator=torch.Generator().manual_seed(0)) * 0.98 + 0.01, torch.ones(40, 6))
+    assert energy.members.mean() < noise.mean() - 1
+    assert energy.plausibility(float(noise.max())) == 0.0
+    assert energy.plausibility(float(energy.members.min()) - 1) == 1.0

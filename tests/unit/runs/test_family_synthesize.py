@@ -1,0 +1,226 @@
+"""Jobs of kind `family_synthesize`, from a fitted family to new assets."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+import safetensors.numpy
+
+from bench.parametric_families import family, labels_document
+from meshdeform.assets import load_asset
+from meshdeform.assets.family_file import dump_family, read_family
+from meshdeform.client import Client
+from meshdeform.errors import (
+    AssetError,
+    AssetFormatError,
+    AssetNotFiniteError,
+    AssetTooLargeError,
+    AssetTruncatedError,
+    ParameterError,
+)
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request, start_run
+from meshdeform.runs.base import InputFile, RunInput
+from meshdeform.settings import Settings
+from tests.cases import each_case
+from tests.integration.conftest import DEADLINE_S, serving
+from tests.unit.runs.test_family_fit import packed, same_state
+from tests.worker_world import working
+
+
+@pytest.fixture(scope="module")
+def chairs():
+    """Ten labelled chairs, fitted: the assets, and the results."""
+    members = family("chairs", 10)
+    glbs = {member.name: member.glb() for member in members}
+    params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20, "embed_labels": True}
+    request = JobRequest.model_validate({"kind": "family_fit", "params": params})
+    data = packed(glbs, labels_document("chairs", members, 10))
+    run = start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}))
+    for _ in run:
+        pass
+    results = {name: artifact.data for name, artifact in run.finish().items()}
+    return glbs, data, results
+
+
+def begin(chairs, *, checkpoint=None, collection=None, fitted=None, **params):
+    request = JobRequest.model_validate({"kind": "family_synthesize", "params": params})
+    check_request(request, Settings(), files={"family", "collection"})
+    files = {
+        "family": InputFile(fitted or chairs[2]["family.safetensors"], "family.safetensors"),
+        "collection": InputFile(collection or chairs[1], "chairs.zip"),
+    }
+    return start_run(RunInput(request, files, checkpoint=checkpoint))
+
+
+def finished(run):
+    for _ in run:
+        pass
+    return run.finish()
+
+
+def shapes_of(artifacts):
+    with zipfile.ZipFile(io.BytesIO(artifacts["shapes.zip"].data)) as archive:
+        return [archive.read(name) for name in sorted(archive.namelist())]
+
+
+def corners(asset, node=None):
+    """The corners of all triangles, or of those of a node, in any order of triangles."""
+    surface = asset.surface
+    chosen = np.ones(len(surface.triangles), bool)
+    if node is not None:
+        chosen = asset.parts().in_node(next(n["index"] for n in asset.parts().nodes if n["name"] == node))
+    rows = surface.positions[surface.triangles[chosen]].reshape(-1, 9)
+    return rows[np.lexsort(rows.T)]
+
+
+def test_samples_are_assets_of_members_parts_and_a_resumed_run_equals_it_bit_for_bit(chairs):
+    run = begin(chairs, count=2, seed=3)
+    kept = {}
+    for report in run:
+        kept[report.step] = run.checkpoint()
+    assert report.step == report.total_steps == 12
+    artifacts = run.finish()
+    for step in (4, 11):
+        again = begin(chairs, count=2, seed=3, checkpoint=kept[step])
+        assert [r.step for r in again] == list(range(step + 1, 13))
+        assert same_state(again.checkpoint(), kept[12])
+        assert shapes_of(again.finish()) == shapes_of(artifacts)
+    made = shapes_of(artifacts)
+    assert made[0] == artifacts["result.glb"].data != made[1]
+    report = json.loads(artifacts["report.json"].data)
+    for glb, about in zip(made, report["shapes"], strict=True):
+        asset = load_asset(glb)
+        assert [node["name"] for node in asset.parts().nodes] == [part["part"] for part in about["parts"]]
+        # Each part has the triangles and the material of the part of its member.
+        for part in about["parts"]:
+            member = load_asset(chairs[0][part["member"]])
+            count = sum(
+                int(member.parts().of_material(m["index"]).sum())
+                for m in member.parts().materials if m["name"] == part["part"]
+            )  # fmt: skip
+            assert len(corners(asset, part["part"])) == count
+            assert part["gap"] < 0.05
+        assert {m["name"] for m in asset.parts().materials} == {part["part"] for part in about["parts"]}
+        assert 0 <= about["plausibility"] <= 1
+        assert len(about["nearest_members"]) == 3
+    points = np.load(io.BytesIO(artifacts["points.npz"].data))
+    assert points["points"].shape == (2, 40, 3)
+
+
+def test_an_interpolation_begins_and_ends_with_the_members(chairs):
+    made = shapes_of(finished(begin(chairs, mode="interpolate", members=["chair_0000", "chair_0004.glb"], count=3)))
+    for glb, name in ((made[0], "chair_0000.glb"), (made[2], "chair_0004.glb")):
+        np.testing.assert_array_equal(corners(load_asset(glb)), corners(load_asset(chairs[0][name])))
+    between = load_asset(made[1]).surface.positions
+    ends = [np.ptp(load_asset(glb).surface.positions, axis=0) for glb in (made[0], made[2])]
+    assert (np.ptp(between, axis=0) > np.minimum(*ends) - 0.05).all()
+    assert (np.ptp(between, axis=0) < np.maximum(*ends) + 0.05).all()
+
+
+def test_a_completion_keeps_the_given_parts_exactly(chairs):
+    artifacts = finished(begin(chairs, mode="complete", members=["chair_0001.glb"], keep=["seat", "leg"], count=2))
+    member = load_asset(chairs[0]["chair_0001.glb"])
+    materials = {each["name"]: each["index"] for each in member.parts().materials}
+    for glb in shapes_of(artifacts):
+        asset = load_asset(glb)
+        for part in ("seat", "leg"):
+            rows = member.surface.triangles[member.parts().of_material(materials[part])]
+            wanted = member.surface.positions[rows].reshape(-1, 9)
+            np.testing.assert_array_equal(corners(asset, part), wanted[np.lexsort(wanted.T)])
+    shapes = json.loads(artifacts["report.json"].data)["shapes"]
+    assert all(part["kept"] == (part["part"] in {"seat", "leg"}) for shape in shapes for part in shape["parts"])
+
+
+def test_a_search_names_the_nearest_members(chairs):
+    artifacts = finished(begin(chairs, mode="search", members=["chair_0002"], count=3))
+    assert set(artifacts) == {"report.json", "preview.png"}
+    found = json.loads(artifacts["report.json"].data)["nearest_members"]
+    descriptors = np.load(io.BytesIO(chairs[2]["descriptors.npz"]))["descriptors"]
+    distance = np.abs(descriptors - descriptors[2]).sum(1)
+    order = [i for i in np.argsort(distance, kind="stable") if i != 2][:3]
+    assert [each["name"] for each in found] == [f"chair_{i:04d}.glb" for i in order]
+    np.testing.assert_allclose([each["distance"] for each in found], distance[order], rtol=1e-5)
+
+
+def test_the_labelled_assets_serve_as_the_collection(chairs):
+    by_zip = finished(begin(chairs, count=1))
+    by_labelled = finished(begin(chairs, count=1, collection=chairs[2]["labelled.zip"]))
+    one, other = (load_asset(shapes_of(each)[0]) for each in (by_zip, by_labelled))
+    np.testing.assert_array_equal(corners(one), corners(other))
+
+
+def test_a_family_that_cannot_be_used_is_refused(chairs):
+    whole = chairs[2]["family.safetensors"]
+    found = read_family(whole)
+    version = whole.replace(b"meshdeform-family-2", b"meshdeform-family-1")
+    arrays = safetensors.numpy.load(whole)
+    places = np.where(np.arange(found.points.size).reshape(found.points.shape) == 5, np.nan, found.points)
+    cases = [
+        (version, AssetFormatError, "this version reads 'meshdeform-family-2'"),
+        (whole[:-8], AssetTruncatedError, "damaged or incomplete"),
+        (b"\x80\x04\x95" + b"x" * 60, AssetFormatError, "not a safetensors file"),
+        (safetensors.numpy.save(arrays), AssetFormatError, "holds no family"),
+        (dump_family(dataclasses.replace(found, points=places), {}), AssetNotFiniteError, "points that are not finite"),
+        (dump_family(dataclasses.replace(found, names=found.names[:-1]), {}), AssetError, "does not fit together"),
+        (dump_family(dataclasses.replace(found, triangles=found.triangles + 10**6), {}), AssetError, "names no triang"),
+        (dump_family(dataclasses.replace(found, labels=found.labels + 4), {}), AssetError, "a part has no name"),
+    ]  # fmt: skip
+    for data, error, words in cases:
+        with pytest.raises(error, match=words):
+            read_family(data)
+    from meshdeform.assets import Limits
+
+    with pytest.raises(AssetTooLargeError):
+        read_family(whole, dataclasses.replace(Limits(), max_bytes=1000))
+    other = {**chairs[0], "chair_0003.glb": chairs[0]["chair_0002.glb"]}
+    with pytest.raises(AssetError, match=r"chair_0003\.glb has another shape"):
+        finished(begin(chairs, count=1, collection=packed(other)))
+    renamed = {name.replace("chair_0005", "stool"): data for name, data in chairs[0].items()}
+    with pytest.raises(AssetError, match=r"has no 'chair_0005\.glb'"):
+        begin(chairs, count=1, collection=packed(renamed))
+
+
+@each_case(
+    ("params", "words"),
+    [
+        ({"mode": "interpolate", "members": ["chair_0000"]}, "takes two members, not 1"),
+        ({"mode": "interpolate", "members": ["a", "a"]}, "are the same"),
+        ({"mode": "interpolate", "members": ["a", "b"], "count": 1}, "at least two shapes"),
+        ({"members": ["a"]}, "takes no member"),
+        ({"mode": "complete", "members": ["chair_0000"]}, "needs the parts to keep"),
+        ({"keep": ["seat"]}, "is for the mode complete"),
+        ({"mode": "search", "members": ["sofa"]}, "has no member 'sofa'"),
+        ({"mode": "complete", "members": ["chair_0000"], "keep": ["wheel"]}, "has no part 'wheel'"),
+    ],
+)
+def test_a_request_that_cannot_run_is_refused(chairs, params, words):
+    with pytest.raises(ParameterError, match=words) as caught:
+        begin(chairs, **params)
+    assert caught.value.extra["errors"][0]["loc"][0] == "params"
+
+
+def test_a_family_is_posted_and_its_shapes_are_downloaded(chairs, tmp_path, redis_url):
+    (tmp_path / "chairs.zip").write_bytes(chairs[1])
+    (tmp_path / "family.safetensors").write_bytes(chairs[2]["family.safetensors"])
+    (tmp_path / "old.safetensors").write_bytes(
+        chairs[2]["family.safetensors"].replace(b"meshdeform-family-2", b"meshdeform-family-1")
+    )
+    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-synthesize")
+    asked = {"kind": "family_synthesize", "params": {"count": 1}}
+    collection = {"collection": tmp_path / "chairs.zip"}
+    with serving(settings) as url, Client(url) as client:
+        with pytest.raises(AssetFormatError, match="meshdeform-family-1"):
+            client.submit(files={"family": tmp_path / "old.safetensors", **collection}, **asked)
+        with working(settings, start_run):
+            files = {"family": tmp_path / "family.safetensors", **collection}
+            result = client.deform(files=files, timeout_s=DEADLINE_S, **asked)
+        assert len(load_asset(result.read("result.glb")).surface.triangles) > 0
+        assert {artifact.name for artifact in result.job.artifacts} == {
+            "report.json", "preview.png", "result.glb", "shapes.zip", "points.npz",
+        }  # fmt: skip

@@ -1,0 +1,91 @@
+"""How many threads are used where none are set, and how they wait."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshdeform.runs.devices import use_threads
+from meshdeform.support.threads import default_threads, limit_spinning
+
+
+@pytest.fixture
+def eight_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
+
+
+@pytest.mark.usefixtures("eight_cores")
+@pytest.mark.parametrize(
+    ("limit", "threads"),
+    [
+        ("max 100000", 8),
+        ("200000 100000", 2),
+        ("250000 100000", 3),
+        ("50000 100000", 1),
+        ("6400000 100000", 8),
+        ("", 8),
+    ],
+)
+def test_a_container_uses_no_more_threads_than_its_cpu_limit(tmp_path: Path, limit: str, threads: int) -> None:
+    (tmp_path / "cpu.max").write_text(f"{limit}\n")
+    assert default_threads(tmp_path) == threads
+
+
+@pytest.mark.usefixtures("eight_cores")
+@pytest.mark.parametrize(("quota", "threads"), [(-1, 8), (150_000, 2)])
+def test_the_limits_of_control_groups_version_1_are_read(tmp_path: Path, quota: int, threads: int) -> None:
+    (tmp_path / "cpu").mkdir()
+    (tmp_path / "cpu/cpu.cfs_quota_us").write_text(f"{quota}\n")
+    (tmp_path / "cpu/cpu.cfs_period_us").write_text("100000\n")
+    assert default_threads(tmp_path) == threads
+
+
+@pytest.mark.usefixtures("eight_cores")
+@pytest.mark.parametrize(("value", "threads"), [("3", 3), ("16", 16), ("4,2", 4), ("0", 8), ("many", 8)])
+def test_omp_num_threads_decides_where_the_setting_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str, threads: int
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", value)
+    assert default_threads(tmp_path) == threads
+
+
+def test_the_setting_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr("torch.set_num_threads", asked.append)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert [use_threads(2), use_threads(0)] == asked == [2, 3]
+
+
+def test_spinning_is_limited_unless_the_environment_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "environ", {})
+    limit_spinning()
+    assert os.environ == {"GOMP_SPINCOUNT": "10000"}
+    for chosen in ({"GOMP_SPINCOUNT": "7"}, {"OMP_WAIT_POLICY": "active"}):
+        monkeypatch.setattr(os, "environ", dict(chosen))
+        limit_spinning()
+        assert os.environ == chosen
+
+
+@pytest.mark.parametrize("module", ["meshdeform.cli.app", "worker.__main__"])
+def test_programs_limit_it_before_anything_imports_torch(module: str) -> None:
+    # What main() calls next stops it; the limit must be there by then, and torch must not.
+    program = f"""
+import os, sys
+import {module} as program
+def stop(*args, **kwargs):
+    assert 'torch' not in sys.modules
+    print(os.environ['GOMP_SPINCOUNT'])
+    sys.exit()
+for name in ('app', 'Settings'):
+    if hasattr(program, name):
+        setattr(program, name, stop)
+program.main()
+"""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("GOMP_", "OMP_"))}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "10000\n"
