@@ -35,6 +35,7 @@ def test_of_many_that_claim_one_job_at_once_one_gets_it(record: JobRecord, datab
             each.close()
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_claim_is_a_new_attempt(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     assert (job.state, job.attempt, job.progress.attempt) == (JobState.RUNNING, 1, 1)
@@ -50,6 +51,7 @@ def test_a_heartbeat_keeps_the_lease(record: JobRecord) -> None:
     assert record.leases.claim(job.id, "another", LEASE_S) is None
 
 
+@pytest.mark.both_databases(long=True)
 def test_progress_is_published_and_its_fraction_never_goes_back(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     far = Progress(
@@ -62,6 +64,7 @@ def test_progress_is_published_and_its_fraction_never_goes_back(record: JobRecor
     assert (progress.step, progress.fraction) == (2, 0.6)
 
 
+@pytest.mark.both_databases(long=True)
 def test_success_is_for_good(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     record.leases.finish(job.id, 1, JobState.SUCCEEDED)
@@ -77,6 +80,7 @@ def test_success_is_for_good(record: JobRecord) -> None:
     assert record.get(job.id) == done
 
 
+@pytest.mark.both_databases(long=True)
 def test_failure_keeps_its_error(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     error = JobError(code="numerical_failure", title="t", detail="d", advice="a", status=500)
@@ -85,12 +89,14 @@ def test_failure_keeps_its_error(record: JobRecord) -> None:
     assert record.get(job.id).state is JobState.FAILED
 
 
+@pytest.mark.both_databases(long=True)
 def test_only_a_terminal_state_ends_a_job(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     with pytest.raises(ValueError, match="not terminal"):
         record.leases.finish(job.id, 1, JobState.QUEUED)
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in range(1, 6):
@@ -118,6 +124,7 @@ def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRe
     assert failed.finished_at is not None
 
 
+@pytest.mark.both_databases(long=True)
 def test_new_progress_forgives_lost_attempts_and_the_same_progress_again_does_not(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in range(1, 6):
@@ -132,6 +139,7 @@ def test_new_progress_forgives_lost_attempts_and_the_same_progress_again_does_no
     assert record.get(job.id).state is JobState.FAILED
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_does(record: JobRecord) -> None:
     lost, kept = new_job(record), new_job(record)
     held = record.leases.claim(lost.id, "gone", LEASE_S)
@@ -150,6 +158,7 @@ def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_do
     assert record.get(lost.id).state is JobState.FAILED
 
 
+@pytest.mark.both_databases(long=True)
 def test_the_newest_checkpoint_comes_first(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     assert record.leases.checkpoints(job.id) == []
@@ -273,6 +282,7 @@ def test_a_job_that_somebody_holds_does_not_keep_workers_from_the_next_one(recor
     assert taken.id == second.id
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in (1, 2):
@@ -291,6 +301,7 @@ def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRec
     assert record.get(asked.id).error is None
 
 
+@pytest.mark.both_databases(long=True)
 def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> None:
     job = claimed(record, new_job(record), OVER)
     record.leases.save_progress(job.id, 1, at(6))
@@ -305,6 +316,7 @@ def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> No
     ]  # fmt: skip
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_checkpoint_keeps_the_mesh_of_its_step(record: JobRecord) -> None:
     job = claimed(record, new_job(record))
     record.leases.set_checkpoint(job.id, 1, key="k", step=5, sha256="s", size=11, mesh=artifact("mesh.glb", "m" * 64))
