@@ -1,4 +1,4 @@
-"""Build a release: the source distribution, the wheel, the bill of materials and their checksums.
+"""Build a release: source distribution, wheel, package of the TypeScript client, bill of materials, checksums.
 
     python -m release.build                  # into dist/
     python -m release.build --out somewhere
@@ -20,6 +20,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from meshdeform import __version__
+from release.typescript import packed
 
 __all__ = ["MAX_WHEEL_BYTES", "NEEDED", "build", "main", "wrong_with"]
 
@@ -61,12 +62,12 @@ def build(out: Path) -> list[Path]:
 
     Returns
     -------
-    The files: source distribution, wheel, bill of materials, checksums.
+    The files: source distribution, wheel, package of the TypeScript client, bill of materials, checksums.
 
     Raises
     ------
     SystemExit
-        The wheel has missing or unexpected contents; nothing is left in `out`.
+        The wheel has missing or unexpected contents, or the client cannot be packed; nothing is left in `out`.
     """
     out.mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "SOURCE_DATE_EPOCH": _moment()}
@@ -80,7 +81,8 @@ def build(out: Path) -> list[Path]:
         bill = Path(aside) / f"meshdeform-{__version__}.cdx.json"
         command = [sys.executable, "-m", "release.sbom", "-o", str(bill)]
         subprocess.run(command, check=True, env=environment, cwd=_ROOT)
-        files = sorted(path for path in Path(aside).iterdir() if path.suffix in {".whl", ".gz", ".json"})
+        packed(Path(aside))
+        files = sorted(path for path in Path(aside).iterdir() if path.suffix in {".whl", ".gz", ".json", ".tgz"})
         sums = Path(aside) / "SHA256SUMS"
         sums.write_text("".join(f"{_sha256(path)}  {path.name}\n" for path in files))
         return [path.replace(out / path.name) for path in [*files, sums]]

@@ -21,7 +21,7 @@ from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch, watched  # noqa: E402
-from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
+from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start, until_noted  # noqa: E402
 from tests.fake_kind import FakeKind  # noqa: E402
 from tests.integration.conftest import serving  # noqa: E402
 from tests.worker_world import working  # noqa: E402
@@ -134,6 +134,15 @@ def test_a_server_that_wants_a_key_is_given_one(
         download.value.save_as(tmp_path / "result.glb")
         stored = httpx.get(f"{home}/v1/jobs/{job_id}/artifacts/result.glb", headers={"Authorization": f"Bearer {key}"})
         assert (tmp_path / "result.glb").read_bytes() == stored.raise_for_status().content
+        # A link for somebody who has no key, to this one file and for a time.
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.get_by_role("button", name="Copy a link to result.glb").click()
+        until_noted(page, "Link copied. It needs no key and works until ")
+        link = page.evaluate("navigator.clipboard.readText()")
+        assert key not in link
+        assert httpx.get(link).raise_for_status().content == stored.content
+        assert httpx.get(link.replace("signature=", "signature=0")).status_code == 403
+        assert httpx.get(link.partition("?")[0]).status_code == 401
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()

@@ -53,6 +53,22 @@ export async function downloadMade(job, name, scope) {
 }
 
 /**
+ * Copy an address of an artifact that needs no key, and say how long it works.
+ *
+ * @param {string} path
+ * @param {import("../scope.js").Scope} scope
+ */
+export async function copyLink(path, scope) {
+  try {
+    const { url, expires_at } = await requestJson(`${path}/url`, { method: "POST", signal: scope.signal });
+    const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+    await copyText(/^https?:/.test(url) ? url : address(url), `Link copied. It needs no key and works until ${until}`);
+  } catch (error) {
+    if (!isAbort(error)) toast(`No link. ${described(error).detail || described(error).title}`);
+  }
+}
+
+/**
  * @param {Blob} blob
  * @param {string} name
  */

@@ -4,7 +4,7 @@ import { button, h, icon } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
-import { copyCurl, download, downloadMade } from "./files.js";
+import { copyCurl, copyLink, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
@@ -60,6 +60,7 @@ export function filesPanel(job, artifacts, scope) {
       h(
         "div",
         { class: "row" },
+        signed ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
         button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
         button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
