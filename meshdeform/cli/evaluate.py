@@ -67,7 +67,10 @@ def evaluate(
         str, typer.Option(help="builtin, or sd for a Stable Diffusion model.", rich_help_panel=_METHOD)
     ] = "builtin",
     model: Annotated[
-        str | None, typer.Option(help="With --prior sd: hub id or folder.", rich_help_panel=_METHOD)
+        str | None,
+        typer.Option(
+            help="With --prior sd: hub id or folder; otherwise: a file of meshdeform teach.", rich_help_panel=_METHOD
+        ),
     ] = None,
     seeds: Annotated[
         str | None, typer.Option(help="Instead of the suite's, e.g. 0,1,2.", rich_help_panel=_METHOD)
@@ -143,7 +146,9 @@ def evaluate(
 
     def plan() -> Plan:
         chosen = _suite(suite, tuple(str(path) for path in source or []), assets, seeds)
-        return _plan(chosen, out, options, checkpoint_at or [], prior, settings, judge, clip, ablation)
+        return _plan(
+            chosen, out, options, checkpoint_at or [], _model(prior, model, settings), settings, judge, clip, ablation
+        )
 
     if dry_run:
         _list(plan(), limit, as_json)
@@ -220,7 +225,7 @@ def _plan(
     out: Path,
     options: dict[str, Any],
     checkpoint_at: list[int],
-    prior: str,
+    model: str,
     settings: Settings,
     judge: str,
     clip: Path | None,
@@ -234,7 +239,7 @@ def _plan(
     if ablation is not None and ablation not in list(Ablation):
         raise typer.BadParameter(f"{ablation!r} is not one of {', '.join(Ablation)}", param_hint="--ablation")
     chosen = Ablation(ablation) if ablation is not None else None
-    params = resolve(_params({"preset": suite.preset, "model": _model(prior, settings), **_without_none(options)}))
+    params = resolve(_params({"preset": suite.preset, "model": model, **_without_none(options)}))
     params = ablated_params(params, chosen)
     late = [step for step in checkpoint_at if step > params.steps]
     if late:
@@ -263,11 +268,18 @@ def _kept_plan(out: Path, settings: Settings, judge: str, clip: Path | None) -> 
     return plan_of(out, found, judge=judge, clip=clip_folder, device=resolve_device(settings.device))
 
 
-def _model(prior: str, settings: Settings) -> str:
+def _model(prior: str, given: str | None, settings: Settings) -> str:
+    from meshdeform.priors.public_names import configured_name
     from meshdeform.requests.document import BUILTIN_MODEL, DEFAULT_SD_MODEL
+    from meshdeform.requests.models import is_builtin, is_taught
 
     if prior == "builtin":
-        return BUILTIN_MODEL
+        if given is not None and not is_builtin(given):
+            raise typer.BadParameter("this goes with --prior sd", param_hint="--model")
+        model = given or BUILTIN_MODEL
+        if not is_taught(model) or Path(model).expanduser().exists():
+            return model
+        return configured_name(model, settings.offered_models)
     if prior != "sd":
         raise typer.BadParameter(f"{prior!r} is not builtin or sd", param_hint="--prior")
     return settings.model if settings.model != BUILTIN_MODEL else DEFAULT_SD_MODEL

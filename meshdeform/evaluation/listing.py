@@ -10,7 +10,7 @@ from typing import Any
 
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.retrieval import NO_JUDGE
-from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.requests.models import is_builtin
 
 __all__ = ["listing", "outline"]
 
@@ -26,9 +26,9 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
     """
     items = plan.suite.items(limit)
     warnings = []
-    if plan.params.model != BUILTIN_MODEL and plan.judge != NO_JUDGE and plan.suite.name == "paper":
+    if not is_builtin(plan.params.model) and plan.judge != NO_JUDGE and plan.suite.name == "paper":
         warnings.append("The builtin judge does not know these prompts: give --judge none, and --clip FOLDER.")
-    if plan.params.model == BUILTIN_MODEL and plan.suite.name == "paper":
+    if is_builtin(plan.params.model) and plan.suite.name == "paper":
         warnings.append("The builtin prior does not know these prompts: give --prior sd --model CHECKPOINT.")
     return {
         "suite": plan.suite.name,

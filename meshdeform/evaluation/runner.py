@@ -30,7 +30,7 @@ from meshdeform.evaluation.report import write_report
 from meshdeform.evaluation.retrieval import NO_JUDGE
 from meshdeform.evaluation.sources import source_mesh, source_texels
 from meshdeform.evaluation.suite import Item
-from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.requests.models import is_builtin
 from meshdeform.support.atomic_files import write_files
 
 __all__ = ["default_jobs", "rejudge", "run"]
@@ -41,7 +41,7 @@ Say = Callable[[str], None]
 
 def default_jobs(plan: Plan) -> int:
     """Return the number of processes: all cores for the builtin prior on the CPU, otherwise one."""
-    if plan.params.model != BUILTIN_MODEL or plan.device != "cpu":
+    if not is_builtin(plan.params.model) or plan.device != "cpu":
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -70,7 +70,7 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
     """
     evaluator = Evaluator(plan)
     assert evaluator.prior is not None
-    if plan.clip and plan.params.model != BUILTIN_MODEL:
+    if plan.clip and not is_builtin(plan.params.model):
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     for prompt in plan.suite.prompts:
         evaluator.prior.encode_texts(prompt, plan.params.negative_prompt)
@@ -106,7 +106,7 @@ def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
     if found is None:
         raise ParameterError(f"There is no run in {plan.folder}.", advice="Give the folder of a run with --out.")
     evaluator = Evaluator(plan, deforms=False)
-    if plan.clip and plan.params.model != BUILTIN_MODEL:
+    if plan.clip and not is_builtin(plan.params.model):
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     judge, clip = _judge_identities(plan, evaluator)
     for number, item in enumerate(items := plan.suite.items(), 1):

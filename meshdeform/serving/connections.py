@@ -28,7 +28,7 @@ DRAIN_S = 60.0
 """Maximum time to receive the rest of a body that was not read, and to send the rest of a response."""
 
 # Longer than clients and proxies keep idle connections, so that they close them and never meet a closed one.
-_KEEP_ALIVE_S = 75
+KEEP_ALIVE_S = 75
 _MOST_OPEN_FILES = 16_384
 _UNLIMITED = 8192
 
@@ -66,7 +66,7 @@ def http_options(settings: Settings) -> dict[str, Any]:
         # uvicorn's access log contains query strings, which may hold signatures.
         "access_log": False,
         "server_header": False,
-        "timeout_keep_alive": _KEEP_ALIVE_S,
+        "timeout_keep_alive": KEEP_ALIVE_S,
     }
 
 

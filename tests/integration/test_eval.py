@@ -23,6 +23,7 @@ from meshdeform.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
+from tests.taught import write_small_weights
 from tests.unit.runs.test_text_deform import glb
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
@@ -217,6 +218,8 @@ def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) 
         (["--set", "seed=1"], 2, "--seeds"),
         (["--seeds", "one"], 2, "list of numbers"),
         (["--prior", "dream"], 2, "builtin or sd"),
+        (["--model", "/nowhere"], 2, "--prior sd"),
+        (["--model", "nowhere.safetensors"], 4, "nowhere.safetensors"),
         (["--steps", "5", "--checkpoint-at", "6"], 3, "after the last step"),
         (["--prior", "sd", "--model", "/nowhere"], 4, "/nowhere"),
         (["--rejudge"], 3, "There is no run"),
@@ -231,6 +234,16 @@ def test_what_cannot_be_run_is_said_before_anything_is_written(
     assert refused.exit_code == code, refused.output
     assert said in " ".join(refused.stderr.replace("│", " ").split())
     assert not (tmp_path / "run").exists()
+
+
+def test_taught_weights_are_evaluated(tmp_path: Path) -> None:
+    model = write_small_weights(tmp_path / "mine.safetensors")
+    listed = evaluated(tmp_path / "run", "--model", str(model), "--dry-run", "--json")
+    assert json.loads(listed.stdout)["model"] == str(model)
+    # The suite has nouns that these weights do not know.
+    refused = evaluated(tmp_path / "run", "--model", str(model), *QUICK, "--limit", "1")
+    assert refused.exit_code == 3, refused.output
+    assert "mushroom" in refused.stderr
 
 
 def test_the_builtin_judge_is_told_when_it_does_not_know_the_prompts(

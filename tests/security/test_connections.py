@@ -100,7 +100,7 @@ def start(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     ids=["nothing", "half a header", "half of the second header", "an empty line after a request"],
 )
 def test_a_connection_without_a_whole_header_is_closed(start: Callable[..., str], sent: bytes) -> None:
-    with connect(start(HEADER_S=0.2), sent) as connection:
+    with connect(start(HEADER_S=0.2, KEEP_ALIVE_S=0.2), sent) as connection:
         assert received(connection).count(b"HTTP/1.1 200") == (b"\r\n\r\n" in sent)
 
 
