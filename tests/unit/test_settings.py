@@ -12,7 +12,7 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 
 
-@pytest.mark.parametrize("text", ["builtin, owner/model", '["builtin", "owner/model"]', " builtin,owner/model,"])
+@each_case("text", ["builtin, owner/model", '["builtin", "owner/model"]', " builtin,owner/model,"])
 def test_a_list_is_separated_by_commas_or_json(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("MESHDEFORM_ALLOWED_MODELS", text)
     assert Settings().allowed_models == ["builtin", "owner/model"]
@@ -47,7 +47,7 @@ def test_a_wrong_flag_is_named_itself() -> None:
         load_settings(threads=-1)
 
 
-@pytest.mark.parametrize("command", [["doctor"], ["serve"], ["models"]])
+@each_case("command", [["doctor"], ["serve"], ["models"]])
 def test_every_command_says_it_in_one_line(monkeypatch: pytest.MonkeyPatch, command: list[str]) -> None:
     monkeypatch.setenv("MESHDEFORM_WEBHOOK_NETWORKS", "everywhere")
     result = CliRunner().invoke(app, command)

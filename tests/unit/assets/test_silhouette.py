@@ -13,6 +13,7 @@ from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.errors import AssetTooLargeError, SilhouetteError
+from tests.cases import each_case
 
 RNG = np.random.default_rng(0)
 
@@ -63,7 +64,7 @@ def test_a_large_picture_is_reduced_and_turned_upright() -> None:
     assert (found.summary.width, found.summary.height) == (900, 1200)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("data", "message"),
     [
         (encoded(np.full((64, 64, 3), 255)), "no object"),

@@ -21,6 +21,7 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.normalization import Frame
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.text_guidance import score_distillation
+from tests.cases import each_case
 
 
 @cache
@@ -147,7 +148,7 @@ def _draw(azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Camer
     return torch.tensor(azimuth_deg), fixed_cameras(azimuth_deg, 0.0)
 
 
-@pytest.mark.parametrize("best", [45.0, -100.0, 180.0, 70.0])
+@each_case("best", [45.0, -100.0, 180.0, 70.0])
 def test_the_best_angle_is_found_within_the_finer_step(best: float) -> None:
     guidance = _Grades(best)
     found = find_orientation(_draw, guidance, 3)

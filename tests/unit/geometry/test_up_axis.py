@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 
 from meshdeform.evaluation.sources import SOURCES, source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, lathe
 from meshdeform.geometry.up_axis import looks_z_up
+from tests.cases import each_case
 
 
 def answer(mesh: TriangleMesh) -> bool:
@@ -29,7 +29,7 @@ def test_what_stands_on_its_lowest_z_is_noticed() -> None:
     assert not answer(STATUE)
 
 
-@pytest.mark.parametrize("name", SOURCES)
+@each_case("name", SOURCES)
 def test_a_source_with_y_up_is_not_mistaken(name: str) -> None:
     assert not answer(source_mesh(name))
 

@@ -21,6 +21,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.normalization import Frame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from tests.cases import each_case
 from tests.close import assert_close
 
 SPHERE = icosphere(3)
@@ -61,7 +62,7 @@ def fit(rest: TriangleMesh, target: TriangleMesh, landmarks: tuple[Landmark, ...
     return run
 
 
-@pytest.mark.parametrize("turn", [0.0, 37.3, 180.0, -101.0])
+@each_case("turn", [0.0, 37.3, 180.0, -101.0])
 def test_a_turned_and_scaled_copy_is_aligned_to_a_thousandth_of_the_diagonal(turn: float) -> None:
     rest = framed(wedge())
     target = moved(wedge(), 3.7, turn, (5.0, -2.0, 1.0))

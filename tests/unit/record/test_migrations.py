@@ -7,7 +7,6 @@ from typing import Any
 
 import alembic.command
 import alembic.config
-import pytest
 import sqlalchemy as sa
 from alembic.script import ScriptDirectory
 
@@ -98,7 +97,7 @@ def test_what_breaks_the_version_before_is_found(statement: str, said: list[str]
     engine.dispose()
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("version", "usable"),
     [(HEAD, True), (NEWER, True), ("0001", False), ("0100", False), ("9999", False), (None, False)],
 )

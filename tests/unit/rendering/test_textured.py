@@ -13,6 +13,7 @@ from meshdeform.assets.appearance import Appearance, Paint, Texture
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.rendering.textures import linear_from_srgb
+from tests.cases import each_case
 from tests.close import assert_close
 
 F64 = torch.float64
@@ -112,7 +113,7 @@ def test_the_edge_of_a_cut_out_moves_with_its_texture() -> None:
     assert float(numeric) == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.parametrize("cutoff", [0.0, 0.1, 0.5, 1.0])
+@each_case("cutoff", [0.0, 0.1, 0.5, 1.0])
 def test_a_cut_out_keeps_what_reaches_the_cutoff_and_nothing_else(cutoff: float) -> None:
     half = np.full((8, 8, 4), 255, np.uint8)
     half[:, :4, 3] = 0

@@ -142,7 +142,7 @@ OLD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", OLD)
+@each_case("name", OLD)
 def test_a_parameter_of_an_earlier_version_is_refused_in_a_new_request_and_dropped_from_a_stored_one(name: str) -> None:
     document = {"prompt": "a vase", "params": {"preset": "preview", "seed": 3, name: OLD[name]}}
     with pytest.raises(ValidationError):

@@ -11,6 +11,7 @@ import pytest
 
 from meshdeform.runs.devices import use_threads
 from meshdeform.support.threads import default_threads, limit_spinning
+from tests.cases import each_case
 
 
 @pytest.fixture
@@ -20,7 +21,7 @@ def eight_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("eight_cores")
-@pytest.mark.parametrize(
+@each_case(
     ("limit", "threads"),
     [
         ("max 100000", 8),
@@ -46,7 +47,7 @@ def test_the_limits_of_control_groups_version_1_are_read(tmp_path: Path, quota: 
 
 
 @pytest.mark.usefixtures("eight_cores")
-@pytest.mark.parametrize(("value", "threads"), [("3", 3), ("16", 16), ("4,2", 4), ("0", 8), ("many", 8)])
+@each_case(("value", "threads"), [("3", 3), ("16", 16), ("4,2", 4), ("0", 8), ("many", 8)])
 def test_omp_num_threads_decides_where_the_setting_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str, threads: int
 ) -> None:

@@ -132,7 +132,7 @@ def test_a_name_in_another_script_is_looked_up_in_its_ascii_form() -> None:
     assert (found.url.netloc, found.url.raw_path) == (b"xn--bcher-kva.example:8443", b"/%C3%A4?q=%C3%BC")
 
 
-@pytest.mark.parametrize("error", [OSError("no"), UnicodeError("label too long"), ValueError("no address")])
+@each_case("error", [OSError("no"), UnicodeError("label too long"), ValueError("no address")])
 def test_hosts_that_are_unknown_or_inside_are_refused_alike(error: Exception) -> None:
     def lookup(host: str, port: int) -> list[str]:
         raise error

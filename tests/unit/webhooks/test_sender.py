@@ -176,7 +176,7 @@ def test_proxies_of_the_environment_are_not_asked(monkeypatch: pytest.MonkeyPatc
     assert (len(receiver.messages), proxy.messages) == (1, [])
 
 
-@pytest.mark.parametrize("status", [200, 202, 299])
+@each_case("status", [200, 202, 299])
 def test_every_2xx_counts_as_delivered(status: int) -> None:
     with receiving() as receiver:
         receiver.status = status
