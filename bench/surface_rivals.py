@@ -11,12 +11,12 @@ from functools import partial
 from typing import Any
 
 import DracoPy
-import meshoptimizer
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb, load_asset
+from meshdeform.assets.mesh_codecs import draco_mesh, meshopt_mesh
 from meshdeform.assets.meshopt.attributes import decode_attributes
 from meshdeform.assets.meshopt.indices import decode_triangles
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
@@ -57,15 +57,16 @@ def rivals(source: Any, surface: Surface) -> Iterator[Rival]:
         glb = build_glb(verts, faces)
         yield Rival("decimated", name, len(glb), partial(_from_glb, glb))
         for bits in DRACO_BITS:
-            packed = DracoPy.encode(verts, faces.astype(np.uint32), quantization_bits=bits, compression_level=10)
+            packed = draco_mesh(verts, faces, bits)
             yield Rival("Draco", f"{name}, {bits} bits", len(packed), partial(_from_draco, packed))
         for bits in MESHOPT_BITS:
-            rows, order = _meshopt(verts, faces, bits)
+            rows, order, kept = meshopt_mesh(verts, faces, bits)
+            box = verts.min(0), float(np.ptp(verts, axis=0).max())
             yield Rival(
                 "meshopt",
                 f"{name}, {bits} bits",
-                len(rows[0]) + len(order) + 32,  # and where the box lies, and how large it is
-                partial(_from_meshopt, rows, order, len(faces), bits),
+                len(rows) + len(order) + 32,  # and where the box lies, and how large it is
+                partial(_from_meshopt, rows, kept, box, order, len(faces), bits),
             )
     for cells in CELLS:
         found = _grid(source, surface, cells)
@@ -94,26 +95,8 @@ def _from_draco(data: bytes) -> Mesh:
     return np.asarray(found.points, np.float64), np.asarray(found.faces, np.int64).reshape(-1, 3)
 
 
-def _meshopt(verts: _Floats, faces: _Index, bits: int) -> tuple[tuple[bytes, int, _Floats, float], bytes]:
-    """Encode a mesh in the order that compresses best, its positions as integers of some bits."""
-    indices = np.ascontiguousarray(faces.ravel().astype(np.uint32))
-    best = np.zeros_like(indices)
-    meshoptimizer.optimize_vertex_cache(best, indices, len(indices), len(verts))
-    low, size = verts.min(0), float(np.ptp(verts, axis=0).max())
-    whole = np.zeros((len(verts), 4), np.uint16)
-    whole[:, :3] = np.round((verts - low) / size * (2**bits - 1))
-    _, first = np.unique(best, return_index=True)
-    order = best[np.sort(first)]  # vertices in the order in which they are met
-    place = np.empty(len(verts), np.uint32)
-    place[order] = np.arange(len(order))
-    rows = np.ascontiguousarray(whole[order])
-    packed = meshoptimizer.encode_vertex_buffer(rows.view(np.uint8).reshape(len(rows), 8), len(rows), 8)
-    index = meshoptimizer.encode_index_buffer(np.ascontiguousarray(place[best]), len(best), len(rows))
-    return (packed, len(rows), low, size), index
-
-
-def _from_meshopt(rows: tuple[bytes, int, _Floats, float], order: bytes, faces: int, bits: int) -> Mesh:
-    packed, count, low, size = rows
+def _from_meshopt(packed: bytes, count: int, box: tuple[_Floats, float], order: bytes, faces: int, bits: int) -> Mesh:
+    low, size = box
     found = decode_attributes(packed, count, 8).reshape(count, 8).view(np.uint16)
     index = decode_triangles(order, 3 * faces)
     return low + found[:, :3] / (2**bits - 1) * size, np.asarray(index).reshape(-1, 3).astype(np.int64)

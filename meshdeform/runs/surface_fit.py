@@ -8,8 +8,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
+from meshdeform.assets.mesh_codecs import as_precise, packed_sizes
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, read_surface_file
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.fields.base_mesh import base_of
@@ -28,6 +30,9 @@ from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
 __all__ = ["SurfaceFitRun", "start"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
 
 _GLB = "model/gltf-binary"
 _BYTES = "application/octet-stream"
@@ -167,11 +172,20 @@ class SurfaceFitRun:
                 level["distance"] = distances(self._surface, points, triangles)
             reference = Reference(self._surface)
             compared = reference.compare(mesh, verts)
+        with self._clock.phase("pack"):
+            packed = self._packed(verts, faces, levels[-1]["distance"]["mean"])
         with self._clock.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
-        report = self._report(data, artifacts, levels, mesh, compared)
+        report = self._report(data, artifacts, levels, mesh, {"packed": packed, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
+
+    def _packed(self, verts: _Floats, faces: _Index, distance: float) -> dict[str, Any]:
+        """Return what Draco and meshopt make of the input and of the highest level, as precise as the field is."""
+        mesh = self._surface.reference
+        size = np.ptp(mesh.verts, axis=0)
+        bits = as_precise(distance * float(np.linalg.norm(size)), float(size.max()))
+        return {"input": packed_sizes(mesh.verts, mesh.faces, bits), "top_level": packed_sizes(verts, faces, bits)}
 
     def _picture(self, artifacts: dict[str, ArtifactData]) -> bytes:
         mesh = self._surface.reference

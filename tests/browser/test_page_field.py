@@ -11,9 +11,10 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
+from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, difference, picture, until_drawn  # noqa: E402
+from tests.browser.steps import badge, difference, picture, shown_job, until_drawn  # noqa: E402
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -36,6 +37,46 @@ def fitted(service: Service, small_sphere: Path) -> str:
     return job
 
 
+def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
+    watch.allow("status of 422")
+    page.goto("/")
+    page.get_by_role("navigation", name="Kind of job").get_by_role("link", name="Fit a surface").click()
+    steps = page.get_by_label("Steps", exact=True)
+    expect(steps).to_have_attribute("placeholder", "1500")
+    points = icosphere(2).verts.numpy()
+    cloud, bare = tmp_path / "cloud.ply", tmp_path / "bare.xyz"
+    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")] + ["end_header"]
+    rows = [" ".join(f"{value:.4f}" for value in [*point, *point]) for point in points]
+    cloud.write_text("\n".join([*header, *rows, ""]))
+    bare.write_text("\n".join(" ".join(f"{value:.4f}" for value in point) for point in points))
+    page.set_input_files("#asset-file", bare)
+    expect(page.get_by_text("a cloud needs six")).to_be_visible()
+    page.set_input_files("#asset-file", cloud)
+    expect(page.locator("#asset-facts")).to_contain_text(f"{len(points)} points")
+    expect(page.get_by_text("seen once they are fitted")).to_be_visible()
+    page.get_by_label("Base faces", exact=True).fill("20")
+    expect(page.get_by_text("At least 100.")).to_be_visible()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    expect(page.get_by_label("Base faces", exact=True)).to_be_focused()
+    page.get_by_label("Base faces", exact=True).fill("100")
+    steps.fill("4")
+    page.get_by_label("Level", exact=True).fill("0")
+    page.get_by_text("Advanced", exact=True).click()
+    page.get_by_label("Octaves", exact=True).fill("1")
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
+    job = service.finished(shown_job(page))
+    assert (job["kind"], job["state"], job["asset"]["filename"]) == ("surface_fit", "succeeded", "cloud.ply")
+    asked = {"base_faces": 100, "steps": 4, "level": 0, "octaves": 1, "checkpoint_every_steps": 1}
+    assert asked.items() <= job["params"].items()
+    expect(page.locator(".field-stage .viewer-tag")).to_contain_text("triangles")
+    page.get_by_role("button", name="Edit and run again").click()
+    expect(steps).to_have_value("4")
+    expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
+    expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
+
+
 def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str) -> None:
     session = page.context.new_cdp_session(page)
     session.send("Network.enable")
@@ -54,6 +95,13 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     size = len(service.http.get(f"/v1/jobs/{fitted}/artifacts/surface.ndf").content)
     facts = page.locator(".field-facts")
     expect(facts).to_contain_text(f"{size / 1000:.1f} kB loaded")
+
+    sizes = page.get_by_role("table", name="As precise as the field")
+    packed = json.loads(service.artifact(fitted, "report.json"))["packed"]
+    expect(sizes.get_by_role("row")).to_have_count(6)
+    row = sizes.get_by_role("row", name=f"Draco, level 1, {packed['top_level']['bits']} bits")
+    expect(row).to_contain_text(f"{packed['top_level']['draco']['bytes'] / 1000:.1f} kB")
+    expect(sizes.get_by_role("row", name="This field")).to_contain_text(f"{size / 1000:.1f} kB")
 
     page.get_by_label("Level", exact=True).fill("2")
     expect(tag).to_have_text("Level 2 · 1,600 triangles")

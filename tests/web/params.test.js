@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { checkpointEvery, documents, fieldProblem, fieldsOf, integerProblem, keptText, nothingKept, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
+import { checkpointEvery, documents, fieldProblem, fieldsOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
 
 const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, usd: false, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
@@ -98,4 +98,20 @@ test("a job's own parameters fill the form again, and what it has no field for i
 
 test("seeds by chance are whole and not negative", () => {
   assert.deepEqual([0, 0.5, 0.9999999].map((chance) => randomSeed(() => chance)), [0, 50000, 99999]);
+});
+
+test("numbers of another kind of job, with what they are by themselves", () => {
+  const schema = {
+    properties: {
+      base_faces: { type: "integer", minimum: 100, maximum: 4000, default: 1000, description: "Faces of the base." },
+      learning_rate: { type: "number", exclusiveMinimum: 0, maximum: 1, default: 0.01 },
+      name: { type: "string" },
+    },
+  };
+  const [faces, rate, ...more] = numbersOf(schema);
+  assert.equal(more.length, 0);
+  assert.deepEqual([faces.label, faces.help, faces.standard], ["Base faces", "Faces of the base.", 1000]);
+  assert.equal(fieldProblem(faces, "20"), "At least 100.");
+  assert.equal(fieldProblem(rate, "0"), "More than 0.");
+  assert.deepEqual(numbersOf(undefined), []);
 });

@@ -5,11 +5,13 @@ import { address, requestJson } from "./api.js";
 // Smaller files go along with each request; larger ones are uploaded once and then named.
 const SMALL_BYTES = 1 << 20;
 export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
+/** What describes a surface: also points, grids and networks. */
+export const SURFACE_FORMATS = [...FORMATS, "xyz", "npz", "safetensors"];
 
-/** @param {string} name */
-export function formatOf(name) {
+/** @param {string} name @param {string[]} [formats] */
+export function formatOf(name, formats = FORMATS) {
   const ending = name.toLowerCase().split(".").pop() ?? "";
-  return FORMATS.includes(ending) || ending === "gltf" ? ending : "";
+  return formats.includes(ending) || ending === "gltf" ? ending : "";
 }
 
 export class Asset {
@@ -21,13 +23,21 @@ export class Asset {
     this.blob = blob;
     this.name = name;
     this.size = blob.size;
-    this.format = formatOf(name);
+    this.format = formatOf(name, SURFACE_FORMATS);
     /** @type {Promise<string> | null} */
     this._upload = null;
   }
 
   bytes() {
     return this.blob.arrayBuffer();
+  }
+
+  /** @returns {Promise<boolean>} whether it has triangles that a view can show: points, grids and networks have none */
+  async drawn() {
+    if (!FORMATS.includes(this.format)) return false;
+    if (this.format !== "ply") return true;
+    const header = await this.blob.slice(0, 65_536).text();
+    return !header.startsWith("ply") || /^element\s+(face|tristrips)\s+[1-9]/m.test(header.split("end_header")[0]);
   }
 
   /**

@@ -1,6 +1,7 @@
 // @ts-check
 /** The page: a frame around one view at a time. */
 import { announce, mountAnnouncer, toast } from "./announce.js";
+import { SurfaceView } from "./create/surface-view.js";
 import { CreateView } from "./create/view.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
@@ -24,11 +25,12 @@ function show() {
   const root = h("div", { class: `view view-${route.name}` });
   fill(main, root);
   for (const link of document.querySelectorAll("nav a")) {
-    const here = link.getAttribute("data-view") === (route.name === "create" ? "create" : "jobs");
+    const here = link.getAttribute("data-view") === (route.name === "create" || route.name === "surface" ? "create" : "jobs");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
   if (route.name === "create") new CreateView(root, scope, route.from);
+  else if (route.name === "surface") new SurfaceView(root, scope, route.from);
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
@@ -40,7 +42,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

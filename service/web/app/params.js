@@ -65,6 +65,20 @@ export function fieldsOf(schema) {
 }
 
 /**
+ * All parameters of a kind of job that are numbers, as `GET /v1/limits` declares them, each with its default.
+ *
+ * @param {any} schema The JSON schema of the kind's parameters.
+ * @returns {(Field & {standard: number})[]}
+ */
+export function numbersOf(schema) {
+  const numbers = Object.entries(schema?.properties ?? {}).filter(([, member]) => member.type === "integer" || member.type === "number");
+  return numbers.map(([name, member]) => {
+    const label = name[0].toUpperCase() + name.slice(1).replaceAll("_", " ");
+    return { name, label, help: member.description ?? "", type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
+  });
+}
+
+/**
  * What is wrong with what was typed; empty where it is fine or empty.
  *
  * @param {Field} field

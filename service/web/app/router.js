@@ -3,6 +3,7 @@
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
  * @typedef {{name: "create", from: string | null}
+ *   | {name: "surface", from: string | null}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
  *   | {name: "group", id: string}
@@ -29,6 +30,10 @@ export function parseRoute(hash) {
     const from = params.get("from");
     return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null };
   }
+  if (parts[0] === "surface" && parts.length === 1) {
+    const from = params.get("from");
+    return { name: "surface", from: from !== null && JOB_ID.test(from) ? from : null };
+  }
   if (parts[0] === "jobs" && parts.length === 1) {
     const state = params.get("state");
     return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null, search: (params.get("q") ?? "").slice(0, MAX_SEARCH) };
@@ -51,6 +56,8 @@ export function routeHash(route) {
   switch (route.name) {
     case "create":
       return route.from ? `#/?from=${route.from}` : "#/";
+    case "surface":
+      return route.from ? `#/surface?from=${route.from}` : "#/surface";
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":

@@ -14,14 +14,25 @@ export const EXAMPLES = [
   { name: "cube.glb", label: "Cube" },
 ];
 
+/** @typedef {{ formats: string[], words: string, advice: string }} Accepted What may be chosen, and how it is called. */
+
+/** @type {Accepted} */
+const ASSETS = {
+  formats: FORMATS,
+  words: "GLB, OBJ, PLY, STL or a ZIP",
+  advice: "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files.",
+};
+
 export class AssetPanel {
   /**
    * @param {import("../scope.js").Scope} scope
    * @param {(asset: Asset | null) => void} onChange
+   * @param {Accepted} [accepted]
    */
-  constructor(scope, onChange) {
+  constructor(scope, onChange, accepted = ASSETS) {
     this.scope = scope;
     this.onChange = onChange;
+    this.accepted = accepted;
     /** @type {Asset | null} */
     this.asset = null;
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
@@ -32,7 +43,7 @@ export class AssetPanel {
     this.box.tag.hidden = true;
     this.input = h("input", {
       type: "file", class: "visually-hidden", id: "asset-file", tabindex: "-1", "aria-label": "Asset file",
-      accept: [...FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
+      accept: [...accepted.formats.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
     });
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
@@ -65,7 +76,7 @@ export class AssetPanel {
       h(
         "div",
         { class: "asset-bar" },
-        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop a GLB, OBJ, PLY, STL or a ZIP anywhere on this page."), h("span", { class: "without-mouse" }, "GLB, OBJ, PLY, STL or ZIP"))),
+        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${this.accepted.words} anywhere on this page.`), h("span", { class: "without-mouse" }, this.accepted.words))),
         h("div", { class: "row" }, choose, this.input),
       ),
       h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
@@ -131,11 +142,12 @@ export class AssetPanel {
   /** @param {File} file */
   async take(file) {
     this.choices += 1;
-    if (!formatOf(file.name)) {
-      this.refuse(`${file.name} isn't supported.`, "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files.");
+    const format = formatOf(file.name, this.accepted.formats);
+    if (!format) {
+      this.refuse(`${file.name} isn't supported.`, this.accepted.advice);
       return;
     }
-    if (formatOf(file.name) === "gltf") {
+    if (format === "gltf") {
       this.refuse(`${file.name} refers to other files.`, "Export it as a single .glb, or pack it and its files into a ZIP.");
       return;
     }
@@ -152,10 +164,20 @@ export class AssetPanel {
     fill(this.facts, h("strong", null, asset.name), ` ${bytes(asset.size)}`);
     this.large.hidden = asset.size <= LARGEST_BYTES;
     this.onChange(asset);
-    const found = await this.box.load(await asset.bytes(), asset.format);
+    const drawn = await asset.drawn();
+    if (this.scope.over || this.asset !== asset) return;
+    const found = drawn ? await this.box.load(await asset.bytes(), asset.format) : await this._undrawn();
     if (this.scope.over || this.asset !== asset) return;
     if (found) this.describe(found.triangles, found.vertices);
     announce(`${asset.name} loaded`);
+  }
+
+  /** Say that there is nothing to see of the file yet. @returns {Promise<null>} */
+  async _undrawn() {
+    await this.box.ready;
+    this.box.viewer?.clear();
+    if (!this.box.failed) this.box.say("No triangles to show", "Points, grids and networks are seen once they are fitted.", "info");
+    return null;
   }
 
   /**
@@ -167,7 +189,8 @@ export class AssetPanel {
   describe(triangles, vertices, more = [], warnings = []) {
     const asset = this.asset;
     if (!asset) return;
-    const parts = [counted(triangles, "triangle"), counted(vertices, "vertex", "vertices"), bytes(asset.size), ...more];
+    const sizes = triangles ? [counted(triangles, "triangle"), counted(vertices, "vertex", "vertices")] : vertices ? [counted(vertices, "point")] : [];
+    const parts = [...sizes, bytes(asset.size), ...more];
     fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map((text) => h("span", null, text)));
   }
 

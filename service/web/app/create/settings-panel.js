@@ -1,6 +1,7 @@
 // @ts-check
 /** The settings of a new job: everything but its asset and its prompt. */
 import { button, fill, h, uniqueId } from "../dom.js";
+import { fieldRow, markField } from "./field-rows.js";
 import { figure } from "../format.js";
 import { fieldProblem, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
@@ -81,26 +82,10 @@ export class SettingsPanel {
 
   /** @param {import("../params.js").Field} field */
   _field(field) {
-    const id = `param-${field.name}`;
-    const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
-    const common = { id, "aria-describedby": `${id}-help ${id}-problem` };
-    const input =
-      field.type === "choice"
-        ? h("select", common, h("option", { value: "" }, "As the quality says"), (field.choices ?? []).map(([value, label]) => h("option", { value }, label)))
-        : h("input", { ...common, type: "text", inputmode: field.type === "text" ? null : "decimal", placeholder: "automatic", autocomplete: "off" });
-    input.addEventListener("input", () => {
+    return fieldRow(field, ["As the quality says", "automatic"], () => {
       this._check(field);
       this.onChange();
     });
-    const row = h(
-      "div",
-      { class: "field" },
-      h("label", { class: "field-label", for: id }, field.label),
-      input,
-      problem,
-      h("p", { class: "small muted", id: `${id}-help` }, field.help),
-    );
-    return { input, problem, row };
   }
 
   /** @param {import("../params.js").Field} field */
@@ -117,10 +102,7 @@ export class SettingsPanel {
    * @param {string} text
    */
   _mark(field, text) {
-    field.problem.hidden = !text;
-    fill(field.problem, text);
-    if (text) field.input.setAttribute("aria-invalid", "true");
-    else field.input.removeAttribute("aria-invalid");
+    markField(field, text);
   }
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */

@@ -16,6 +16,7 @@ import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { ControlPanel } from "./control/panel.js";
 import { estimateWords } from "./estimate.js";
 import { GuidePanel } from "./guide/panel.js";
+import { kindsNav } from "./kinds-nav.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
@@ -77,6 +78,7 @@ export class CreateView {
     );
     fill(
       root,
+      kindsNav("create"),
       h(
         "div",
         { class: "intro" },

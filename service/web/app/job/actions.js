@@ -60,7 +60,7 @@ export class JobActions {
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
-      over && deforms ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      over && (deforms || this.job.kind === "surface_fit") ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );
@@ -76,7 +76,7 @@ export class JobActions {
   /** Open the form with this job's settings, not with those that were changed there before. */
   _edit() {
     forgetDraftOf(this.job.id);
-    location.hash = routeHash({ name: "create", from: this.job.id });
+    location.hash = routeHash({ name: isDeformation(this.job) ? "create" : "surface", from: this.job.id });
   }
 
   async _cancel() {

@@ -10,6 +10,7 @@ import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
+import { sizesTable } from "./sizes-table.js";
 import { showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
@@ -30,6 +31,7 @@ export class FieldStage {
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
+    this.beside = h("table", { class: "files field-sizes", hidden: true });
     this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
@@ -46,8 +48,11 @@ export class FieldStage {
       this.tools,
       this.levels.row,
       this.facts,
+      this.beside,
       this.keep,
     );
+    /** @type {any} The job's report. */
+    this.report = null;
     /** @type {any} */
     this.worker = null;
     /** @type {any} */
@@ -102,6 +107,12 @@ export class FieldStage {
       // It has given way to a newer one, which will do.
       if (!isAbort(error)) console.warn(error);
     }
+  }
+
+  /** Show how large the same meshes are with others. @param {any} report */
+  compare(report) {
+    this.report = report;
+    this._tell();
   }
 
   /** Fields have no front. */
@@ -233,6 +244,8 @@ export class FieldStage {
       this.source && heat ? `Distances in ${ms(heat.ms)}, after ${count(heat.flips)} flips; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
     ];
     this.facts.textContent = parts.join(" ");
+    const own = `${ms(opened.readMs + shown.ms)} here`;
+    sizesTable(this.beside, this.report, { bytes: opened.bytes, time: own, faces: shown.faces });
   }
 
   _download() {

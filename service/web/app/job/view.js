@@ -170,6 +170,7 @@ export class JobView {
         fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.stage?.front(this.report?.orientation);
+      if (this.report && this.stage instanceof FieldStage) this.stage.compare(this.report);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
       if (this.stage?.flat && names.includes("preview.png")) {

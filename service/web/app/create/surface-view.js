@@ -1,0 +1,205 @@
+// @ts-check
+/** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
+import { announce } from "../announce.js";
+import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api.js";
+import { Asset, SURFACE_FORMATS } from "../assets.js";
+import { fill, h } from "../dom.js";
+import { lastDraft } from "../drafts.js";
+import { recentJobs } from "../jobs/recent.js";
+import { checkpointEvery, fieldProblem, numbersOf } from "../params.js";
+import { problemBox } from "../problem-box.js";
+import { routeHash } from "../router.js";
+import { debounced } from "../scope.js";
+import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { estimateWords } from "./estimate.js";
+import { fieldRow, markField } from "./field-rows.js";
+import { kindsNav } from "./kinds-nav.js";
+
+const KIND = "surface_fit";
+/** What most fits need; the others stand under Advanced. */
+const FIRST = ["base_faces", "steps", "level", "seed"];
+const CHECKPOINTS = "checkpoint_every_steps"; // ten on the way, if nobody says otherwise
+
+const SURFACES = {
+  formats: SURFACE_FORMATS,
+  words: "mesh (GLB, OBJ, PLY, STL, ZIP), points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors)",
+  advice: "Use a mesh, points with normals as PLY or XYZ, a signed distance grid as NPZ, or a network as safetensors.",
+};
+
+export class SurfaceView {
+  /**
+   * @param {HTMLElement} root
+   * @param {import("../scope.js").Scope} scope
+   * @param {string | null} from A job to begin with.
+   */
+  constructor(root, scope, from) {
+    this.scope = scope;
+    this.busy = false;
+    /** @type {(import("../params.js").Field & {standard: number})[]} */
+    this.fields = [];
+    /** @type {Map<string, import("./field-rows.js").FieldRow>} */
+    this.rows = new Map();
+    this.turn = 0; // of the last check: an answer to an earlier one is out of date
+    this.check = debounced(() => this._check(), 450, scope);
+    this.assets = new AssetPanel(scope, () => this.check(), SURFACES);
+    this.first = h("div", { class: "advanced-grid" });
+    this.more = h("div", { class: "advanced-grid" });
+    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.more);
+    this.problem = h("div", { class: "problem-slot" });
+    this.estimate = h("p", { class: "estimate", id: "estimate" });
+    this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Fit");
+    this.form = h(
+      "form",
+      { class: "create-form", "aria-label": "New surface fit", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+      this.first,
+      this.problem,
+      this.advanced,
+      h("div", { class: "start-bar" }, this.estimate, this.start),
+    );
+    fill(
+      root,
+      kindsNav("surface"),
+      h(
+        "div",
+        { class: "intro" },
+        h("h1", null, "Any surface in ", h("em", null, "a few kilobytes")),
+        h("p", { class: "lead" }, "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
+      ),
+      h("div", { class: "create" }, this.assets.element, this.form),
+      recentJobs(scope),
+    );
+    this._begin(from);
+  }
+
+  /** @param {string | null} from */
+  async _begin(from) {
+    const asset = from ? this._again(from) : this._firstAsset();
+    try {
+      const { kinds } = await requestJson("v1/limits", { signal: this.scope.signal });
+      this.fields = numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === KIND)?.params);
+    } catch (error) {
+      if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
+    }
+    if (this.scope.over) return;
+    for (const field of this.fields) {
+      const row = fieldRow(field, ["", String(field.standard)], () => (this._mark(field), this.check()));
+      this.rows.set(field.name, row);
+      (FIRST.includes(field.name) ? this.first : this.more).append(row.row);
+    }
+    for (const [name, value] of Object.entries((await asset) ?? {})) {
+      const row = this.rows.get(name);
+      if (row && value !== this.fields.find((field) => field.name === name)?.standard) row.input.value = String(value);
+    }
+    this.check();
+  }
+
+  /** The file in the other form, if there is one. @returns {Promise<null>} */
+  async _firstAsset() {
+    const draft = await lastDraft();
+    if (this.scope.over || this.assets.choices) return null;
+    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name));
+    return null;
+  }
+
+  /** @param {string} id @returns {Promise<Record<string, any> | null>} The parameters of a job whose file is used again. */
+  async _again(id) {
+    try {
+      const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
+      const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
+      const asset = new Asset(await response.blob(), job.asset.filename);
+      if (!this.assets.choices) await this.assets.use(asset);
+      return job.kind === KIND ? job.params : null;
+    } catch (error) {
+      if (!isAbort(error)) fill(this.problem, problemBox(error));
+      return null;
+    }
+  }
+
+  /** @param {import("../params.js").Field} field @returns {boolean} whether what was typed can be sent */
+  _mark(field) {
+    const row = /** @type {import("./field-rows.js").FieldRow} */ (this.rows.get(field.name));
+    const text = fieldProblem(field, row.input.value);
+    markField(row, text);
+    return !text;
+  }
+
+  /** Return whether all that was typed can be sent; what cannot is said beside it. */
+  _settle() {
+    const good = this.fields.map((field) => this._mark(field)).every(Boolean);
+    if (this.more.querySelector('[aria-invalid="true"]')) this.advanced.open = true;
+    return good;
+  }
+
+  _document() {
+    /** @type {Record<string, number>} */
+    const params = {};
+    for (const [name, { input }] of this.rows) if (input.value.trim()) params[name] = Number(input.value);
+    const steps = params.steps ?? this.fields.find((field) => field.name === "steps")?.standard;
+    if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
+    return { kind: KIND, params };
+  }
+
+  async _check() {
+    const turn = ++this.turn;
+    const { asset } = this.assets;
+    const good = this._settle();
+    this.start.classList.toggle("button-blocked", !good);
+    this.estimate.textContent = good ? "" : "Correct the marked settings.";
+    if (!asset || !good) return;
+    try {
+      const sent = await asset.submission(this._document());
+      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.scope.signal, ...sent });
+      if (turn !== this.turn || this.scope.over) return;
+      fill(this.problem);
+      this.assets.refuse("");
+      const { triangles, vertices, warnings } = found.asset;
+      this.assets.describe(triangles, vertices, [], warnings);
+      this.estimate.textContent = estimateWords(found, 1);
+    } catch (error) {
+      if (turn === this.turn && !this.scope.over && !isAbort(error)) this._bad(error);
+    }
+  }
+
+  /** @param {unknown} error */
+  _bad(error) {
+    this.start.classList.add("button-blocked");
+    this.estimate.textContent = "";
+    const found = error instanceof ProblemError ? error : null;
+    if (found?.code.startsWith("asset_")) {
+      this.assets.refuse(found.message, found.advice);
+      return void fill(this.problem);
+    }
+    if (found?.status === 404) this.assets.asset?.forgetUpload();
+    const errors = Array.isArray(found?.document.errors) ? found.document.errors : [];
+    const placed = errors.map((/** @type {any} */ each) => {
+      const row = this.rows.get((each.loc ?? []).at(-1));
+      if (row) markField(row, String(each.msg));
+      return row !== undefined;
+    });
+    fill(this.problem, placed.length && placed.every(Boolean) ? null : problemBox(error));
+  }
+
+  /** @param {Event} event */
+  async _submit(event) {
+    event.preventDefault();
+    const { asset } = this.assets;
+    if (this.busy || !asset) return;
+    if (!this._settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
+    this.busy = true;
+    this.start.setAttribute("aria-disabled", "true");
+    this.start.textContent = "Starting…";
+    this.turn += 1;
+    try {
+      const job = await requestOnce("v1/jobs", await asset.submission(this._document()));
+      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      this._bad(error);
+      announce("The job did not start");
+    } finally {
+      this.busy = false;
+      this.start.removeAttribute("aria-disabled");
+      this.start.textContent = "Fit";
+    }
+  }
+}
