@@ -132,6 +132,19 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     page.get_by_role("button", name="Distances").click()
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
+    page.get_by_label("Eigenfunction", exact=True).fill("3")
+    expect(facts).to_contain_text("10 eigenfunctions in")
+    value = float(re.findall(r"Eigenvalue ([\d.]+);", facts.inner_text())[0])
+    assert value == pytest.approx(2, rel=0.1)  # l (l + 1), the third of three
+    until("the colours are to be seen", lambda: difference(plain, picture(viewer)) > 0.1)
+    page.get_by_role("button", name="Blue noise").click()
+    expect(facts).to_contain_text("2,000 samples of blue noise in")
+    page.get_by_label("Eigenfunction", exact=True).fill("0")
+    expect(facts).not_to_contain_text("Eigenvalue")
+    until("the samples are to be seen", lambda: difference(plain, picture(viewer)) > 0.02)
+    page.get_by_role("button", name="Blue noise").click()
+    until("nothing but the surface is to be seen", lambda: difference(plain, picture(viewer)) < 0.01)
+
     with page.expect_download() as download:
         page.get_by_role("button", name="Download this level").click()
     assert download.value.suggested_filename == "sphere-field-seed0-level2.glb"

@@ -1,6 +1,6 @@
 // @ts-check
 /** A field in a viewer: its levels, distances from a point as colours with isolines, and the point, which can be dragged. */
-import { BufferAttribute, Mesh, MeshBasicMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, Mesh, MeshBasicMaterial, Points, PointsMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
 import { cssGradient, ticks } from "./colormaps.js";
 import { colorTexture, HeatMaterial } from "./heatmap.js";
 import { meshesOf } from "./loading.js";
@@ -29,7 +29,7 @@ export class FieldWorker {
   }
 
   /**
-   * @param {"open" | "level" | "heat"} task
+   * @param {"open" | "level" | "heat" | "mode" | "samples"} task
    * @param {Record<string, unknown>} given
    * @param {Transferable[]} [owned] what the worker gets for itself
    * @returns {Promise<any>} as the worker describes it
@@ -66,7 +66,11 @@ export class FieldView {
     this.marker.userData.overlay = true; // no shadow, and no part of the surface
     this.marker.renderOrder = 2;
     this.marker.visible = false;
-    viewer.stage.scene.add(this.marker);
+    this.dots = new Points(new BufferGeometry(), new PointsMaterial({ color: 0xd9622b, size: 4, sizeAttenuation: false, toneMapped: false }));
+    this.dots.userData.overlay = true;
+    this.dots.visible = false;
+    this.dots.frustumCulled = false;
+    viewer.stage.scene.add(this.marker, this.dots);
     const options = { signal: this.stop.signal, capture: true };
     this.canvas.addEventListener("pointerdown", (event) => this.#down(event), options);
     this.canvas.addEventListener("pointermove", (event) => {
@@ -95,6 +99,20 @@ export class FieldView {
       mesh.material = this.material;
     } else if (this.plain) mesh.material = this.plain;
     this.viewer.invalidate();
+  }
+
+  /** Show places on the surface. @param {Float32Array | null} points */
+  sprinkle(points) {
+    this.dots.visible = points !== null;
+    if (points) this.dots.geometry.setAttribute("position", new BufferAttribute(points, 3));
+    this.viewer.invalidate();
+  }
+
+  /** What the colours of an eigenfunction mean. @param {number} number @param {import("./field-worker.js").Mode} mode @returns {import("../app/viewer-box.js").Scale} */
+  modeScale(number, { least, most }) {
+    const range = /** @type {[number, number]} */ ([least, most]);
+    const marks = ticks({ range, scale: "linear" }, 4);
+    return { min: least, max: most, p99: most, unit: "", label: `Eigenfunction ${number}`, gradient: cssGradient("viridis"), ticks: marks, problem: "" };
   }
 
   /** What the colours mean. @param {number} farthest @returns {import("../app/viewer-box.js").Scale} */
@@ -166,6 +184,9 @@ export class FieldView {
   dispose() {
     this.stop.abort();
     this.marker.removeFromParent();
+    this.dots.removeFromParent();
+    this.dots.geometry.dispose();
+    /** @type {import("three").Material} */ (this.dots.material).dispose();
     this.marker.geometry.dispose();
     /** @type {import("three").Material} */ (this.marker.material).dispose();
     this.material.dispose();

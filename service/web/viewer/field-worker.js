@@ -6,13 +6,19 @@
  * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number }} Opened
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
  * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, prepareMs: number, flips: number }} Heat
+ * @typedef {{ values: Float32Array, eigenvalue: number, least: number, most: number, ms: number }} Mode `ms`: of all functions, once for a level
+ * @typedef {{ points: Float32Array, ms: number }} Samples
  */
 import { writeGlb } from "./glb.js";
 import { HeatGeodesics } from "./heat.js";
 import { delaunay } from "./intrinsic.js";
 import { readField, unfold } from "./ndf.js";
+import { blueNoise, whiteNoise } from "./samples.js";
+import { spectrum } from "./spectrum.js";
 
 const MOST_FACES = 600_000;
+const MOST_MODE_FACES = 100_000; // with more, eigenfunctions take minutes
+const MODES = 10;
 const MOST_LEVELS = 6;
 
 /** @type {import("./ndf.js").NeuralField | null} */
@@ -21,13 +27,15 @@ let field = null;
 let mesh = null;
 /** @type {{ level: number, solver: HeatGeodesics, flips: number } | null} */
 let geodesics = null;
+/** @type {{ level: number, values: number[], functions: Float32Array[], ms: number } | null} */
+let modes = null;
 
 const tasks = {
   /** @param {{ bytes: ArrayBuffer }} given @returns {Promise<Opened>} */
   async open({ bytes }) {
     const begin = performance.now();
     field = await readField(new Uint8Array(bytes));
-    mesh = geodesics = null;
+    mesh = geodesics = modes = null;
     const faces = field.faces.length / 3;
     let levels = 0;
     while (levels < MOST_LEVELS && faces * 4 ** (levels + 1) <= MOST_FACES) levels++;
@@ -52,13 +60,10 @@ const tasks = {
   heat({ level, place }) {
     const { positions, indices } = meshOf(level);
     const begin = performance.now();
-    if (geodesics?.level !== level) {
-      const found = delaunay(positions, indices);
-      geodesics = { level, solver: new HeatGeodesics(found), flips: found.flips };
-    }
+    const { solver, flips } = solverOf(level, positions, indices);
     const ready = performance.now();
     const source = nearest(positions, place);
-    const distances = geodesics.solver.distances(source);
+    const distances = solver.distances(source);
     const done = performance.now();
     let far = source;
     for (let v = 0; v < distances.length; v++) if (Number.isFinite(distances[v]) && distances[v] > distances[far]) far = v;
@@ -70,10 +75,47 @@ const tasks = {
       place: placeOf(positions, far),
       ms: done - ready,
       prepareMs: ready - begin,
-      flips: geodesics.flips,
+      flips,
     };
   },
+
+  /**
+   * An eigenfunction of the Laplacian, by its number from 1.
+   *
+   * @param {{ level: number, number: number }} given
+   * @returns {Mode}
+   */
+  mode({ level, number }) {
+    const { positions, indices } = meshOf(level);
+    if (indices.length > 3 * MOST_MODE_FACES) throw new Error("Choose a lower level for eigenfunctions.");
+    if (modes?.level !== level) {
+      const begin = performance.now();
+      const found = spectrum(solverOf(level, positions, indices).solver, MODES);
+      modes = { level, ...found, ms: performance.now() - begin };
+    }
+    const values = modes.functions[number - 1].slice();
+    let [least, most] = [Infinity, -Infinity];
+    for (const value of values) [least, most] = [Math.min(least, value), Math.max(most, value)];
+    return { values, eigenvalue: modes.values[number - 1], least, most, ms: modes.ms };
+  },
+
+  /** @param {{ level: number, noise: "white" | "blue", count: number }} given @returns {Samples} */
+  samples({ level, noise, count }) {
+    const { positions, indices } = meshOf(level);
+    const begin = performance.now();
+    const points = noise === "white" ? whiteNoise(positions, indices, count).points : blueNoise(positions, indices, count);
+    return { points, ms: performance.now() - begin };
+  },
 };
+
+/** @param {number} level @param {Float32Array} positions @param {Uint32Array} indices */
+function solverOf(level, positions, indices) {
+  if (geodesics?.level !== level) {
+    const found = delaunay(positions, indices);
+    geodesics = { level, solver: new HeatGeodesics(found), flips: found.flips };
+  }
+  return geodesics;
+}
 
 /** @param {number} level */
 function meshOf(level) {
@@ -146,8 +188,8 @@ function glbOf(positions, indices) {
 addEventListener("message", async ({ data }) => {
   const { id, task, ...given } = data;
   try {
-    const found = /** @type {Partial<Level & Heat>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
-    const owned = /** @type {ArrayBuffer[]} */ ([found.glb, found.values?.buffer].filter(Boolean));
+    const found = /** @type {Partial<Level & Heat & Samples>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
+    const owned = /** @type {ArrayBuffer[]} */ ([found.glb, found.values?.buffer, found.points?.buffer].filter(Boolean));
     self.postMessage({ id, ...found }, { transfer: owned });
   } catch (error) {
     self.postMessage({ id, error: error instanceof Error ? error.message : String(error) });

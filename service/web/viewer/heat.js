@@ -72,7 +72,7 @@ export class HeatGeodesics {
     const inside = new Uint8Array(vertices);
     for (const v of order) inside[v] = 1;
     for (let v = 0; v < vertices; v++) if (!inside[v]) right[v] = 0;
-    this.#poisson(right);
+    this.solve(right, phi);
     return Float64Array.from(rank, (v) => (inside[v] ? Math.max(phi[v] - phi[start], 0) : Infinity));
   }
 
@@ -123,20 +123,36 @@ export class HeatGeodesics {
     return out;
   }
 
-  /** Solve L phi = right, from the last phi on. @param {Float64Array} right */
-  #poisson(right) {
-    const { begin, middle, columns, values, diagonal, pivot, phi, vertices } = this;
+  /** L x. @param {Float64Array} x @param {Float64Array} to where to write it */
+  apply(x, to) {
+    const { begin, columns, values, diagonal, vertices } = this;
+    for (let v = 0; v < vertices; v++) {
+      let sum = diagonal[v] * x[v];
+      for (let k = begin[v]; k < begin[v + 1]; k++) sum -= values[k] * x[columns[k]];
+      to[v] = sum;
+    }
+  }
+
+  /** Vertices of each part of the surface. @returns {Uint32Array[]} */
+  get parts() {
+    const seen = new Uint8Array(this.vertices);
+    const found = [];
+    for (let v = 0; v < this.vertices; v++) {
+      if (seen[v]) continue;
+      const part = nearestFirst(this, v);
+      for (const each of part) seen[each] = 1;
+      found.push(part);
+    }
+    return found;
+  }
+
+  /** Solve L phi = right, from the given phi on. @param {Float64Array} right its sum on each part is 0 @param {Float64Array} phi */
+  solve(right, phi) {
+    const { begin, middle, columns, values, pivot, vertices } = this;
     const rest = new Float64Array(vertices);
     const direction = new Float64Array(vertices);
     const image = new Float64Array(vertices);
     const better = new Float64Array(vertices);
-    const apply = (/** @type {Float64Array} */ x, /** @type {Float64Array} */ to) => {
-      for (let v = 0; v < vertices; v++) {
-        let sum = diagonal[v] * x[v];
-        for (let k = begin[v]; k < begin[v + 1]; k++) sum -= values[k] * x[columns[k]];
-        to[v] = sum;
-      }
-    };
     const precondition = () => {
       for (let v = 0; v < vertices; v++) {
         let sum = rest[v];
@@ -149,7 +165,7 @@ export class HeatGeodesics {
         better[v] += sum / pivot[v];
       }
     };
-    apply(phi, image);
+    this.apply(phi, image);
     let wanted = 0;
     for (let v = 0; v < vertices; v++) {
       rest[v] = right[v] - image[v];
@@ -159,7 +175,7 @@ export class HeatGeodesics {
     direction.set(better);
     let rho = dot(rest, better);
     for (let turn = 0; turn < ITERATIONS && dot(rest, rest) > RESIDUAL ** 2 * wanted; turn++) {
-      apply(direction, image);
+      this.apply(direction, image);
       const step = rho / dot(direction, image);
       if (!Number.isFinite(step)) break;
       for (let v = 0; v < vertices; v++) {

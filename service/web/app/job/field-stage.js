@@ -14,6 +14,8 @@ import { sizesTable } from "./sizes-table.js";
 import { showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
+const MODES = 10; // as field-worker.js computes
+const SAMPLES = 2000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
 export class FieldStage {
@@ -37,7 +39,10 @@ export class FieldStage {
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
     this.farther.disabled = true;
     const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });
-    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.wires, reset);
+    this.noises = { white: toggle("White noise", (on) => this._noise(on ? "white" : null)), blue: toggle("Blue noise", (on) => this._noise(on ? "blue" : null)) };
+    this.modes = slider("field-mode", "Eigenfunction", MODES, () => this._mode(Number(this.modes.input.value)));
+    this.modes.input.value = "0";
+    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture);
@@ -47,6 +52,7 @@ export class FieldStage {
       h("div", { class: "stage pair-stage" }, this.box.element, this.legend),
       this.tools,
       this.levels.row,
+      this.modes.row,
       this.facts,
       this.beside,
       this.keep,
@@ -72,8 +78,16 @@ export class FieldStage {
     this.source = null;
     /** @type {number[] | null} A place far from the source. */
     this.opposite = null;
-    /** @type {{ place: number[] | null, level: number } | null} What the colours on the screen belong to. */
+    /** The eigenfunction that is asked for; 0: none. */
+    this.mode = 0;
+    /** @type {"white" | "blue" | null} The samples that are asked for. */
+    this.noise = null;
+    /** What was computed of them, in words. */
+    this.said = { mode: "", noise: "" };
+    /** @type {{ place: number[] | null, level: number, mode: number } | null} What the colours on the screen belong to. */
     this.coloured = null;
+    /** @type {{ noise: string | null, level: number }} The samples on the screen. */
+    this.dotted = { noise: null, level: 0 };
     /** @type {import("../../viewer/field-worker.js").Heat | null} */
     this.heat = null;
     this.box.say(job.state === "succeeded" ? "Loading the surface…" : "No shape yet");
@@ -140,7 +154,8 @@ export class FieldStage {
       this.view = new FieldView(this.box.viewer, (place) => this._heat(place));
       const opened = (this.opened = await this.worker.ask("open", { bytes: data }, [data]));
       this.levels.input.max = String(opened.levels);
-      this.levels.row.hidden = this.tools.hidden = this.keep.hidden = false;
+      this.levels.row.hidden = this.modes.row.hidden = this.tools.hidden = this.keep.hidden = false;
+      this.modes.value.textContent = "none";
       // The base at once, then level by level, unless someone chooses one meanwhile.
       let level = 0;
       do {
@@ -170,9 +185,32 @@ export class FieldStage {
   /** @param {number[] | null} place Where the source is now; null: no distances. */
   _heat(place) {
     this.source = place;
+    if (place) this._choose(0);
     this.heats.setAttribute("aria-pressed", String(place !== null));
     this.farther.disabled = place === null;
     this.view.mark(place);
+    void this._next();
+  }
+
+  /** @param {number} mode The eigenfunction to show; 0: none. */
+  _mode(mode) {
+    this._choose(mode);
+    if (mode && this.source) this._heat(null);
+    else void this._next();
+  }
+
+  /** @param {number} mode */
+  _choose(mode) {
+    this.mode = mode;
+    this.modes.input.value = String(mode);
+    this.modes.value.textContent = mode ? String(mode) : "none";
+    this.modes.input.setAttribute("aria-valuetext", mode ? `Eigenfunction ${mode}` : "None");
+  }
+
+  /** @param {"white" | "blue" | null} noise */
+  _noise(noise) {
+    this.noise = noise;
+    for (const [name, toggle] of Object.entries(this.noises)) toggle.setAttribute("aria-pressed", String(name === noise));
     void this._next();
   }
 
@@ -183,9 +221,11 @@ export class FieldStage {
     try {
       while (!this.scope.over && (this.shown?.level !== this.wanted || this._stale())) {
         if (this.shown?.level !== this.wanted) await this._unfold(this.wanted);
+        else if (this._undotted()) await this._sprinkle(this.noise);
         else await this._colour(this.source);
       }
     } catch (error) {
+      if (this.mode) this._choose(0); // or it would be asked for again and again
       if (!this.scope.over && !isAbort(error)) toast(`Not computed. ${error instanceof Error ? error.message : ""}`);
     } finally {
       this.busy = false;
@@ -193,7 +233,23 @@ export class FieldStage {
   }
 
   _stale() {
-    return this.coloured?.place !== this.source || (this.source !== null && this.coloured?.level !== this.wanted);
+    const coloured = this.source !== null || this.mode > 0;
+    return this.coloured?.place !== this.source || this.coloured?.mode !== this.mode || (coloured && this.coloured?.level !== this.wanted) || this._undotted();
+  }
+
+  _undotted() {
+    return this.dotted.noise !== this.noise || (this.noise !== null && this.dotted.level !== this.wanted);
+  }
+
+  /** @param {"white" | "blue" | null} noise */
+  async _sprinkle(noise) {
+    const level = this.wanted;
+    const found = noise && /** @type {import("../../viewer/field-worker.js").Samples} */ (await this.worker.ask("samples", { level, noise, count: SAMPLES }));
+    if (this.scope.over) return;
+    this.view.sprinkle(found ? found.points : null);
+    this.said.noise = found ? `${count(SAMPLES)} samples of ${noise} noise in ${milliseconds(found.ms)}.` : "";
+    this.dotted = { noise, level };
+    this._tell();
   }
 
   /** @param {number} level */
@@ -204,7 +260,7 @@ export class FieldStage {
     if (this.scope.over) return;
     if (!drawn) this._isFlat();
     this.shown = found;
-    this.coloured = { place: null, level };
+    this.coloured = { place: null, level, mode: 0 };
     this.opposite ??= [0, 1, 2].map((axis) => this.box.viewer.ownBox.max.getComponent(axis));
     this.view.mark(this.source);
     this._tell();
@@ -213,7 +269,15 @@ export class FieldStage {
   /** @param {number[] | null} place */
   async _colour(place) {
     const level = this.wanted;
-    if (place) {
+    const { mode } = this;
+    this.said.mode = "";
+    if (mode) {
+      const found = /** @type {import("../../viewer/field-worker.js").Mode} */ (await this.worker.ask("mode", { level, number: mode }));
+      if (this.scope.over) return;
+      this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
+      showLegend(this.legend, this.view.modeScale(mode, found));
+      this.said.mode = `Eigenvalue ${figure(found.eigenvalue)}; ${MODES} eigenfunctions in ${milliseconds(found.ms)}.`;
+    } else if (place) {
       const heat = /** @type {import("../../viewer/field-worker.js").Heat} */ (await this.worker.ask("heat", { level, place }));
       if (this.scope.over) return;
       this.heat = heat;
@@ -225,7 +289,7 @@ export class FieldStage {
       this.view.colour(null, 0);
       showLegend(this.legend, null);
     }
-    this.coloured = { place, level };
+    this.coloured = { place, level, mode };
     this._tell();
   }
 
@@ -237,13 +301,15 @@ export class FieldStage {
     this.levels.value.textContent = String(shown.level);
     this.levels.input.setAttribute("aria-valuetext", `Level ${shown.level}, ${counted(shown.faces, "triangle")}`);
     fill(this.box.tag, `Level ${shown.level} · ${counted(shown.faces, "triangle")}`);
-    const ms = (/** @type {number} */ value) => `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
+    const ms = milliseconds;
     const parts = [
       `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}.`,
       `As a GLB it has ${bytes(this.glb.byteLength)}.`,
       this.source && heat ? `Distances in ${ms(heat.ms)}, after ${count(heat.flips)} flips; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
+      this.said.mode,
+      this.said.noise,
     ];
-    this.facts.textContent = parts.join(" ");
+    this.facts.textContent = parts.filter(Boolean).join(" ");
     const own = `${ms(opened.readMs + shown.ms)} here`;
     sizesTable(this.beside, this.report, { bytes: opened.bytes, time: own, faces: shown.faces });
   }
@@ -259,4 +325,9 @@ export class FieldStage {
       toast(`No picture. ${error instanceof Error ? error.message : ""}`);
     }
   }
+}
+
+/** @param {number} value */
+function milliseconds(value) {
+  return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
 }
