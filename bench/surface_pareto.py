@@ -175,6 +175,7 @@ def main() -> None:
     parser.add_argument("--from", dest="before", type=Path, nargs="*", default=[])
     parser.add_argument("--steps", type=int, default=400)
     parser.add_argument("--plot", type=Path)
+    parser.add_argument("--plot-seconds", type=Path, help="the same over CPU seconds instead of bytes")
     parser.add_argument("--table", action="store_true")
     given = parser.parse_args()
     torch.set_num_threads(1)
@@ -187,6 +188,8 @@ def main() -> None:
             given.output.write_text(json.dumps(rows, indent=1) + "\n")
     if given.plot:
         given.plot.write_text(draw(rows))
+    if given.plot_seconds:
+        given.plot_seconds.write_text(draw(rows, "seconds"))
     if given.table:
         print(table(rows))
 
