@@ -60,6 +60,26 @@ def surface_fit(
     learning_rate: Annotated[float | None, _number("Adam's highest step size; default: 0.01.")] = None,
     level: Annotated[int | None, _number("Highest level to measure and to write, 0 to 4; default: 2.")] = None,
     seed: Annotated[int | None, _number("Random seed; default: 0.")] = None,
+    base: Annotated[
+        Path | None,
+        typer.Option(
+            help="A base mesh of its own, instead of one made from SURFACE; its holes may be others.",
+            exists=True,
+            dir_okay=False,
+            readable=True,
+            rich_help_panel=_FIT,
+            show_default=False,
+        ),
+    ] = None,
+    anchor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,Z:X,Y,Z",
+            help="A point of the base, and the point of SURFACE where it goes; repeatable.",
+            rich_help_panel=_FIT,
+            show_default=False,
+        ),
+    ] = None,
     threads: Annotated[int | None, typer.Option(min=0, help="CPU threads; 0: all cores.", rich_help_panel=_FIT)] = None,
     checkpoint: Annotated[
         Path | None,
@@ -95,11 +115,12 @@ def surface_fit(
         "learning_rate": learning_rate,
         "level": level,
         "seed": seed,
+        "anchors": [_anchor(text) for text in anchor] if anchor else None,
     }
     request = _request({name: value for name, value in given.items() if value is not None})
     paths = _paths(output, request.params.level if meshes else None)  # type: ignore[attr-defined]
     if not force:
-        check_outputs(paths, [path for path in (surface, resume) if path])
+        check_outputs(paths, [path for path in (surface, base, resume) if path])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     from meshdeform.cli.local_job import ctrl_c_between_steps, try_folder, writing
@@ -113,7 +134,7 @@ def surface_fit(
             try_folder(checkpoint)
     with show_progress(quiet=quiet) as progress:
         progress.phase("loading")
-        run = _start(surface, request, resume, settings)
+        run = _start({"asset": surface, **({"base": base} if base else {})}, request, resume, settings)
         progress.phase("optimizing")
         _optimize(run, progress, checkpoint, request.params.checkpoint_every_steps)
         progress.phase("writing")
@@ -154,7 +175,8 @@ def _request(params: dict[str, Any]) -> JobRequest:
         return JobRequest.model_validate({"kind": "surface_fit", "params": params})
     except ValidationError as error:
         first = error.errors()[0]
-        option = f"--{str(first['loc'][-1]).replace('_', '-')}"
+        name = next(str(part) for part in first["loc"] if part != "params")
+        option = "--anchor" if name == "anchors" else f"--{name.replace('_', '-')}"
         raise typer.BadParameter(first["msg"], param_hint=option) from error
 
 
@@ -175,7 +197,16 @@ def _artifact(artifacts: dict[str, ArtifactData], name: str) -> ArtifactData:
     return artifacts[{"result": "surface.ndf", "report": "report.json", "preview": "preview.png"}.get(name, name)]
 
 
-def _start(surface: Path, request: JobRequest, resume: Path | None, settings: Settings) -> JobRun:
+def _anchor(text: str) -> dict[str, list[float]]:
+    """Parse a pair of points."""
+    try:
+        one, other = ([float(number) for number in point.split(",")] for point in text.split(":"))
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not X,Y,Z:X,Y,Z", param_hint="--anchor") from error
+    return {"base": one, "surface": other}
+
+
+def _start(paths: dict[str, Path], request: JobRequest, resume: Path | None, settings: Settings) -> JobRun:
     from meshdeform.assets import Limits
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.runs import start_run
@@ -183,10 +214,10 @@ def _start(surface: Path, request: JobRequest, resume: Path | None, settings: Se
     from meshdeform.runs.devices import use_threads
 
     limits = Limits.from_settings(settings)
-    data = read_with_files(surface, limits)
+    files = {part: InputFile(read_with_files(path, limits), path.name) for part, path in paths.items()}
     use_threads(settings.threads)
     checkpoint = resume.read_bytes() if resume else None
-    return start_run(RunInput(request, {"asset": InputFile(data, surface.name)}, checkpoint=checkpoint, limits=limits))
+    return start_run(RunInput(request, files, checkpoint=checkpoint, limits=limits))
 
 
 def _optimize(run: JobRun, progress: ProgressView, path: Path | None, every: int) -> None:

@@ -5,6 +5,8 @@ projection q, which is constant within the step:
 
     L = mean |f(p) - q(f(p))|^2 + w_n mean (1 - n(f) . n_q) + mean (n_s . (f(p_s) - s))^2
 
+With anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belong to places s_a of the surface.
+
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
 image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
 
@@ -116,6 +118,8 @@ class FieldFit:
         Where to resume.
     initial : dict of str to Tensor, optional
         Tensors of a checkpoint of the same base and network; the fit starts with its field at step 0.
+    anchors : ((A, 3), (A, 3)) float64, optional
+        Points near the base, and the points near the surface where they go, both in the frame.
 
     Raises
     ------
@@ -132,6 +136,7 @@ class FieldFit:
         options: FitOptions,
         checkpoint: Checkpoint | None = None,
         initial: dict[str, Tensor] | None = None,
+        anchors: tuple[_Floats, _Floats] | None = None,
     ) -> None:
         self._surface, self._frame, self._options = surface, frame, options
         self.verts, self.faces = verts, faces
@@ -150,6 +155,7 @@ class FieldFit:
         self._chance = (area.clamp_min(1e-12)).sqrt()
         self._level = level_of(faces, len(verts), 2)
         self._other: tuple[Tensor, Tensor, Tensor, Tensor] | None = None
+        self._anchors = self._placed(*anchors) if anchors is not None and len(anchors[0]) else None
         self._optimizer = Adam([{"params": self.field.tensors, "lr": 0.0}])
         if checkpoint is not None:
             self._restore(checkpoint)
@@ -178,6 +184,12 @@ class FieldFit:
         there, normal = self._towards(chosen)
         back = self._backwards()
         loss = there + self._options.normal_weight * normal + back
+        losses = {}
+        if self._anchors is not None:
+            corners, weights, goals = self._anchors
+            held = (self.at(corners, weights) - goals).square().sum(1).mean()
+            loss = loss + held
+            losses = {"anchors": math.sqrt(float(held.detach())) / 2}
         if not bool(torch.isfinite(loss)):
             raise NumericalError("The fit diverged.", advice="Set params.learning_rate lower.")
         self._optimizer.zero_grad()
@@ -185,7 +197,7 @@ class FieldFit:
         self._optimizer.param_groups[0]["lr"] = self._rate()
         self._optimizer.step()
         self.step += 1
-        losses = {
+        losses |= {
             "distance": math.sqrt(float(there.detach())) / 2,
             "normals": float(normal.detach()),
             "back": math.sqrt(float(back.detach())) / 2,
@@ -253,6 +265,15 @@ class FieldFit:
             torch.from_numpy(samples).float(),
             torch.from_numpy(normals).float(),
         )
+
+    def _placed(self, points: _Floats, goals: _Floats) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the nearest places of the base, as corners and weights, and the nearest places of the surface."""
+        facing = face_normals(torch.from_numpy(self.verts), torch.from_numpy(self.faces)).numpy()
+        edge = float(np.median(np.linalg.norm(self.verts[self.faces[:, 0]] - self.verts[self.faces[:, 1]], axis=1)))
+        tree = SurfaceTree(self.verts, self.faces, facing, spacing=edge, opposite=edge)
+        face, weights = tree.find(points, np.zeros_like(points))
+        target, _ = self.project(torch.from_numpy(goals), torch.zeros(goals.shape))
+        return torch.from_numpy(self.faces[face]), torch.from_numpy(weights).float(), target
 
     def at(self, corners: Tensor, weights: Tensor) -> Tensor:
         """Return f (P, 3) float32 at places with corners (P, 3) and barycentric coordinates (P, 3)."""

@@ -5,12 +5,23 @@ from __future__ import annotations
 from pydantic import Field
 
 from meshdeform.requests.parameters import MAX_STEPS
+from meshdeform.requests.selection import Point
 from meshdeform.requests.strict import StrictModel
 
-__all__ = ["MAX_LEVEL", "SurfaceFitParams"]
+__all__ = ["MAX_ANCHORS", "MAX_BASE_FACES", "MAX_LEVEL", "Anchor", "SurfaceFitParams"]
+
+MAX_BASE_FACES = 4000
+MAX_ANCHORS = 256
 
 MAX_LEVEL = 4
 """Highest level that a job writes as a mesh."""
+
+
+class Anchor(StrictModel):
+    """A place of the base that comes to lie at a place of the surface."""
+
+    base: Point = Field(description="A point near the base.", examples=[[1.0, 0.0, 0.0]])
+    surface: Point = Field(description="The point near the surface where it goes.", examples=[[0.0, 0.0, 1.0]])
 
 
 class SurfaceFitParams(StrictModel):
@@ -19,7 +30,7 @@ class SurfaceFitParams(StrictModel):
     base_faces: int = Field(
         1000,
         ge=100,
-        le=4000,
+        le=MAX_BASE_FACES,
         description="Faces of the base mesh. It gets more where fewer would change the holes and parts of the surface.",
         examples=[500],
     )
@@ -49,6 +60,13 @@ class SurfaceFitParams(StrictModel):
         description="Highest level to write: `level_0.glb` to `level_N.glb`. Each has four times the faces of the one "
         "before.",
         examples=[2],
+    )
+    anchors: list[Anchor] = Field(
+        default_factory=list,
+        max_length=MAX_ANCHORS,
+        description="Pairs of points that the fit brings together, for a base of its own (the file `base`), which may "
+        "have other holes than the surface.",
+        examples=[[{"base": [1.0, 0.0, 0.0], "surface": [0.0, 0.0, 1.0]}]],
     )
     checkpoint_every_steps: int = Field(
         100,

@@ -14,10 +14,12 @@ from meshdeform.assets import load_asset
 from meshdeform.assets.mesh_codecs import as_precise, packed_sizes
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, read_surface_file
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.errors import AssetTooLargeError
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.container import EncodedBase, encode_base, write_field
 from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.fields.gluing import glue, topology
 from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.fields.level_files import intrinsic_npz, level_glb
 from meshdeform.fields.measures import Reference, distances
@@ -25,7 +27,7 @@ from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.rendering.preview import comparison_png
-from meshdeform.requests.surface_fit import SurfaceFitParams
+from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
@@ -53,13 +55,22 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
     with clock.phase("read"):
         surface = surface_of(_source(given))
     with clock.phase("base"):
-        frame = FieldFrame.around(surface.reference.verts)
-        verts, faces = base_of(surface.reference, params.base_faces)
+        own = _own_base(given)
+        around = surface.reference.verts
+        if own is None:
+            verts, faces = base_of(surface.reference, params.base_faces)
+        else:
+            verts, faces = base_of(own, len(own.faces))
+            around = np.concatenate([around, verts])
+        frame = FieldFrame.around(around)
         base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
+    # Left out where there are none, so that checkpoints of earlier versions fit.
+    more = {"base": sha256_hex(given.files["base"].data)} if own is not None else {}
+    asked = params.model_dump(mode="json", exclude=None if params.anchors else {"anchors"})
     shape = fingerprint(
-        asset=sha256, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
+        asset=sha256, **more, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
     )
-    run = fingerprint(kind="surface_fit", asset=sha256, params=params.model_dump(mode="json"))
+    run = fingerprint(kind="surface_fit", asset=sha256, **more, params=asked)
     options = FitOptions(
         **params.model_dump(
             include={
@@ -83,9 +94,30 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
         options,
         checkpoint=load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None,
         initial=load_shape(given.initial, shape) if given.initial is not None else None,
+        anchors=_anchors(params, frame),
     )
     facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256}
     return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, clock)
+
+
+def _own_base(given: RunInput) -> CleanMesh | None:
+    """Return the base that was sent, if there is one."""
+    file = given.files.get("base")
+    if file is None:
+        return None
+    surface = load_asset(file.data, file.filename, given.limits).surface
+    if len(surface.triangles) > MAX_BASE_FACES:
+        raise AssetTooLargeError(
+            f"The base has {len(surface.triangles)} faces; the limit is {MAX_BASE_FACES}.", advice="Simplify it."
+        )
+    return clean(surface.positions, surface.triangles)
+
+
+def _anchors(params: SurfaceFitParams, frame: FieldFrame) -> tuple[_Floats, _Floats] | None:
+    if not params.anchors:
+        return None
+    pairs = np.array([[anchor.base, anchor.surface] for anchor in params.anchors], np.float64)
+    return frame.enter(pairs[:, 0]), frame.enter(pairs[:, 1])
 
 
 def _source(given: RunInput) -> CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork:
@@ -218,7 +250,11 @@ class SurfaceFitRun:
             "params": self._params.model_dump(mode="json"),
             "steps": self.step,
             "resumed_from": self._first_step or None,
-            "base": {"faces": len(self._base.faces), "vertices": len(self._base.verts)},
+            "base": {
+                "faces": len(self._base.faces),
+                "vertices": len(self._base.verts),
+                "genus": topology(self._base.faces, glue(self._base.verts, self._base.faces)).genus,
+            },
             "bytes": {
                 "surface.ndf": len(data),
                 "top_level_glb": len(top),

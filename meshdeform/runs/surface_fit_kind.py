@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
-from meshdeform.requests.surface_fit import MAX_LEVEL, SurfaceFitParams
+from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 
 if TYPE_CHECKING:
@@ -74,6 +74,12 @@ SURFACE_FIT = Kind(
             required=True,
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip", "application/octet-stream"),
             content="surface",
+        ),
+        FilePart(
+            "base",
+            f"A base mesh of its own, of at most {MAX_BASE_FACES} faces, instead of one made from the surface.",
+            required=False,
+            media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip"),
         ),
     ),
     params=SurfaceFitParams,

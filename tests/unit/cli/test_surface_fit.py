@@ -33,6 +33,14 @@ def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monke
     surface = load_asset(Path("big.glb").read_bytes()).surface
     assert len(surface.triangles) == 16 * json.loads(Path("ball.report.json").read_bytes())["base"]["faces"]
     assert len(np.load("big.npz")["faces"]) == len(surface.triangles)
+    own = run.invoke(
+        app,
+        ["surface-fit", "ball.glb", *_SMALL[2:], "--base", "ball.glb", "--anchor", "1,0,0:0,1,0", "-o", "own.ndf"],
+    )
+    assert own.exit_code == 0, own.output
+    assert json.loads(Path("own.report.json").read_bytes())["base"]["faces"] == len(mesh.faces)
+    for wrong in ("1,0:0,1,0", "1,0,0", "a,0,0:0,1,0"):
+        assert "--anchor" in run.invoke(app, ["surface-fit", "ball.glb", "--anchor", wrong]).output
     assert "exists" in run.invoke(app, ["unfold", "ball.ndf", "-o", "big.glb"]).output
     Path("mine.ndf").write_bytes(b"mine")
     refused = run.invoke(app, ["surface-fit", "ball.glb", *_SMALL, "-o", "mine.ndf"])

@@ -18,7 +18,7 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.mesh_codecs import draco_mesh
 from meshdeform.cli.app import app
 from meshdeform.client import Client
-from meshdeform.errors import AssetEmptyError, AssetError, CheckpointError, ParameterError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, CheckpointError, ParameterError
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import clean
 from meshdeform.fields.reader import read_field
@@ -101,6 +101,38 @@ def test_a_resumed_run_writes_the_same_file(ring: bytes) -> None:
     assert branch.step == 0
     with pytest.raises(CheckpointError):
         begin(ring, initial=state, width=9)
+
+
+def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
+    ball = icosphere(1)
+    base = InputFile(build_glb(ball.verts.numpy() * 1.2, ball.faces.numpy()), "ball.glb")
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    # A quarter turn about y, which projection alone would never make.
+    turned = axes[:, [2, 1, 0]] * [1, 1, -1]
+    anchors = [{"base": list(a), "surface": list(b)} for a, b in zip(axes * 1.2, turned, strict=True)]
+    params = {**SMALL, "steps": 150, "batch_faces": 16, "width": 16, "anchors": anchors}
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": params})
+    sphere = icosphere(2)
+    surface = InputFile(build_glb(sphere.verts.numpy(), sphere.faces.numpy()), "sphere.glb")
+    run = start_run(RunInput(request, {"asset": surface, "base": base}))
+    last = list(run)[-1]
+    assert last.losses["anchors"] < 0.05
+    field = read_field(run.finish()["surface.ndf"].data)
+    nearest = [int(np.argmax(field.verts @ axis)) for axis in axes]
+    corners = np.repeat(np.array(nearest)[:, None], 3, 1)
+    found = field.evaluate(corners, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    assert (((found * turned).sum(1) / np.linalg.norm(found, axis=1)) > 0.8).all()
+
+    # A ball for a ring: holes need not agree, and the report has both.
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": {**SMALL, "steps": 1, "level": 0}})
+    run = start_run(RunInput(request, {"asset": InputFile(ring, "ring.glb"), "base": base}))
+    list(run)
+    report = json.loads(run.finish()["report.json"].data)
+    assert (report["base"]["genus"], report["input"]["genus"], report["base"]["faces"]) == (0, 1, 80)
+    large = icosphere(4)
+    base = InputFile(build_glb(large.verts.numpy(), large.faces.numpy()), "large.glb")
+    with pytest.raises(AssetTooLargeError, match="5120 faces"):
+        start_run(RunInput(request, {"asset": surface, "base": base}))
 
 
 def octahedron() -> bytes:
