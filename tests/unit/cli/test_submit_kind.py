@@ -17,7 +17,7 @@ from meshdeform.cli.app import app
         (["--kind", "surface_fit", "--usd"], "--usd"),
         (["--kind", "surface_fit", "--preset", "preview"], "preset"),
         (["--kind", "surface_fit", "--set", "base_faces=1"], "base_faces"),
-        (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads no others"),
+        (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads base"),
         (["--kind", "family_synthesize"], "collection=FILE"),
         (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
         (["--kind", "unfold"], "surface_fit"),
