@@ -142,7 +142,16 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
 
 
 def test_the_door_checks_it() -> None:
-    assert file_parts() == ("asset", *TARGET_PARTS, *SILHOUETTE_PARTS, "base", "collection", "family", "mesh_1", "mesh_2")
+    assert file_parts() == (
+        "asset",
+        *TARGET_PARTS,
+        *SILHOUETTE_PARTS,
+        "base",
+        "collection",
+        "family",
+        "mesh_1",
+        "mesh_2",
+    )
     assert check_request(request(), Settings(), files=["mesh_1"]) == CountParams()
     assert check_request(request(), Settings(), files=["mesh_1", "mesh_2"]) == CountParams()
     with pytest.raises(ParameterError, match="does not read `target`"):
