@@ -58,7 +58,6 @@ export class SurfaceView {
     );
     fill(
       root,
-      kindsNav("surface"),
       h(
         "div",
         { class: "intro" },
@@ -66,6 +65,7 @@ export class SurfaceView {
         h("p", { class: "lead" }, "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
+      kindsNav("surface"),
       recentJobs(scope),
     );
     this._begin(from);

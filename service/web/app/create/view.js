@@ -78,7 +78,6 @@ export class CreateView {
     );
     fill(
       root,
-      kindsNav("create"),
       h(
         "div",
         { class: "intro" },
@@ -86,6 +85,7 @@ export class CreateView {
         h("p", { class: "lead" }, "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
+      kindsNav("create"),
       recentJobs(scope),
     );
     this._begin(from);
