@@ -37,6 +37,7 @@ def fitted(service: Service, small_sphere: Path) -> str:
     return job
 
 
+@pytest.mark.without_pictures
 def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     watch.allow("status of 422")
     page.goto("/")
@@ -80,7 +81,8 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
 def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str) -> None:
     session = page.context.new_cdp_session(page)
     session.send("Network.enable")
-    page.goto("/")  # the page itself is not what is slow here
+    # The page itself is not what is slow here; its newest jobs have pictures of their own.
+    page.goto("/", wait_until="networkidle")
     session.send("Network.emulateNetworkConditions", SLOW)
     watch.sent.clear()
     page.goto(f"/?job={fitted}")
@@ -95,14 +97,6 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     size = len(service.http.get(f"/v1/jobs/{fitted}/artifacts/surface.ndf").content)
     facts = page.locator(".field-facts")
     expect(facts).to_contain_text(f"{size / 1000:.1f} kB loaded")
-
-    sizes = page.get_by_role("table", name="As precise as the field")
-    packed = json.loads(service.artifact(fitted, "report.json"))["packed"]
-    expect(sizes.get_by_role("row")).to_have_count(6)
-    row = sizes.get_by_role("row", name=f"Draco, level 1, {packed['top_level']['bits']} bits")
-    draco = packed["top_level"]["draco"]["bytes"]
-    expect(row).to_contain_text(f"{draco} B" if draco < 1000 else f"{draco / 1000:.1f} kB")
-    expect(sizes.get_by_role("row", name="This field")).to_contain_text(f"{size / 1000:.1f} kB")
 
     page.get_by_label("Level", exact=True).fill("2")
     expect(tag).to_have_text("Level 2 · 1,600 triangles")
@@ -133,25 +127,57 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     page.get_by_role("button", name="Distances").click()
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
-    page.get_by_label("Eigenfunction", exact=True).fill("3")
-    expect(facts).to_contain_text("10 eigenfunctions in")
-    value = float(re.findall(r"Eigenvalue ([\d.]+);", facts.inner_text())[0])
-    assert value == pytest.approx(2, rel=0.1)  # l (l + 1), the third of three
-    until("the colours are to be seen", lambda: difference(plain, picture(viewer)) > 0.1)
-    page.get_by_role("button", name="Blue noise").click()
-    expect(facts).to_contain_text("2,000 samples of blue noise in")
-    page.get_by_label("Eigenfunction", exact=True).fill("0")
-    expect(facts).not_to_contain_text("Eigenvalue")
-    until("the samples are to be seen", lambda: difference(plain, picture(viewer)) > 0.02)
-    page.get_by_role("button", name="Blue noise").click()
-    until("nothing but the surface is to be seen", lambda: difference(plain, picture(viewer)) < 0.01)
-
     with page.expect_download() as download:
         page.get_by_role("button", name="Download this level").click()
     assert download.value.suggested_filename == "sphere-field-seed0-level2.glb"
     glb = Path(download.value.path()).read_bytes()
     found = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
     assert found["accessors"][2]["count"] == 3 * 1600
+
+
+@pytest.mark.without_pictures
+def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fitted: str) -> None:
+    page.goto(f"/#/jobs/{fitted}")
+    facts = page.locator(".field-facts")
+    expect(page.locator(".field-stage .viewer-tag")).to_have_text("Level 4 · 25,600 triangles")
+    page.get_by_label("Level", exact=True).fill("1")
+    expect(page.locator(".field-stage .viewer-tag")).to_contain_text("Level 1")
+    sizes = page.get_by_role("table", name="As precise as the field")
+    packed = json.loads(service.artifact(fitted, "report.json"))["packed"]
+    expect(sizes.get_by_role("row")).to_have_count(6)
+    row = sizes.get_by_role("row", name=f"Draco, level 1, {packed['top_level']['bits']} bits")
+    draco = packed["top_level"]["draco"]["bytes"]
+    expect(row).to_contain_text(f"{draco} B" if draco < 1000 else f"{draco / 1000:.1f} kB")
+    size = len(service.artifact(fitted, "surface.ndf"))
+    expect(sizes.get_by_role("row", name="This field")).to_contain_text(f"{size / 1000:.1f} kB")
+
+    mode = page.get_by_label("Eigenfunction", exact=True)
+    mode.fill("3")
+    expect(facts).to_contain_text("10 eigenfunctions in")
+    value = float(re.findall(r"Eigenvalue ([\d.]+);", facts.inner_text())[0])
+    assert value == pytest.approx(2, rel=0.1)  # l (l + 1), the third of three
+    expect(page.locator(".legend")).to_contain_text("Eigenfunction 3")
+    # Distances take the place of the function, and the other way round.
+    page.get_by_role("button", name="Distances").click()
+    expect(facts).to_contain_text("the farthest point is")
+    expect(mode).to_have_value("0")
+    expect(facts).not_to_contain_text("Eigenvalue")
+    mode.fill("1")
+    expect(facts).to_contain_text("Eigenvalue")
+    expect(page.get_by_role("button", name="Distances")).to_have_attribute("aria-pressed", "false")
+    blue, white = (page.get_by_role("button", name=f"{name} noise") for name in ("Blue", "White"))
+    blue.click()
+    expect(facts).to_contain_text("2,000 samples of blue noise in")
+    white.click()
+    expect(facts).to_contain_text("2,000 samples of white noise in")
+    expect(blue).to_have_attribute("aria-pressed", "false")
+    page.get_by_label("Level", exact=True).fill("2")
+    expect(page.locator(".field-stage .viewer-tag")).to_contain_text("Level 2")
+    expect(facts).to_contain_text("2,000 samples of white noise in")
+    white.click()
+    mode.fill("0")
+    expect(facts).not_to_contain_text("samples")
+    expect(facts).not_to_contain_text("Eigenvalue")
 
 
 @pytest.mark.without_3d
