@@ -244,7 +244,7 @@ export class GuidePanel {
     return !problem && !wrong;
   }
 
-  /** Say what the server refuses beside it. @param {import("../../api.js").ProblemError} error @returns {boolean} whether it belongs here */
+  /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
     const errors = Array.isArray(error.document.errors) ? error.document.errors : [];
     const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
