@@ -38,7 +38,7 @@ export class Asset {
    * @param {Record<string, any>} document
    * @param {Record<string, Asset>} [others] More files, by the names of their parts.
    * @param {AbortSignal} [signal] Of the request; an upload goes on, for the requests that follow.
-   * @returns {Promise<[any, any, import("../client/client.js").SubmitOptions]>}
+   * @returns {Promise<[any, any, {files: Record<string, any>, signal?: AbortSignal}]>}
    */
   async submission(document, others = {}, signal) {
     const all = Object.entries({ asset: /** @type {Asset} */ (this), ...others });
