@@ -3,8 +3,8 @@
 The masks of each mesh, and of a table of five boxes, are drawn from the azimuths, and a sphere of 5,120 faces is fitted
 to them, as in jobs with ``guidance=silhouettes``. Printed are the overlaps (intersection over union, 128 x 128 pixels:
 mean and least of the views, %) after some steps, flipped faces, added self-intersections, the mean symmetric Dirichlet
-energy, and CPU seconds. ``--set NAME=VALUE`` changes parameters; ``--picture FILE`` draws what is covered too much (red)
-and what is missing (cyan).
+energy, and CPU seconds. ``--set NAME=VALUE`` changes parameters; ``--picture FILE`` draws what is covered too much in
+red and what is missing in blue.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def load(path: Path) -> TriangleMesh:
 
 
 def fitted(name: str, goal: TriangleMesh, arguments: argparse.Namespace) -> list[np.ndarray]:
-    """Fit a sphere, print its row, and return the pictures of its views: covered in red, masks in blue."""
+    """Fit a sphere, print its row, and return the pictures of its views: too much in red, missing in blue."""
     rest = framed(icosphere(4))
     views = [view_of(framed(goal), azimuth) for azimuth in arguments.azimuths]
     changes = dict(each.split("=", 1) for each in arguments.set)
