@@ -55,7 +55,7 @@ def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
         if not Path(meshes).is_dir():
             return meshes, None
         meshes = [meshes]
-    elif not isinstance(meshes, Sequence) or isinstance(meshes, bytes | bytearray | memoryview):
+    elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
         return meshes, None
     files: dict[str, Path] = {}
     for path in map(Path, meshes):
