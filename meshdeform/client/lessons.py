@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from meshdeform.client.commands import Operation, Work
 from meshdeform.client.documents import JobView
@@ -58,7 +58,7 @@ def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
     elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
         return meshes, None
     files: dict[str, Path] = {}
-    for path in map(Path, meshes):
+    for path in [Path(cast("str", each)) for each in meshes]:
         for name, file in _meshes_in(path):
             if name in files:
                 raise ValueError(f"Two meshes are called {name}; rename one of them.")
