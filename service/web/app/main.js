@@ -9,6 +9,7 @@ import { ListView } from "./jobs/list.js";
 import { currentKey, forgetKey } from "./key.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
+import { TeachView } from "./teach/view.js";
 import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -24,11 +25,12 @@ function show() {
   const root = h("div", { class: `view view-${route.name}` });
   fill(main, root);
   for (const link of document.querySelectorAll("nav a")) {
-    const here = link.getAttribute("data-view") === (route.name === "create" ? "create" : "jobs");
+    const here = link.getAttribute("data-view") === (["create", "teach"].includes(route.name) ? route.name : "jobs");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from);
+  if (route.name === "create") new CreateView(root, scope, route.from, route);
+  else if (route.name === "teach") new TeachView(root, scope);
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
@@ -40,7 +42,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {
