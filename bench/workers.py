@@ -94,7 +94,6 @@ class Servers:
             "MESHDEFORM_REDIS_URL": self._redis.url,
             "MESHDEFORM_STORAGE_URL": str(folder / "objects"),
             "MESHDEFORM_DATA_DIR": str(folder),
-            "MESHDEFORM_LOG_LEVEL": "error",
         }
 
     def count(self) -> Count:
@@ -178,8 +177,9 @@ def workers(servers: Servers, count: int, threads: int) -> Iterator[None]:
         commands = [[*module, "--threads", str(size)] for size in sizes]
     else:
         commands = [[*module, "--supervised"]] * count
+    silent = subprocess.DEVNULL
     children = [
-        subprocess.Popen(command, env=servers.environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+        subprocess.Popen(command, env=servers.environment, stdin=subprocess.PIPE, stdout=silent, stderr=silent)
         for command in commands
     ]
     try:
@@ -190,8 +190,6 @@ def workers(servers: Servers, count: int, threads: int) -> Iterator[None]:
             child.kill() if threads else child.terminate()
         for child in children:
             child.wait()
-        until(lambda: servers.connections()[0] <= 0)
-        servers.own("SELECT 1")
         with servers.record.database.write() as connection:
             connection.exec_driver_sql(f"DELETE FROM workers /* {_OWN} */")
 
