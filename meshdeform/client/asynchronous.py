@@ -331,7 +331,7 @@ class AsyncClient(AsyncFileMethods):
         return await self._driver.run(reading.artifacts(job, self._policy))
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.usdz` to a job that has succeeded, if its request did not ask for it.
+        """Add `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` to a job that has succeeded without it.
 
         Raises
         ------

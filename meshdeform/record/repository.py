@@ -33,6 +33,7 @@ from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
+from meshdeform.requests.choices import JobKind
 
 __all__ = ["JobRecord"]
 
@@ -150,6 +151,7 @@ class JobRecord:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         words: str = "",
+        kind: JobKind | None = None,
     ) -> Page:
         """Return a page of jobs, newest first.
 
@@ -169,6 +171,8 @@ class JobRecord:
             Only jobs created later than this instant.
         words : str
             Only jobs whose prompt, file names or labels contain all of these words, in any case.
+        kind : JobKind, optional
+            Only jobs of this kind.
 
         Raises
         ------
@@ -180,6 +184,8 @@ class JobRecord:
             query = query.where(jobs.c.owner_id == owner)
         if state is not None:
             query = query.where(jobs.c.state == state)
+        if kind is not None:
+            query = query.where(jobs.c.kind == kind)
         for name, value in (metadata or {}).items():
             labelled = sa.select(labels.c.job_id).where(labels.c.name == name, labels.c.value == value)
             query = query.where(jobs.c.id.in_(labelled))

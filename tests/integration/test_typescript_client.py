@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -56,6 +57,28 @@ def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp
     }
     assert found["abandoned"]["name"] == "AbortError"
     assert JobKind.TEXT_DEFORM in found["limits"]
+
+
+def test_the_page_has_the_client_as_it_is_built(repository: Path, tmp_path: Path) -> None:
+    dist = built_package(repository, tmp_path)
+
+    def check(folder: Path) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, repository / "scripts/vendor-client", "--check", "--dist", dist, "--folder", folder]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+    done = check(repository / "service/web/client")
+    assert done.returncode == 0, done.stdout
+    other = shutil.copytree(repository / "service/web/client", tmp_path / "client")
+    (other / "errors.js").write_text("export {};\n")
+    (other / "types.js").unlink()
+    (other / "more.js").touch()
+    done = check(other)
+    assert done.returncode == 1
+    assert [line.partition(":")[::2] for line in done.stdout.splitlines()] == [
+        ("more.js", " no module of the client"),
+        ("types.js", " missing"),
+        ("errors.js", " not what clients/typescript builds today; run scripts/vendor-client"),
+    ]
 
 
 def test_what_the_package_holds_is_named_in_it(repository: Path) -> None:

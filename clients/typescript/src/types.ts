@@ -17,6 +17,7 @@ export type Validation = Schemas["Validation"];
 export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
+export type Orientation = Schemas["FoundOrientation"];
 export type Params = Schemas["DeformParams"];
 
 /** A file of the service: an upload, or an artifact of a job that has succeeded. */

@@ -1,7 +1,7 @@
 // @ts-check
 /** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
 import { announce } from "../announce.js";
-import { isAbort, requestJson } from "../api.js";
+import { client, isAbort } from "../client.js";
 import { CHANGED, deleteJobs, isDeleted } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
@@ -85,7 +85,7 @@ export class ListView {
 
   async _newest() {
     const query = String(this.query);
-    const page = await requestJson(`v1/jobs?${query}`, { signal: this.scope.signal });
+    const page = await client.json(`v1/jobs?${query}`, { signal: this.scope.signal });
     // An answer to an earlier search is not shown.
     if (this.scope.over || query !== String(this.query)) return;
     if (this.problem.childElementCount) fill(this.problem);
@@ -102,7 +102,7 @@ export class ListView {
     const query = String(this.query);
     if (!this.cursor || query !== this.shownQuery) return;
     try {
-      const page = await requestJson(`v1/jobs?${query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
+      const page = await client.json(`v1/jobs?${query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
       if (query !== this.shownQuery) return;
       this.cursor = page.next_cursor;
       this._take(page.jobs, false);
@@ -194,7 +194,7 @@ export class ListView {
 
   async _cancelAll() {
     const open = [...this.jobs.values()].filter((job) => !isTerminal(job.state));
-    await Promise.allSettled(open.map((job) => requestJson(`v1/jobs/${job.id}/cancel`, { method: "POST" })));
+    await Promise.allSettled(open.map((job) => client.cancel(job)));
     await this._newest().catch(() => {});
   }
 
