@@ -20,6 +20,7 @@ import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { beginWith } from "./taught.js";
 
 export class CreateView {
   /**
@@ -117,18 +118,9 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
-    this._useTaught();
+    beginWith(this.wanted, this.settings, this.prompt);
     this.begun = true;
     this._changed();
-  }
-
-  /** Begin with the model and the prompt of the address, and forget them: what is typed next is the draft. */
-  _useTaught() {
-    const { model, prompt } = this.wanted;
-    if (!model) return;
-    this.settings.choose(model);
-    this.prompt.set(prompt ?? "");
-    history.replaceState(null, "", "#/");
   }
 
   /**
