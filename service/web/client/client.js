@@ -145,7 +145,7 @@ export class Client {
     async artifacts(job, signal) {
         return (await this.#transport.json(path(job, "artifacts"), { signal })).artifacts;
     }
-    /** Make `morph.glb` or `result.usdz` of a job that was not asked for it. */
+    /** Make `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` of a job that was not asked for it. */
     async make(job, name, signal) {
         return this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
     }
@@ -161,6 +161,11 @@ export class Client {
     /** Return a URL of an artifact that needs no key and expires. */
     async signedUrl(job, name = "result.glb", signal) {
         const found = await this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
+        return { ...found, url: this.url(found.url) };
+    }
+    /** Return a link to a job's page: whoever has it can watch this job and read its files, without a key, until it expires. */
+    async jobLink(job, signal) {
+        const found = await this.#transport.json(path(job, "url"), { method: "POST", signal });
         return { ...found, url: this.url(found.url) };
     }
     async models(signal) {
