@@ -169,7 +169,8 @@ def test_a_server_that_wants_a_key_is_given_one(
             assert visits.posted() == []
             visitor.goto(link[:-1] + ("0" if link[-1] != "0" else "1"))
             problem = visitor.get_by_role("alert")
-            expect(problem).to_contain_text("The link does not open this job. Ask whoever sent it for a new one.")
+            expect(problem).to_contain_text("The link does not open this job.")
+            expect(problem).to_contain_text("Ask whoever sent it for a new one.")
             expect(visitor.get_by_role("dialog")).to_have_count(0)  # no key mends it
             visitor.goto("/#/jobs")
             expect(visitor.get_by_role("dialog", name="API key")).to_be_visible()

@@ -186,7 +186,7 @@ export class JobView {
       if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
-      if (this.error && succeeded) fill(this.error, problemBox(error));
+      if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
   }
