@@ -155,6 +155,33 @@ def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) 
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
 
 
+@pytest.mark.without_3d
+def test_a_large_file_is_uploaded_once_and_the_form_says_how_far(
+    page: Page, watch: Watch, service: Service, small_sphere: Path, tmp_path: Path
+) -> None:
+    large = tmp_path / "large.obj"
+    large.write_bytes(b"#" * (5 << 18) + b"\n" + small_sphere.read_bytes())
+    held: list[Route] = []
+    page.route("**/v1/uploads/*/content*", lambda route: held.append(route))
+    open_form(page)
+    page.get_by_label("Prompt", exact=True).fill("a vase")
+    set_steps(page, 4)
+    with page.expect_request("**/v1/uploads/*/content*"):
+        choose(page, large)
+    expect(page.locator("#estimate")).to_have_text("Uploading, 0%")
+    held[0].continue_()
+    expect(page.locator("#estimate")).to_contain_text("4 steps")
+    job = service.finished(start(page))
+    assert (job["state"], job["asset"]["filename"], job["asset"]["size"]) == (
+        "succeeded",
+        "large.obj",
+        large.stat().st_size,
+    )
+    # The check, the check before the start and the job: all by the same upload.
+    assert watch.sent.count("POST /v1/uploads") == len(held) == 1
+    assert watch.posted() == ["POST /v1/jobs"]
+
+
 @pytest.mark.long  # test_page_trouble.py cuts the line
 def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
     page: Page, watch: Watch, service: Service, small_sphere: Path

@@ -68,22 +68,26 @@ export class Client {
     async get(job, signal) {
         return this.#transport.json(path(job), { signal });
     }
-    /** Iterate over the jobs, newest first. `search` finds all words in prompts, file names and labels. */
-    async *jobs(options = {}) {
-        const query = new URLSearchParams({ limit: "50" });
+    /** Iterate over the jobs, newest first. */
+    async *jobs(filter = {}) {
+        for (let cursor; cursor !== null;) {
+            const page = await this.jobPage({ ...filter, ...(cursor ? { cursor } : {}) });
+            yield* page.jobs;
+            cursor = page.next_cursor ?? null;
+        }
+    }
+    /** List up to `limit` jobs, newest first, from the `next_cursor` of the page before on. */
+    jobPage(options = {}) {
+        const query = new URLSearchParams({ limit: String(options.limit ?? 50) });
         if (options.state)
             query.set("state", options.state);
         if (options.search)
             query.set("q", options.search);
         for (const [name, value] of Object.entries(options.metadata ?? {}))
             query.set(`metadata[${name}]`, value);
-        for (;;) {
-            const page = await this.#transport.json(`v1/jobs?${query}`, { signal: options.signal });
-            yield* page.jobs;
-            if (!page.next_cursor)
-                return;
-            query.set("cursor", page.next_cursor);
-        }
+        if (options.cursor)
+            query.set("cursor", options.cursor);
+        return this.#transport.json(`v1/jobs?${query}`, { signal: options.signal });
     }
     /** Iterate over a job's events as they happen, each once and in order, reconnecting as needed, until the job has ended. */
     watch(job, options = {}) {
