@@ -1,6 +1,7 @@
 // @ts-check
 /** What a lesson has taught, in words, and the way to use it. */
 import { h, icon } from "../dom.js";
+import { currentLink } from "../link.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
 
@@ -43,6 +44,7 @@ export function lessonPanel(job, report) {
       { class: "findings" },
       lessonFindings(report).map(({ tone, text, note }) => h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), note ? h("span", { class: "small muted" }, note) : null))),
     ),
-    h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
+    // Who came by a link makes no jobs.
+    currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
   );
 }
