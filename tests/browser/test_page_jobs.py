@@ -112,6 +112,13 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     assert len((tmp_path / "result.stl").read_bytes()) == 84 + 50 * 320
     assert json.loads((tmp_path / "report.json").read_text())["params"]["steps"] == 12
 
+    # Whoever is sent the link sees both shapes, and what changes nothing works.
+    page.goto(service.http.post(f"/v1/jobs/{job_id}/url").json()["url"])
+    expect(page.get_by_label("Morph", exact=True)).to_be_visible()
+    expect(after.locator(".viewer-tag")).to_have_text("After")
+    assert difference(picture(before), until_drawn(after)) > 0.02
+    expect(page.get_by_role("button", name="Make and download")).to_have_count(0)
+
 
 def _pixels(picture: Image.Image, frame: int) -> NDArray[np.int16]:
     """A frame of an animated picture."""
