@@ -49,7 +49,7 @@ class Database:
     url : str
         An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
     connections : int
-        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, each is opened for one use.
+        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after `let_go`.
 
     Raises
     ------
@@ -59,6 +59,7 @@ class Database:
 
     def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
         self._engine = make_engine(url, connections)
+        self._lets_go = connections == 0
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
             if self.is_sqlite:
@@ -71,6 +72,11 @@ class Database:
     def close(self) -> None:
         """Close every connection."""
         self._engine.dispose()
+
+    def let_go(self) -> None:
+        """Close the unused connections of a process that seldom needs any (`connections` = 0)."""
+        if self._lets_go:
+            self._engine.dispose()
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
@@ -191,8 +197,7 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
 
 def _pool(connections: int) -> dict[str, Any]:
     """Return the options of SQLAlchemy's pool for so many connections."""
-    if not connections:
-        return {"poolclass": sa.NullPool}
+    connections = max(connections, 1)
     kept = min(connections, _KEPT_OPEN)
     return {"pool_size": kept, "max_overflow": connections - kept}
 
