@@ -13,6 +13,7 @@ which only wait (`bench.stub_worker`). Printed, for each number of workers:
   of the newest progress in the record
 * short jobs of one step: statements for each, jobs claimed per second, and how many jobs of an owner who has posted a
   thousand start before each job of another one who posts ten after that
+* with the phase `api`: what an idle API process asks
 
 `--top 10` lists the statements that PostgreSQL ran most often.
 """
@@ -41,7 +42,7 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
-from tests.servers import PgBouncer, PostgresServer, RedisServer
+from tests.servers import PgBouncer, PostgresServer, RedisServer, free_port
 
 _OWN = "bench_own"
 """An alias in the statements of this program, which are not counted."""
@@ -53,7 +54,7 @@ _OPTIONS = {
     "log_min_messages": "fatal",
 }
 _MANY, _FEW = 1000, 10
-_DEADLINE_S = 400.0
+_DEADLINE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -272,6 +273,20 @@ def short(servers: Servers, count: int, threads: int, many: int) -> None:
         connection.exec_driver_sql(f"DELETE FROM jobs /* {_OWN} */")
 
 
+def api(servers: Servers, window_s: float) -> None:
+    """Print what an API process without requests asks; it leads, since there is no other candidate."""
+    command = [sys.executable, "-m", "meshdeform", "api", "--port", str(free_port())]
+    child = subprocess.Popen(command, env=servers.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until(lambda: servers.own("SELECT count(*) FROM leaders")[0][0] == 2)
+        time.sleep(12.0)
+        postgres, redis = servers.connections()
+        print(f"API  connections {postgres} + {redis}  per second: {rates(servers, 1, window_s)}")
+    finally:
+        child.terminate()
+        child.wait()
+
+
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -288,6 +303,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as ends:
         servers = Servers(Path(folder), pooler=chosen.pooler)
         ends.callback(servers.close)
+        if "api" in chosen.phases:
+            servers.reset()
+            api(servers, chosen.window)
+            servers.top(chosen.top)
+            chosen.phases.remove("api")
         for count in chosen.workers:
             print(f"{count} workers" + (" behind PgBouncer" if chosen.pooler else ""), flush=True)
             asked = [phase for phase in chosen.phases if phase != "short"]

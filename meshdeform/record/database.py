@@ -30,7 +30,7 @@ RECORD_FILE = "meshdeform.sqlite"
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
 MAX_CONNECTIONS = 15
-"""Connections of an API process to PostgreSQL at most; docs/operations.md has the sum."""
+"""Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
 _KEPT_OPEN = 5
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _MIGRATIONS = Path(__file__).parent / "migrations"
@@ -136,6 +136,10 @@ class Database:
         return postgresql.insert(table)
 
     def _migrate(self) -> None:
+        with self.read() as connection:
+            # Usually. Many processes that start at once must not wait for each other's lock.
+            if compatible(_version(connection)):
+                return
         with self.write() as connection:
             # The lock ends with the transaction. DDL is transactional in both databases.
             if not self.is_sqlite:
@@ -281,7 +285,7 @@ def _answers() -> Iterator[None]:
         if _sql_state(error) == _UNKNOWN_STATEMENT:
             raise UnavailableError(
                 "The record is behind a connection pooler that shares connections between statements.",
-                advice="Set pool_mode = transaction or session in PgBouncer (docs/operations.md).",
+                advice="Set pool_mode = transaction or session in PgBouncer (docs/scaling.md).",
             ) from error
         if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise
