@@ -10,6 +10,7 @@ import { currentKey, forgetKey } from "./key.js";
 import { currentLink, holdLink } from "./link.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
+import { TeachView } from "./teach/view.js";
 import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -30,11 +31,12 @@ function show() {
   // Who came by a link has no other jobs here, and makes none.
   for (const nav of document.querySelectorAll("nav")) nav.hidden = route.name === "shared";
   for (const link of document.querySelectorAll("nav a")) {
-    const here = link.getAttribute("data-view") === (route.name === "create" ? "create" : "jobs");
+    const here = link.getAttribute("data-view") === (["create", "teach"].includes(route.name) ? route.name : "jobs");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from);
+  if (route.name === "create") new CreateView(root, scope, route.from, route);
+  else if (route.name === "teach") new TeachView(root, scope);
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
@@ -47,7 +49,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

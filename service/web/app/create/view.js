@@ -20,16 +20,19 @@ import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { beginWith } from "./taught.js";
 
 export class CreateView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with.
+   * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, wanted = {}) {
     this.scope = scope;
     this.from = from;
+    this.wanted = wanted;
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -115,6 +118,7 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
+    beginWith(this.wanted, this.settings, this.prompt);
     this.begun = true;
     this._changed();
   }
@@ -185,7 +189,7 @@ export class CreateView {
 
   /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
   async _filesOf(job) {
-    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
     const files = parts.map(async ([part, { filename }]) => {
       return [part, new Asset(await client.file(job, part, this.scope.signal), filename)];
     });
