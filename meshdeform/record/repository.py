@@ -18,7 +18,7 @@ from meshdeform.errors import ConflictError, ParameterError, TooManyJobsError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
 from meshdeform.record.counters import read_counters
-from meshdeform.record.database import Database
+from meshdeform.record.database import MAX_CONNECTIONS, Database
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger
@@ -45,8 +45,8 @@ class JobRecord:
     ----------
     url : str
         The database; its tables are created and migrated here.
-    idle_connections : int
-        Number of unused connections to PostgreSQL that stay open.
+    connections : int
+        As of `Database`.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ class JobRecord:
         Here and in every method: the database does not answer.
     """
 
-    def __init__(self, url: str, idle_connections: int = 5) -> None:
-        self.database = self._database = Database(url, idle_connections)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
+        self.database = self._database = Database(url, connections)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = [
+    "FORMATS_OF_RESULT",
     "ArtifactData",
     "ArtifactKind",
     "FilePart",
@@ -67,7 +68,7 @@ class ArtifactKind:
     summary : str
         One sentence about the result, and the option that requests it, if any.
     afterwards : bool
-        Whether the service can make it from the job's files later on (`meshdeform.assets.derive`).
+        Whether the service can make it from the job's files later on (`meshdeform.runs.derive`).
     strengths : bool
         Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`).
     """
@@ -77,6 +78,25 @@ class ArtifactKind:
     summary: str
     afterwards: bool = False
     strengths: bool = False
+
+
+FORMATS_OF_RESULT = (
+    ArtifactKind(
+        "result.obj.zip",
+        "application/zip",
+        "`result.glb` as OBJ with its materials and textures, made [afterwards](http.md#post-v1jobsidartifactsname) "
+        "only ([Assets: OBJ and STL](assets.md#obj-and-stl)).",
+        afterwards=True,
+    ),
+    ArtifactKind(
+        "result.stl",
+        "model/stl",
+        "The triangles of `result.glb` for printing, made [afterwards](http.md#post-v1jobsidartifactsname) only "
+        "([Assets: OBJ and STL](assets.md#obj-and-stl)).",
+        afterwards=True,
+    ),
+)
+"""What any kind of job that writes `result.glb` can have made of it."""
 
 
 @dataclass(frozen=True)

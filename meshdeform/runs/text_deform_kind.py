@@ -32,7 +32,7 @@ from meshdeform.requests.stages import (
     needs_prior,
     with_target_models,
 )
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 from meshdeform.runs.picture_parts import check_pictures
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
 from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
@@ -377,6 +377,7 @@ TEXT_DEFORM = Kind(
             "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
             afterwards=True,
         ),
+        *FORMATS_OF_RESULT,
     ),
     uses=_uses,
     check_files=_check_files,

@@ -73,7 +73,7 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
     ball, priors = tmp_path / "ball.glb", PriorCache()
     trimesh.creation.icosphere(1).export(ball)
     absent = "job:job_01kg9zqk2xf3v8c5m7n9p1r4t6"
-    waiting = one.submit(kind="prior_teach", files={"meshes": ball}, params=LESSON)
+    waiting = one.teach("a teapot", ball, params=LESSON)
     with pytest.raises(ConflictError, match="is queued"):
         one.submit(ball, "a teapot", params={"model": f"job:{waiting.id}"})
     with working(settings, start_run, lambda model: priors.get(model, device="cpu")):

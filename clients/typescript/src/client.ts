@@ -2,7 +2,7 @@ import { MeshdeformError } from "./errors.js";
 import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
-  type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobRequest,
+  type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
   type JobState, type Limits, type Models, type Orientation, type SignedUrl, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
@@ -17,6 +17,15 @@ export interface SubmitOptions {
   filename?: string;
   /** Requests with the same key within a day make one job, also from another process. */
   idempotencyKey?: string;
+  signal?: AbortSignal;
+}
+
+/** Which jobs to list. */
+export interface JobFilter {
+  state?: JobState;
+  /** Words that all occur in the prompt, a file's name or a label. */
+  search?: string;
+  metadata?: Record<string, string>;
   signal?: AbortSignal;
 }
 
@@ -106,18 +115,23 @@ export class Client {
     return this.#transport.json<Job>(path(job), { signal });
   }
 
-  /** Iterate over the jobs, newest first. `search` finds all words in prompts, file names and labels. */
-  async *jobs(options: { state?: JobState; search?: string; metadata?: Record<string, string>; signal?: AbortSignal } = {}): AsyncGenerator<Job> {
-    const query = new URLSearchParams({ limit: "50" });
+  /** Iterate over the jobs, newest first. */
+  async *jobs(filter: JobFilter = {}): AsyncGenerator<Job> {
+    for (let cursor: string | null | undefined; cursor !== null; ) {
+      const page: JobPage = await this.jobPage({ ...filter, ...(cursor ? { cursor } : {}) });
+      yield* page.jobs;
+      cursor = page.next_cursor ?? null;
+    }
+  }
+
+  /** List up to `limit` jobs, newest first, from the `next_cursor` of the page before on. */
+  jobPage(options: JobFilter & { limit?: number; cursor?: string } = {}): Promise<JobPage> {
+    const query = new URLSearchParams({ limit: String(options.limit ?? 50) });
     if (options.state) query.set("state", options.state);
     if (options.search) query.set("q", options.search);
     for (const [name, value] of Object.entries(options.metadata ?? {})) query.set(`metadata[${name}]`, value);
-    for (;;) {
-      const page = await this.#transport.json<{ jobs: Job[]; next_cursor?: string | null }>(`v1/jobs?${query}`, { signal: options.signal });
-      yield* page.jobs;
-      if (!page.next_cursor) return;
-      query.set("cursor", page.next_cursor);
-    }
+    if (options.cursor) query.set("cursor", options.cursor);
+    return this.#transport.json<JobPage>(`v1/jobs?${query}`, { signal: options.signal });
   }
 
   /** Iterate over a job's events as they happen, each once and in order, reconnecting as needed, until the job has ended. */
@@ -184,7 +198,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb` or `result.usdz` of a job that was not asked for it. */
+  /** Make `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` of a job that was not asked for it. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }
@@ -203,6 +217,12 @@ export class Client {
   /** Return a URL of an artifact that needs no key and expires. */
   async signedUrl(job: JobLike, name = "result.glb", signal?: AbortSignal): Promise<SignedUrl> {
     const found = await this.#transport.json<SignedUrl>(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
+    return { ...found, url: this.url(found.url) };
+  }
+
+  /** Return a link to a job's page: whoever has it can watch this job and read its files, without a key, until it expires. */
+  async jobLink(job: JobLike, signal?: AbortSignal): Promise<SignedUrl> {
+    const found = await this.#transport.json<SignedUrl>(path(job, "url"), { method: "POST", signal });
     return { ...found, url: this.url(found.url) };
   }
 

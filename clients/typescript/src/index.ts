@@ -1,5 +1,5 @@
 /** A client of Meshdeform, which reshapes 3D assets with a prompt. */
-export { Client, type JobLike, type SubmitOptions, type WaitOptions } from "./client.js";
+export { Client, type JobFilter, type JobLike, type SubmitOptions, type WaitOptions } from "./client.js";
 export { MeshdeformError, type Problem } from "./errors.js";
 export type { WatchOptions } from "./events.js";
 export type { Call, Options, Retry } from "./transport.js";

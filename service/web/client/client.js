@@ -68,22 +68,26 @@ export class Client {
     async get(job, signal) {
         return this.#transport.json(path(job), { signal });
     }
-    /** Iterate over the jobs, newest first. `search` finds all words in prompts, file names and labels. */
-    async *jobs(options = {}) {
-        const query = new URLSearchParams({ limit: "50" });
+    /** Iterate over the jobs, newest first. */
+    async *jobs(filter = {}) {
+        for (let cursor; cursor !== null;) {
+            const page = await this.jobPage({ ...filter, ...(cursor ? { cursor } : {}) });
+            yield* page.jobs;
+            cursor = page.next_cursor ?? null;
+        }
+    }
+    /** List up to `limit` jobs, newest first, from the `next_cursor` of the page before on. */
+    jobPage(options = {}) {
+        const query = new URLSearchParams({ limit: String(options.limit ?? 50) });
         if (options.state)
             query.set("state", options.state);
         if (options.search)
             query.set("q", options.search);
         for (const [name, value] of Object.entries(options.metadata ?? {}))
             query.set(`metadata[${name}]`, value);
-        for (;;) {
-            const page = await this.#transport.json(`v1/jobs?${query}`, { signal: options.signal });
-            yield* page.jobs;
-            if (!page.next_cursor)
-                return;
-            query.set("cursor", page.next_cursor);
-        }
+        if (options.cursor)
+            query.set("cursor", options.cursor);
+        return this.#transport.json(`v1/jobs?${query}`, { signal: options.signal });
     }
     /** Iterate over a job's events as they happen, each once and in order, reconnecting as needed, until the job has ended. */
     watch(job, options = {}) {
@@ -145,7 +149,7 @@ export class Client {
     async artifacts(job, signal) {
         return (await this.#transport.json(path(job, "artifacts"), { signal })).artifacts;
     }
-    /** Make `morph.glb` or `result.usdz` of a job that was not asked for it. */
+    /** Make `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` of a job that was not asked for it. */
     async make(job, name, signal) {
         return this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
     }
@@ -161,6 +165,11 @@ export class Client {
     /** Return a URL of an artifact that needs no key and expires. */
     async signedUrl(job, name = "result.glb", signal) {
         const found = await this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
+        return { ...found, url: this.url(found.url) };
+    }
+    /** Return a link to a job's page: whoever has it can watch this job and read its files, without a key, until it expires. */
+    async jobLink(job, signal) {
+        const found = await this.#transport.json(path(job, "url"), { method: "POST", signal });
         return { ...found, url: this.url(found.url) };
     }
     async models(signal) {

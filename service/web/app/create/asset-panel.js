@@ -119,8 +119,7 @@ export class AssetPanel {
   async example(name) {
     const choice = ++this.choices;
     try {
-      const response = await fetch(client.url(`web/examples/${name}`), { signal: this.scope.signal });
-      if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+      const response = await client.request(`web/examples/${name}`, { signal: this.scope.signal });
       const asset = new Asset(await response.blob(), name);
       if (choice === this.choices) await this.use(asset);
     } catch (error) {

@@ -5,6 +5,7 @@ import { Asset } from "../assets.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
+import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
@@ -19,16 +20,19 @@ import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { beginWith } from "./taught.js";
 
 export class CreateView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with.
+   * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, wanted = {}) {
     this.scope = scope;
     this.from = from;
+    this.wanted = wanted;
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -114,6 +118,7 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
+    beginWith(this.wanted, this.settings, this.prompt);
     this.begun = true;
     this._changed();
   }
@@ -184,7 +189,7 @@ export class CreateView {
 
   /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
   async _filesOf(job) {
-    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
     const files = parts.map(async ([part, { filename }]) => {
       return [part, new Asset(await client.file(job, part, this.scope.signal), filename)];
     });
@@ -261,7 +266,9 @@ export class CreateView {
       return;
     }
     // What is quick needs no word.
-    const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
+    const say = (/** @type {string} */ text) => turn === this.checks && (this.estimate.textContent = text);
+    const slow = setTimeout(say, 400, "Checking…");
+    asset.onProgress = (share) => (clearTimeout(slow), say(share < 1 ? `Uploading, ${percent(share)}` : "Checking…"));
     try {
       const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
       const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));

@@ -6,6 +6,7 @@ import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
+import { currentLink } from "../link.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
@@ -15,6 +16,7 @@ import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
+import { isLesson, lessonPanel } from "./lesson.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
@@ -57,7 +59,7 @@ export class JobView {
         this.job = await client.get(this.id, this.scope.signal);
       } catch (error) {
         if (isAbort(error) || this.scope.over) return;
-        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
+        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), currentLink() ? problemBox(linkProblem(error)) : problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
         again = temporary(error) && (await this.scope.sleep(3000));
       }
     }
@@ -84,7 +86,9 @@ export class JobView {
       h(
         "header",
         { class: "job-head" },
-        h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
+        currentLink()
+          ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
+          : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
@@ -117,7 +121,7 @@ export class JobView {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       const gone = error instanceof MeshdeformError && error.status === 404;
-      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : error));
+      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : linkProblem(error)));
       if (gone) announce("This job was deleted");
     }
   }
@@ -172,7 +176,7 @@ export class JobView {
       this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
-        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.stage?.front(this.report?.orientation);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
@@ -183,7 +187,7 @@ export class JobView {
       if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
-      if (this.error && succeeded) fill(this.error, problemBox(error));
+      if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
   }
@@ -198,6 +202,12 @@ export class JobView {
       if (!isAbort(error)) console.warn(error);
     }
   }
+}
+
+/** What is wrong with a link, in place of what a key would be told; any other error stays. @param {unknown} error */
+function linkProblem(error) {
+  if (!currentLink() || !(error instanceof MeshdeformError) || error.status !== 401) return error;
+  return { title: error.message, detail: "", advice: error.advice };
 }
 
 /** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */

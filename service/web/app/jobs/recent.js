@@ -7,7 +7,7 @@ import { JobCard } from "./card.js";
 /** @param {import("../scope.js").Scope} scope */
 export function recentJobs(scope) {
   const element = h("section", { class: "recent", "aria-labelledby": "recent-title", hidden: true });
-  client.json("v1/jobs?limit=6", { signal: scope.signal }).then(
+  client.jobPage({ limit: 6, signal: scope.signal }).then(
     ({ jobs }) => {
       if (!jobs.length || scope.over) return;
       element.hidden = false;
