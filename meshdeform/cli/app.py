@@ -18,6 +18,7 @@ from meshdeform.cli.apply import apply
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
 from meshdeform.cli.continuing import branch, delete, retry
+from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
@@ -31,6 +32,7 @@ from meshdeform.cli.mcp import mcp
 from meshdeform.cli.models import models
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
+from meshdeform.cli.sketch import sketch
 from meshdeform.cli.submit import submit
 from meshdeform.cli.surface_fit import surface_fit
 from meshdeform.cli.teach import teach
@@ -112,6 +114,7 @@ def _options(
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(apply)
+app.command(rich_help_panel=_MACHINE)(convert)
 app.command(rich_help_panel=_MACHINE)(variants)
 app.command("family-fit", rich_help_panel=_MACHINE)(family_fit)
 app.command("family-synthesize", rich_help_panel=_MACHINE)(family_synthesize)
@@ -119,6 +122,7 @@ app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
+app.command(rich_help_panel=_MACHINE)(sketch)
 app.command(rich_help_panel=_MACHINE)(teach)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)

@@ -8,7 +8,7 @@ const PIECE_BYTES = 8 << 20;
 export interface UploadOptions {
   filename?: string;
   signal?: AbortSignal;
-  /** Called with the number of bytes that the service has. */
+  /** Called with the number of bytes that the service has, first with those that it has from before. */
   onProgress?: (bytes: number) => void;
   /** A file with the same key continues where it stopped, also in another process. */
   idempotencyKey?: string;
@@ -25,6 +25,10 @@ export async function upload(transport: Transport, file: Blob, filename: string,
   // The first answer again: bytes may have come since, and its URL may have expired.
   if (response.headers.has("Idempotency-Replayed")) made = await current(transport, made.id, signal);
   if (made.state === "complete") return made;
+  if (!transport.directUploads && !transport.isOwn(made.url ?? "")) {
+    const detail = "The service takes uploads at another host.";
+    throw new MeshdeformError(0, { code: "upload_elsewhere", detail, advice: "Send the file with its job, or allow direct uploads." });
+  }
   if (made.resumable) await pieces(transport, file, made, options);
   else {
     await transport.request(made.url ?? "", { method: made.method ?? "PUT", headers: made.headers ?? {}, body: file, signal, signed: true });
@@ -36,6 +40,7 @@ export async function upload(transport: Transport, file: Blob, filename: string,
 async function pieces(transport: Transport, file: Blob, made: Upload, { signal, onProgress }: UploadOptions): Promise<void> {
   const patience = transport.patience();
   let offset = made.offset;
+  onProgress?.(offset);
   while (offset < file.size) {
     const end = Math.min(offset + PIECE_BYTES, file.size);
     const headers = { ...made.headers, "Content-Range": `bytes ${offset}-${end - 1}/${file.size}` };
@@ -48,7 +53,7 @@ async function pieces(transport: Transport, file: Blob, made: Upload, { signal, 
       // 403: the URL has expired. 409: the service has other bytes than we believed.
       const astray = failure instanceof MeshdeformError && (failure.status === 403 || failure.status === 409);
       if (!(failure instanceof MeshdeformError) || (!astray && !worthRetrying(failure))) throw failure;
-      await patience.wait(failure, signal);
+      await patience.wait(failure, { signal });
       made = await current(transport, made.id, signal);
       if (made.state === "complete") return;
       if (made.offset > offset) patience.renew();

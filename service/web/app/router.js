@@ -2,10 +2,12 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null}
+ * @typedef {{name: "create", from: string | null, model?: string, prompt?: string}
  *   | {name: "surface", from: string | null}
+ *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
+ *   | {name: "shared", id: string, link: string}
  *   | {name: "group", id: string}
  *   | {name: "unknown", path: string}} Route
  */
@@ -14,6 +16,8 @@ export const STATES = ["queued", "running", "canceling", "succeeded", "failed", 
 /** As the API has it. */
 export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
+const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
+const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
 /**
@@ -28,18 +32,24 @@ export function parseRoute(hash) {
   const params = new URLSearchParams(query);
   if (parts.length === 0) {
     const from = params.get("from");
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null };
+    const model = params.get("model");
+    const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
+    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...taught };
   }
   if (parts[0] === "surface" && parts.length === 1) {
     const from = params.get("from");
     return { name: "surface", from: from !== null && JOB_ID.test(from) ? from : null };
   }
+  if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
     const state = params.get("state");
     return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null, search: (params.get("q") ?? "").slice(0, MAX_SEARCH) };
   }
   if (parts[0] === "jobs" && parts.length === 2 && JOB_ID.test(parts[1])) {
     return { name: "job", id: parts[1] };
+  }
+  if (parts[0] === "shared" && parts.length === 3 && JOB_ID.test(parts[1]) && LINK.test(parts[2])) {
+    return { name: "shared", id: parts[1], link: parts[2] };
   }
   if (parts[0] === "groups" && parts.length === 2 && GROUP_ID.test(parts[1])) {
     return { name: "group", id: parts[1] };
@@ -55,13 +65,17 @@ export function parseRoute(hash) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return route.from ? `#/?from=${route.from}` : "#/";
+      return `#/${queryOf({ from: route.from, model: route.model, prompt: route.prompt })}`;
     case "surface":
       return route.from ? `#/surface?from=${route.from}` : "#/surface";
+    case "teach":
+      return "#/teach";
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
       return `#/jobs/${route.id}`;
+    case "shared":
+      return `#/shared/${route.id}/${route.link}`;
     case "group":
       return `#/groups/${route.id}`;
     default:

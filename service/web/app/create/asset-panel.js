@@ -1,8 +1,8 @@
 // @ts-check
 /** The asset of a new job: dropped, chosen, or one of the examples, and shown at once. */
 import { announce } from "../announce.js";
-import { address } from "../api.js";
 import { Asset, FORMATS, formatOf } from "../assets.js";
+import { client } from "../client.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
@@ -130,8 +130,7 @@ export class AssetPanel {
   async example(name) {
     const choice = ++this.choices;
     try {
-      const response = await fetch(address(`web/examples/${name}`), { signal: this.scope.signal });
-      if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+      const response = await client.request(`web/examples/${name}`, { signal: this.scope.signal });
       const asset = new Asset(await response.blob(), name);
       if (choice === this.choices) await this.use(asset);
     } catch (error) {

@@ -1,8 +1,8 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
 import { announce } from "../announce.js";
-import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api.js";
 import { Asset, SURFACE_FORMATS } from "../assets.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
 import { recentJobs } from "../jobs/recent.js";
@@ -75,7 +75,7 @@ export class SurfaceView {
   async _begin(from) {
     const asset = from ? this._again(from) : this._firstAsset();
     try {
-      const { kinds } = await requestJson("v1/limits", { signal: this.scope.signal });
+      const { kinds } = await client.json("v1/limits", { signal: this.scope.signal });
       this.fields = numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === KIND)?.params);
     } catch (error) {
       if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
@@ -104,9 +104,8 @@ export class SurfaceView {
   /** @param {string} id @returns {Promise<Record<string, any> | null>} The parameters of a job whose file is used again. */
   async _again(id) {
     try {
-      const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
-      const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), job.asset.filename);
+      const job = await client.get(id, this.scope.signal);
+      const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
       if (!this.assets.choices) await this.assets.use(asset);
       return job.kind === KIND ? job.params : null;
     } catch (error) {
@@ -147,8 +146,7 @@ export class SurfaceView {
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
-      const sent = await asset.submission(this._document());
-      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.scope.signal, ...sent });
+      const found = await client.validate(...(await asset.submission(this._document(), {}, this.scope.signal)));
       if (turn !== this.turn || this.scope.over) return;
       fill(this.problem);
       this.assets.refuse("");
@@ -164,13 +162,13 @@ export class SurfaceView {
   _bad(error) {
     this.start.classList.add("button-blocked");
     this.estimate.textContent = "";
-    const found = error instanceof ProblemError ? error : null;
+    const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) {
       this.assets.refuse(found.message, found.advice);
       return void fill(this.problem);
     }
     if (found?.status === 404) this.assets.asset?.forgetUpload();
-    const errors = Array.isArray(found?.document.errors) ? found.document.errors : [];
+    const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
     const placed = errors.map((/** @type {any} */ each) => {
       const row = this.rows.get((each.loc ?? []).at(-1));
       if (row) markField(row, String(each.msg));
@@ -190,7 +188,7 @@ export class SurfaceView {
     this.start.textContent = "Starting…";
     this.turn += 1;
     try {
-      const job = await requestOnce("v1/jobs", await asset.submission(this._document()));
+      const job = await client.submit(...(await asset.submission(this._document())));
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;

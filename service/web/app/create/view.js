@@ -1,10 +1,11 @@
 // @ts-check
 /** The form for a new job. */
 import { announce, toast } from "../announce.js";
-import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
+import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
@@ -20,16 +21,19 @@ import { kindsNav } from "./kinds-nav.js";
 import { FrontControl } from "./front-control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { beginWith } from "./taught.js";
 
 export class CreateView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with.
+   * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, wanted = {}) {
     this.scope = scope;
     this.from = from;
+    this.wanted = wanted;
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -94,7 +98,7 @@ export class CreateView {
   /** @param {string | null} from */
   async _begin(from) {
     this.fields = this._learnFields();
-    const models = requestJson("v1/models", { signal: this.scope.signal }).catch((error) => (isAbort(error) ? null : {}));
+    const models = client.models(this.scope.signal).catch((error) => (isAbort(error) ? null : {}));
     const last = await lastDraft();
     if (this.scope.over) return;
     // The draft of another job is not the one that is asked for.
@@ -116,6 +120,7 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
+    beginWith(this.wanted, this.settings, this.prompt);
     this.begun = true;
     this._changed();
   }
@@ -154,7 +159,7 @@ export class CreateView {
 
   /** @returns {Promise<import("../params.js").Field[]>} */
   async _learnFields() {
-    const schema = await requestJson("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
+    const schema = await client.json("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
     const fields = fieldsOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(fields);
@@ -171,9 +176,8 @@ export class CreateView {
   async _assetOf(id) {
     const before = this.assets.choices;
     try {
-      const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
-      const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), job.asset.filename);
+      const job = await client.get(id, this.scope.signal);
+      const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
       this.others = await this._filesOf(job);
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);
@@ -187,10 +191,9 @@ export class CreateView {
 
   /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
   async _filesOf(job) {
-    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
     const files = parts.map(async ([part, { filename }]) => {
-      const response = await request(`v1/jobs/${job.id}/files/${part}`, { signal: this.scope.signal });
-      return [part, new Asset(await response.blob(), filename)];
+      return [part, new Asset(await client.file(job, part, this.scope.signal), filename)];
     });
     return Object.fromEntries(await Promise.all(files));
   }
@@ -220,8 +223,8 @@ export class CreateView {
     const asset = this.assets.asset;
     const wish = this.settings.wish(this.prompt.value);
     if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
-    const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
-    return requestJson("v1/jobs:orient", { method: "POST", signal, ...sent });
+    const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
+    return client.orient(...(await asset.submission(document, {}, signal)));
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
@@ -265,10 +268,12 @@ export class CreateView {
       return;
     }
     // What is quick needs no word.
-    const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
+    const say = (/** @type {string} */ text) => turn === this.checks && (this.estimate.textContent = text);
+    const slow = setTimeout(say, 400, "Checking…");
+    asset.onProgress = (share) => (clearTimeout(slow), say(share < 1 ? `Uploading, ${percent(share)}` : "Checking…"));
     try {
-      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0], this.guide.parts);
-      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.checking.signal, ...sent });
+      const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
+      const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
     } catch (error) {
@@ -298,21 +303,21 @@ export class CreateView {
   /** @param {unknown} error */
   _bad(error) {
     this.estimate.textContent = "";
-    const code = error instanceof ProblemError ? error.code : "";
-    if (error instanceof ProblemError && aboutNegative(error, this.prompt.value)) {
+    const code = error instanceof MeshdeformError ? error.code : "";
+    if (error instanceof MeshdeformError && aboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
     this.prompt.refuse(isAboutPrompt(error) ? error : null);
     if (isAboutPrompt(error)) return void fill(this.problem);
-    if (code.startsWith("asset_") && error instanceof ProblemError) {
+    if (code.startsWith("asset_") && error instanceof MeshdeformError) {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
     }
-    if (error instanceof ProblemError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
-    if (error instanceof ProblemError && this.guide.refuse(error)) return void fill(this.problem);
-    const errors = error instanceof ProblemError && Array.isArray(error.document.errors) ? error.document.errors : null;
+    if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
+    if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);
+    const errors = error instanceof MeshdeformError && Array.isArray(error.problem.errors) ? error.problem.errors : null;
     const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
@@ -360,14 +365,14 @@ export class CreateView {
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
     const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
-    const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(wanted, parts)) });
+    const checked = await client.validate(...(await asset.submission(wanted, parts)));
     this.steps = checked.params.steps;
     const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
     /** @type {any[]} */
     const jobs = [];
     for (const document of documents(wish, this.steps, group, this.settings.offered)) {
       try {
-        jobs.push(await requestOnce("v1/jobs", { ...(await asset.submission(document, parts)) }));
+        jobs.push(await client.submit(...(await asset.submission(document, parts))));
       } catch (error) {
         if (!jobs.length) throw error;
         // Some were accepted: show those, and say what became of the others.
@@ -383,10 +388,10 @@ export class CreateView {
 /**
  * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
  *
- * @param {ProblemError} error
+ * @param {MeshdeformError} error
  * @param {string} prompt
  */
 function aboutNegative(error, prompt) {
-  const unknown = error.code === "prompt_unknown_words" ? (error.document.unknown ?? []) : [];
+  const unknown = error.code === "prompt_unknown_words" ? (error.problem.unknown ?? []) : [];
   return unknown.length > 0 && unknown.every((/** @type {string} */ word) => !prompt.toLowerCase().includes(word));
 }

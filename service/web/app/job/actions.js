@@ -1,20 +1,21 @@
 // @ts-check
 /** What can be done with a job. */
 import { toast } from "../announce.js";
-import { request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
+import { client } from "../client.js";
 import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
 import { count, roughly } from "../format.js";
 import { isTerminal } from "../history.js";
+import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { checkpointEvery, refinement } from "../params.js";
 import { described } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
-import { copyText, download } from "./files.js";
+import { copyLink, copyText, download } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 // A refinement that takes longer is asked about first.
@@ -52,6 +53,10 @@ export class JobActions {
     const focused = this.element.contains(document.activeElement);
     const over = isTerminal(state);
     const deforms = isDeformation(this.job);
+    if (currentLink()) {
+      fill(this.element, state === "succeeded" && deforms ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null);
+      return;
+    }
     const better = state === "succeeded" && deforms ? refinement(this.job) : null;
     fill(
       this.element,
@@ -61,6 +66,9 @@ export class JobActions {
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       over && (deforms || this.job.kind === "surface_fit") ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
+        icon: "link", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
+      }),
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );
@@ -81,7 +89,7 @@ export class JobActions {
 
   async _cancel() {
     try {
-      await requestJson(`v1/jobs/${this.job.id}/cancel`, { method: "POST" });
+      await client.cancel(this.job);
       this.onChange();
     } catch (error) {
       toast(`Not canceled. ${described(error).detail || described(error).title}`);
@@ -90,7 +98,7 @@ export class JobActions {
 
   async _retry() {
     try {
-      const job = await requestOnce(`v1/jobs/${this.job.id}/retry`, {});
+      const job = await client.retry(this.job);
       location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       toast(`Not retried. ${described(error).detail || described(error).title}`);
@@ -106,12 +114,11 @@ export class JobActions {
     if (this.busy) return;
     this.busy = true;
     try {
-      const response = await request(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), this.job.asset.filename);
-      const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(document)) });
+      const asset = new Asset(await client.file(this.job, "asset", this.scope.signal), this.job.asset.filename);
+      const checked = await client.validate(...(await asset.submission(document)));
       document.params.checkpoint_every_steps = checkpointEvery(checked.params.steps);
       const start = async () => {
-        const job = await requestOnce("v1/jobs", await asset.submission(document));
+        const job = await client.submit(...(await asset.submission(document)));
         location.hash = routeHash({ name: "job", id: job.id });
       };
       const seconds = checked.estimate.run_s;
@@ -172,8 +179,8 @@ export class JobActions {
         act: async () => {
           const steps = this.job.params.steps ?? this.job.progress.total_steps;
           const params = { ...this.job.params, ...(steps ? { checkpoint_every_steps: checkpointEvery(steps) } : {}) };
-          const json = { prompt: prompt.value.trim(), params, output: this.job.output };
-          const job = await requestOnce(`v1/jobs/${this.job.id}/checkpoints/${step.value}/branch`, { json });
+          const request = { prompt: prompt.value.trim(), params, output: this.job.output };
+          const job = await client.branch(this.job, Number(step.value), request);
           location.hash = routeHash({ name: "job", id: job.id });
         },
       },

@@ -2,6 +2,7 @@
 /** What a job produced: its quality in words, its files, its settings, its log. */
 import { button, h, icon } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
+import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { copyCurl, copyLink, download, downloadMade } from "./files.js";
@@ -9,10 +10,12 @@ import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
 // What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["morph.glb", "result.usdz"];
+const AFTERWARDS = ["result.obj.zip", "result.stl", "result.usdz", "morph.glb"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
+  "result.obj.zip": "The new shape as OBJ, with materials and textures",
+  "result.stl": "The new shape for printing: metres, Y up",
   "result.usdz": "The new shape for AR viewers and USD pipelines",
   "surface.ndf": "The surface: base mesh and network",
   ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
@@ -22,6 +25,7 @@ const FILES = /** @type {Record<string, string>} */ ({
   "descriptors.npz": "Descriptors of the assets",
   "family.safetensors": "Templates, and the model of their shapes",
   "labelled.zip": "The assets with their parts",
+  "weights.safetensors": "The model with its new word",
   "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
 });
@@ -51,6 +55,8 @@ export function qualityPanel(report) {
  */
 export function filesPanel(job, artifacts, scope) {
   const order = Object.keys(FILES);
+  // Who came by a link reads what there is.
+  const shared = currentLink() !== "";
   const sorted = [...artifacts].sort((a, b) => rank(order, a.name) - rank(order, b.name));
   const row = (/** @type {string} */ name, /** @type {string} */ saved, /** @type {string} */ text, /** @type {number} */ size, /** @type {string} */ path, /** @type {boolean} */ signed) =>
     h(
@@ -60,8 +66,8 @@ export function filesPanel(job, artifacts, scope) {
       h(
         "div",
         { class: "row" },
-        signed ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
-        button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
+        signed && !shared ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
+        shared ? null : button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
         button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
     );
@@ -84,8 +90,8 @@ export function filesPanel(job, artifacts, scope) {
       sorted.map((found) =>
         row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
-      job.state === "succeeded" && isDeformation(job) ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
-      row(job.asset.filename, job.asset.filename, "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
+      job.state === "succeeded" && isDeformation(job) && !shared ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
+      row(job.asset.filename, job.asset.filename, shared ? "The asset as it was sent" : "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
     ),
   );
 }

@@ -1,21 +1,22 @@
 // @ts-check
 /** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
-import { isAbort, OfflineError, ProblemError, request, requestJson } from "../api.js";
 import { LossChart } from "../chart.js";
+import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
+import { currentLink } from "../link.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
-import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
+import { isLesson, lessonPanel } from "./lesson.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
@@ -55,10 +56,10 @@ export class JobView {
     for (let again = true; again && !this.scope.over; ) {
       again = false;
       try {
-        this.job = await requestJson(`v1/jobs/${this.id}`, { signal: this.scope.signal });
+        this.job = await client.get(this.id, this.scope.signal);
       } catch (error) {
         if (isAbort(error) || this.scope.over) return;
-        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
+        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), currentLink() ? problemBox(linkProblem(error)) : problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
         again = temporary(error) && (await this.scope.sleep(3000));
       }
     }
@@ -85,7 +86,9 @@ export class JobView {
       h(
         "header",
         { class: "job-head" },
-        h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
+        currentLink()
+          ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
+          : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
@@ -104,15 +107,21 @@ export class JobView {
   }
 
   async _follow() {
+    /** @type {import("../history.js").JobEvent[]} */
+    let together = [];
+    const show = () => this.scope.over || this._take(together.splice(0));
+    // However long it takes, the page connects again.
+    const options = { signal: this.scope.signal, timeoutMs: Infinity, onConnection: (/** @type {boolean} */ on) => this.progress?.connected(on) };
     try {
-      await follow(this.id, {
-        onEvents: (events) => this._take(events),
-        onStatus: (status) => this.progress?.connected(status !== "reconnecting"),
-      }, this.scope.signal);
+      for await (const event of client.watch(this.id, options)) {
+        // Those that come together, after a reload all, are shown together.
+        if (together.push(event) === 1) setTimeout(show);
+      }
+      this.progress?.connected(true);
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
-      const gone = error instanceof ProblemError && error.status === 404;
-      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : error));
+      const gone = error instanceof MeshdeformError && error.status === 404;
+      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : linkProblem(error)));
       if (gone) announce("This job was deleted");
     }
   }
@@ -146,8 +155,8 @@ export class JobView {
   /** Find out which steps' shapes are still kept. */
   async _keep() {
     try {
-      const { checkpoints } = await requestJson(`v1/jobs/${this.id}/checkpoints`, { signal: this.scope.signal });
-      this.kept = checkpoints.filter((/** @type {any} */ found) => found.mesh).map((/** @type {any} */ found) => found.step);
+      const checkpoints = await client.checkpoints(this.id, this.scope.signal);
+      this.kept = checkpoints.filter((found) => found.mesh).map((found) => found.step);
       this.stage?.offer(this.kept, this.history.state === "succeeded", this.history.progress.step);
       this.actions?.show(this.history.state, this.kept);
     } catch (error) {
@@ -161,33 +170,32 @@ export class JobView {
     if (this.scope.over) return;
     const succeeded = this.history.state === "succeeded";
     try {
-      const { artifacts } = await requestJson(`v1/jobs/${this.id}/artifacts`, { signal: this.scope.signal });
-      const names = artifacts.map((/** @type {any} */ found) => found.name);
+      const artifacts = await client.artifacts(this.id, this.scope.signal);
+      const names = artifacts.map((found) => found.name);
       if (succeeded && this.error) fill(this.error);
-      this.report = names.includes("report.json") ? await requestJson(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
+      this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
-        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.stage?.front(this.report?.orientation);
       if (this.report && this.stage instanceof FieldStage) this.stage.compare(this.report);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
       if (this.stage?.flat && names.includes("preview.png")) {
-        const picture = await request(`v1/jobs/${this.id}/artifacts/preview.png`, { signal: this.scope.signal });
-        this.stage.showPicture(await picture.blob());
+        this.stage.showPicture(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
       }
       if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
-      if (this.error && succeeded) fill(this.error, problemBox(error));
+      if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
   }
 
   async _refresh() {
     try {
-      this.job = await requestJson(`v1/jobs/${this.id}`, { signal: this.scope.signal });
+      this.job = await client.get(this.id, this.scope.signal);
       if (this.actions) this.actions.job = this.job;
       if (this.stage) this.stage.job = this.job;
       if (this.job.error && this.error) fill(this.error, problemBox(this.job.error));
@@ -195,6 +203,12 @@ export class JobView {
       if (!isAbort(error)) console.warn(error);
     }
   }
+}
+
+/** What is wrong with a link, in place of what a key would be told; any other error stays. @param {unknown} error */
+function linkProblem(error) {
+  if (!currentLink() || !(error instanceof MeshdeformError) || error.status !== 401) return error;
+  return { title: error.message, detail: "", advice: error.advice };
 }
 
 /** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
@@ -205,7 +219,7 @@ function stageOf(job, scope) {
 
 /** Return whether the same request may succeed a little later. @param {unknown} error */
 function temporary(error) {
-  return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
+  return isOffline(error) || (error instanceof MeshdeformError && (error.status === 429 || error.status >= 500));
 }
 
 /** @param {any} job */

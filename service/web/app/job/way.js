@@ -3,7 +3,8 @@
  * The way from the source to the result, through shapes that the server makes: some that the view needs to bend along it,
  * and exactly the one at which the slider stops. Where the server makes none, straight lines remain.
  */
-import { isAbort, ProblemError } from "../api.js";
+import { isAbort, MeshdeformError } from "../client.js";
+import { currentLink } from "../link.js";
 
 const ALONG = [50, 25, 75];
 const BEYOND = [150, 125];
@@ -21,7 +22,7 @@ export class Way {
     this.cache = cache;
     this.box = box;
     this.onChange = onChange;
-    this.on = true; // the server makes shapes
+    this.on = !currentLink(); // the server makes shapes, but not for a link
     /** @type {Map<number, Promise<ArrayBuffer | null>>} Under way. */
     this.asked = new Map();
     /** @type {Set<number>} Shapes that the view has. */
@@ -67,7 +68,7 @@ export class Way {
       this.onChange();
       return file;
     } catch (error) {
-      if (!isAbort(error) && error instanceof ProblemError && !BUSY.includes(error.status)) {
+      if (!isAbort(error) && error instanceof MeshdeformError && !error.unanswered && !BUSY.includes(error.status)) {
         console.info("The way is straight:", error);
         this.on = false;
         this.onChange();

@@ -25,6 +25,8 @@ const HINTS = /** @type {Record<Tool, string>} */ ({
   handle: "Drag a point of the asset to where it shall be.",
 });
 
+const TOUCHED = matchMedia("(any-pointer: coarse)");
+
 export class ControlPanel {
   /**
    * @param {import("../../viewer-box.js").ViewerBox} box
@@ -34,6 +36,7 @@ export class ControlPanel {
     this.onChange = onChange;
     this.control = noControl();
     this.history = new History(this.control);
+    this.back = this.history.mark();
     /** Name and size of the file that the regions and handles are for. */
     this.of = "";
     /** That which is shown. */
@@ -251,11 +254,27 @@ export class ControlPanel {
   undo() {
     const control = this.history.undo();
     if (!control) return;
+    this.boxed = -1;
+    this._take(control);
+    announce("Undone");
+  }
+
+  /** A pointer took hold of something in the view. */
+  begun() {
+    this.back = this.history.mark();
+  }
+
+  /** What it has changed since then was not meant. */
+  dropped() {
+    this._take(this.back());
+  }
+
+  /** @param {Control} control */
+  _take(control) {
     this.control = control;
-    this.boxed = this.chosen = -1;
+    this.chosen = -1;
     this._show();
     this.onChange();
-    announce("Undone");
   }
 
   _clear() {
@@ -323,7 +342,8 @@ export class ControlPanel {
     if (this.by) this.by.hidden = tool !== "part";
     if (this.brushRow) this.brushRow.hidden = tool !== "paint";
     if (this.hint) {
-      this.hint.textContent = this.view.numbered || tool === "turn" ? HINTS[tool] : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
+      const fingers = tool !== "turn" && TOUCHED.matches ? " Two fingers turn and zoom the view." : "";
+      this.hint.textContent = this.view.numbered || tool === "turn" ? `${HINTS[tool]}${fingers}` : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
       this.hint.hidden = !this.hint.textContent;
     }
     this.toolbar.hidden = !(/** @type {HTMLDetailsElement} */ (this.element)?.open) || !this.view.possible;
