@@ -78,6 +78,19 @@ async function upload(asset) {
   return String(made.id);
 }
 
+/**
+ * One of the assets that come with the page. They need no API key.
+ *
+ * @param {string} name Of a file below `web/examples/`.
+ * @param {AbortSignal} signal
+ * @returns {Promise<Asset>}
+ */
+export async function exampleAsset(name, signal) {
+  const response = await fetch(address(`web/examples/${name}`), { signal });
+  if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+  return new Asset(await response.blob(), name.split("/").pop() ?? name);
+}
+
 /** @param {ArrayBuffer} digest */
 function hex(digest) {
   return [...new Uint8Array(digest)].map((byte) => byte.toString(16).padStart(2, "0")).join("");

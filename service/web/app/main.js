@@ -1,9 +1,12 @@
 // @ts-check
 /** The page: a frame around one view at a time. */
 import { announce, mountAnnouncer, toast } from "./announce.js";
+import { exampleOrigin } from "./create/origins.js";
 import { CreateView } from "./create/view.js";
+import { CompareView } from "./compare/view.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
+import { ExampleView, showExamples } from "./examples/view.js";
 import { JobView } from "./job/view.js";
 import { ListView } from "./jobs/list.js";
 import { currentKey, forgetKey } from "./key.js";
@@ -15,6 +18,8 @@ const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 const tools = /** @type {HTMLElement} */ (document.getElementById("tools"));
 let scope = new Scope();
 let first = true;
+/** The link at the top that stands for a view, where it is not that to the jobs. */
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", examples: "examples", example: "examples" });
 
 function show() {
   const route = parseRoute(location.hash);
@@ -24,11 +29,14 @@ function show() {
   const root = h("div", { class: `view view-${route.name}` });
   fill(main, root);
   for (const link of document.querySelectorAll("nav a")) {
-    const here = link.getAttribute("data-view") === (route.name === "create" ? "create" : "jobs");
+    const here = link.getAttribute("data-view") === (SECTIONS[route.name] ?? "jobs");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from);
+  if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null));
+  else if (route.name === "examples") showExamples(root, scope);
+  else if (route.name === "compare") new CompareView(root, scope, route.ids);
+  else if (route.name === "example") new ExampleView(root, scope, route.id);
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
@@ -40,7 +48,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", jobs: "Jobs", group: "Variations", job: "Job", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

@@ -2,10 +2,13 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null}
+ * @typedef {{name: "create", from: string | null, example?: string}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
  *   | {name: "group", id: string}
+ *   | {name: "examples"}
+ *   | {name: "example", id: string}
+ *   | {name: "compare", ids: [string, string]}
  *   | {name: "unknown", path: string}} Route
  */
 
@@ -13,6 +16,7 @@ export const STATES = ["queued", "running", "canceling", "succeeded", "failed", 
 /** As the API has it. */
 export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
+const EXAMPLE_ID = /^[a-z0-9-]{1,40}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
 /**
@@ -27,7 +31,8 @@ export function parseRoute(hash) {
   const params = new URLSearchParams(query);
   if (parts.length === 0) {
     const from = params.get("from");
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null };
+    const example = params.get("example") ?? "";
+    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}) };
   }
   if (parts[0] === "jobs" && parts.length === 1) {
     const state = params.get("state");
@@ -38,6 +43,11 @@ export function parseRoute(hash) {
   }
   if (parts[0] === "groups" && parts.length === 2 && GROUP_ID.test(parts[1])) {
     return { name: "group", id: parts[1] };
+  }
+  if (parts[0] === "examples" && parts.length === 1) return { name: "examples" };
+  if (parts[0] === "examples" && parts.length === 2 && EXAMPLE_ID.test(parts[1])) return { name: "example", id: parts[1] };
+  if (parts[0] === "compare" && parts.length === 3 && JOB_ID.test(parts[1]) && JOB_ID.test(parts[2])) {
+    return { name: "compare", ids: [parts[1], parts[2]] };
   }
   return { name: "unknown", path: "/" + parts.join("/") };
 }
@@ -50,13 +60,19 @@ export function parseRoute(hash) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return route.from ? `#/?from=${route.from}` : "#/";
+      return `#/${queryOf({ from: route.from, example: route.example })}`;
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
       return `#/jobs/${route.id}`;
     case "group":
       return `#/groups/${route.id}`;
+    case "examples":
+      return "#/examples";
+    case "example":
+      return `#/examples/${route.id}`;
+    case "compare":
+      return `#/compare/${route.ids.join("/")}`;
     default:
       return `#${route.path}`;
   }

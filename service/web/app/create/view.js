@@ -1,10 +1,10 @@
 // @ts-check
 /** The form for a new job. */
 import { announce, toast } from "../announce.js";
-import { isAbort, ProblemError, request, requestJson, requestOnce } from "../api.js";
-import { Asset } from "../assets.js";
+import { isAbort, ProblemError, requestJson, requestOnce } from "../api.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
+import { exampleSection } from "../examples/gallery.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
@@ -17,14 +17,17 @@ import { ControlPanel } from "./control/panel.js";
 import { estimateWords } from "./estimate.js";
 import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
+import { originOf } from "./origins.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+
+/** @typedef {import("../assets.js").Asset} Asset */
 
 export class CreateView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
-   * @param {string | null} from A job to begin with.
+   * @param {string | null} from A job to begin with, or an example (`exampleOrigin`).
    */
   constructor(root, scope, from) {
     this.scope = scope;
@@ -85,6 +88,7 @@ export class CreateView {
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
       recentJobs(scope),
+      exampleSection(scope),
     );
     this._begin(from);
   }
@@ -161,18 +165,16 @@ export class CreateView {
   }
 
   /**
-   * Use the asset of a job.
+   * Use the asset of a job, or of an example.
    *
-   * @param {string} id
-   * @returns {Promise<import("../params.js").Wish | null>} The job's settings.
+   * @param {string} from
+   * @returns {Promise<import("../params.js").Wish | null>} Its settings.
    */
-  async _assetOf(id) {
+  async _assetOf(from) {
     const before = this.assets.choices;
     try {
-      const job = await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
-      const response = await request(`v1/jobs/${id}/asset`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), job.asset.filename);
-      this.others = await this._filesOf(job);
+      const { job, asset, others } = await originOf(from, this.scope.signal);
+      this.others = others;
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);
     } catch (error) {
@@ -181,16 +183,6 @@ export class CreateView {
       await this.assets.example(EXAMPLES[0].name);
       return null;
     }
-  }
-
-  /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
-  async _filesOf(job) {
-    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
-    const files = parts.map(async ([part, { filename }]) => {
-      const response = await request(`v1/jobs/${job.id}/files/${part}`, { signal: this.scope.signal });
-      return [part, new Asset(await response.blob(), filename)];
-    });
-    return Object.fromEntries(await Promise.all(files));
   }
 
   /** @param {import("../params.js").Wish} wish @param {Record<string, Asset>} files */

@@ -3,6 +3,7 @@
 import { toast } from "../announce.js";
 import { request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
+import { compareWith } from "../compare/choose.js";
 import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
@@ -61,6 +62,7 @@ export class JobActions {
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       over && deforms ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );

@@ -1,0 +1,45 @@
+// @ts-check
+/** What a form begins with: the files and the settings of a job, or of one of the examples. */
+import { request, requestJson } from "../api.js";
+import { Asset, exampleAsset } from "../assets.js";
+import { gallery } from "../examples/gallery.js";
+
+const EXAMPLE = "example:";
+
+/** What a form begins with that begins with an example. @param {string} id */
+export function exampleOrigin(id) {
+  return EXAMPLE + id;
+}
+
+/**
+ * @typedef {object} Origin
+ * @property {any} job The document of the job, or as much of one as an example has.
+ * @property {Asset} asset
+ * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
+ */
+
+/**
+ * @param {string} from The id of a job, or what `exampleOrigin` returns.
+ * @param {AbortSignal} signal
+ * @returns {Promise<Origin>}
+ */
+export async function originOf(from, signal) {
+  if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
+  const job = await requestJson(`v1/jobs/${from}`, { signal });
+  const response = await request(`v1/jobs/${from}/asset`, { signal });
+  const asset = new Asset(await response.blob(), job.asset.filename);
+  const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+  const files = parts.map(async ([part, { filename }]) => {
+    const found = await request(`v1/jobs/${from}/files/${part}`, { signal });
+    return [part, new Asset(await found.blob(), filename)];
+  });
+  return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
+}
+
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<Origin>} */
+async function exampleOf(id, signal) {
+  const example = (await gallery(signal)).find((found) => found.id === id);
+  if (!example) throw new Error(`There is no example ${id}.`);
+  const asset = await exampleAsset(example.asset, signal);
+  return { job: { ...example.document, asset: { filename: asset.name, size: asset.size } }, asset, others: {} };
+}
