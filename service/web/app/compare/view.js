@@ -44,6 +44,7 @@ export class CompareView {
       { class: "job-head" },
       h("a", { class: "back", href: "#/jobs" }, icon("back"), "Jobs"),
       h("h1", null, "Comparison"),
+      h("p", { class: "meta" }, "Both cameras move together, at the same scale."),
       h(
         "div",
         { class: "actions", role: "group", "aria-label": "Actions" },

@@ -74,7 +74,7 @@ export class ExampleView {
     this.stage = new PairStage(this.scope, {
       label: "Before and after",
       tags: ["Before", "After"],
-      colours: [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"]],
+      colours: [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"], ["texture", "Texture"]],
     });
     const morph = slider("morph-slider", "Morph", 100, () => {
       const share = Number(morph.input.value) / 100;
