@@ -72,6 +72,7 @@ export class CreateView {
       { class: "create-form", "aria-label": "New job", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
       this.restored,
       this.prompt.element,
+      this.control.further.element,
       this.guide.element,
       this.problem,
       this.settings.element,
@@ -200,7 +201,7 @@ export class CreateView {
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
-    this.prompt.element.hidden = this.guide.target !== null;
+    this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
   }
@@ -228,6 +229,11 @@ export class CreateView {
     return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
   }
 
+  /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
+  _aimless(wish) {
+    return !wish.prompt && !this.control.further.any && this.guide.isEmpty;
+  }
+
   /** Return whether all settings can be sent; what cannot is marked. */
   _settle() {
     const found = [this.settings.check(), this.control.check(this.settings.subdivide.checked), this.guide.check()];
@@ -249,7 +255,7 @@ export class CreateView {
       this.estimate.textContent = good ? "" : "Correct the marked settings.";
       return;
     }
-    if (!asset || (!wish.prompt && this.guide.isEmpty)) {
+    if (!asset || this._aimless(wish)) {
       this.prompt.refuse(null);
       this.estimate.textContent = wish.prompt ? "" : "Enter a prompt, or pick one.";
       return;
@@ -275,6 +281,7 @@ export class CreateView {
   _good(found, wish) {
     this.steps = found.params.steps;
     this.prompt.refuse(null);
+    this.control.further.accept();
     fill(this.problem);
     this.settings.resolved(found.params);
     this.front.resolve(found.params.orientation);
@@ -294,8 +301,11 @@ export class CreateView {
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
-    this.prompt.refuse(isAboutPrompt(error) ? error : null);
-    if (isAboutPrompt(error)) return void fill(this.problem);
+    const about = isAboutPrompt(error) && error instanceof ProblemError;
+    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
+    if (!further) this.control.further.accept();
+    this.prompt.refuse(about && !further ? error : null);
+    if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof ProblemError) {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
@@ -313,7 +323,7 @@ export class CreateView {
     if (this.busy) return;
     const asset = this.assets.asset;
     const wish = this._wish();
-    if (!wish.prompt && this.guide.isEmpty) {
+    if (this._aimless(wish)) {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
       return;
@@ -335,6 +345,7 @@ export class CreateView {
       this._bad(error);
       announce("The job did not start");
       if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
+      else if (this.control.further.refused.size) this.control.further.focusProblem();
     } finally {
       this.busy = false;
       this.start.removeAttribute("aria-disabled");
