@@ -69,7 +69,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     for tool in ("Add a box", "Add triangles", "Add a handle"):
         page.locator(".control-panel").get_by_role("button", name=tool).click()
     page.get_by_role("button", name="Add a prompt").click()
-    page.get_by_label("Prompt 2", exact=True).fill("a rabbit")
+    page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a rabbit")
     page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
     page.evaluate("() => document.activeElement.blur()")
     page.get_by_label("Length along x", exact=True).select_option("limits")

@@ -34,7 +34,7 @@ def test_two_prompts_of_which_one_has_regions(page: Page, watch: Watch, service:
     page.get_by_label("Prompt", exact=True).fill("a pear")
     set_steps(page, 2)
     page.get_by_role("button", name="Add a prompt").click()
-    second = page.get_by_label("Prompt 2", exact=True)
+    second = page.get_by_role("textbox", name="Prompt 2", exact=True)
     expect(second).to_be_focused()
     second.fill("a mushrom")
     rows = page.get_by_role("list", name="Further prompts")

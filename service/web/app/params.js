@@ -106,7 +106,6 @@ export function integerProblem(text, min, max) {
  * @returns {Record<string, any>[]}
  */
 export function documents(wish, steps, group, fields) {
-  /** @type {Record<string, any>} */
   const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
   const target = wish.guide?.target ?? false;
   // A target mesh takes the place of all prompts.

@@ -296,14 +296,14 @@ export class CreateView {
   _bad(error) {
     this.estimate.textContent = "";
     const code = error instanceof ProblemError ? error.code : "";
-    if (error instanceof ProblemError && aboutNegative(error, this.prompt.value)) {
+    const about = isAboutPrompt(error) && error instanceof ProblemError;
+    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
+    if (!further) this.control.further.accept();
+    if (!further && about && aboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
-    const about = isAboutPrompt(error) && error instanceof ProblemError;
-    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
-    if (!further) this.control.further.accept();
     this.prompt.refuse(about && !further ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof ProblemError) {

@@ -15,6 +15,7 @@ import {
 } from "../../vendor/three/three.module.js";
 
 const KEPT = 0x2b6fb3;
+const PULLED = 0x8a4fd0;
 const TOOL = 0xd9622b;
 const POINT = 0.011; // of the diagonal
 const CIRCLE = 48;
@@ -29,7 +30,7 @@ export class Overlay {
     this.group = new Group();
     scene.add(this.group);
     this.kept = this.#own(tint(KEPT, 0.55));
-    this.pulled = this.#own(tint(TOOL, 0.4));
+    this.pulled = this.#own(tint(PULLED, 0.5));
     this.box = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false })));
     this.brush = this.#own(new LineLoop(circle(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
     this.lines = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
