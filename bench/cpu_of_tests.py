@@ -4,7 +4,9 @@
 
 A pytest plugin: it lists the most expensive at the end. Unlike the wall time of a test, its CPU time hardly depends on
 what else the machine does. Processes that nobody waits for are lost when they end; a later test can then seem to cost
-less than nothing. Not for several workers (`-n`).
+less than nothing. Several workers (`-n`) each measure their own tests:
+
+    PYTEST_ADDOPTS="-p bench.cpu_of_tests" scripts/test
 """
 
 from __future__ import annotations
@@ -66,6 +68,20 @@ def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, 
         return (yield)
     finally:
         _fixtures[f"{fixturedef.scope} {fixturedef.argname}"] += _cpu_s() - before  # type: ignore[assignment]
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Send what a worker has measured to the process that prints it."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["cpu_of_tests"] = [dict(_tests), dict(_fixtures)]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Add what a worker has measured."""
+    tests, fixtures = getattr(node, "workeroutput", {}).get("cpu_of_tests", [{}, {}])
+    _tests.update(tests)
+    _fixtures.update(fixtures)
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

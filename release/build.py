@@ -36,6 +36,7 @@ NEEDED = (
     "service/web/app/*.js",
     "service/web/style/*.css",
     "service/web/viewer/viewer.js",
+    "service/web/client/index.js",
     "service/web/vendor/manifest.json",
     "service/web/vendor/three/LICENSE",
     "service/web/vendor/three/three.module.js",

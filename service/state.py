@@ -21,6 +21,7 @@ from meshdeform.webhooks.lookups import LookupPool
 from service.downloads.strengths import Strengths
 from service.events.broker import JobWaiters
 from service.http.slots import FairSlots
+from service.operations.taught_models import TaughtModels
 from service.schemas import PartHealth
 from service.workspace import Workspace
 
@@ -82,6 +83,8 @@ class AppState:
         Files that passed the check.
     workspace : Workspace
         Temporary folders for the files of requests.
+    taught : TaughtModels
+        The models that owners' jobs have made.
     intake : FairSlots
         Requests whose files are checked and stored at the same time, in separate threads: other requests never
         wait for a decoder.
@@ -104,6 +107,7 @@ class AppState:
     waiters: JobWaiters
     assets: CheckedAssets
     workspace: Workspace
+    taught: TaughtModels
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
             _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
@@ -134,14 +138,17 @@ class AppState:
             A connection cannot be opened. Redis may be unavailable: it is not contacted here.
         """
         record = JobRecord(settings.resolved_database_url)
+        store = ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url)
+        workspace = Workspace()
         return cls(
             settings=settings,
             record=record,
             queue=JobQueue(settings.redis_url, settings.queue),
-            store=ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url),
+            store=store,
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(Limits.from_settings(settings)),
-            workspace=Workspace(),
+            workspace=workspace,
+            taught=TaughtModels(record, store, workspace),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:

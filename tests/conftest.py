@@ -45,6 +45,7 @@ SHARING = {
         "tests/toolchain/test_recipes.py",
     ),
     "the page": ("tests/browser/test_",),
+    "Stable Diffusion": ("tests/unit/priors/test_stable_diffusion", "tests/unit/priors/test_text_to_3d.py"),
     "the S3 server": (
         "tests/acceptance/test_storage_faults.py",
         "tests/acceptance/test_worker_outages.py",

@@ -133,10 +133,15 @@ class PostgresServer:
     durable : bool
         Whether it syncs to the disk. Without, it is faster, and loses what it has when the machine dies, not when it
         does.
+    options : dict of str to str, optional
+        Settings of the server by name, such as `max_connections`.
     """
 
-    def __init__(self, folder: Path, host: str = "127.0.0.1", *, durable: bool = False) -> None:
+    def __init__(
+        self, folder: Path, host: str = "127.0.0.1", *, durable: bool = False, options: dict[str, str] | None = None
+    ) -> None:
         self._binaries, self._runas = _postgres_binaries(), _unprivileged()
+        self._options = [word for name, value in (options or {}).items() for word in ("-c", f"{name}={value}")]
         self._folder, self._data, self._host, self._durable = folder, folder / "data", host, durable
         self.port = free_port()
         self._child: subprocess.Popen[bytes] | None = None
@@ -163,13 +168,21 @@ class PostgresServer:
         """Start it and return when it answers."""
         log = self._folder / "postgres.log"
         command = [*self._runas, self._binaries / "postgres", "-D", self._data, "-k", self._folder]
-        command += ["-h", self._host, "-p", str(self.port)] + ([] if self._durable else ["-F"])
+        command += ["-h", self._host, "-p", str(self.port), *self._options] + ([] if self._durable else ["-F"])
         with log.open("ab") as output:
             self._child = subprocess.Popen(
                 command, cwd=self._folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
         wait_for_port(self.port, self._child, log, self._host)
         self._wait_for_recovery(log)
+
+    @property
+    def pid(self) -> int:
+        """The process id of the started server, the parent of all its processes."""
+        assert self._child is not None
+        found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(self._child.pid)], check=False, capture_output=True)
+        # Not run as root, the server is our own child; else `runuser` is between.
+        return int(found.stdout.split()[0]) if self._runas else self._child.pid
 
     def _wait_for_recovery(self, log: Path) -> None:
         # After a crash it accepts connections long before it has read its log, and refuses every session until then.
@@ -197,3 +210,56 @@ def postgres_server(folder: Path) -> Iterator[int]:
         yield server.port
     finally:
         server.kill()
+
+
+class PgBouncer:
+    """A PgBouncer in front of a PostgreSQL, which shares its connections between transactions.
+
+    Parameters
+    ----------
+    folder : Path
+    server : PostgresServer
+    connections : int
+        Number of connections to the server, which all clients share.
+    """
+
+    def __init__(self, folder: Path, server: PostgresServer | int, connections: int = 4) -> None:
+        program = shutil.which("pgbouncer", path=f"{os.environ['PATH']}:/usr/sbin:/sbin")
+        if program is None:
+            raise NotInstalledError("PgBouncer is not installed (apt install pgbouncer)")
+        self.port = free_port()
+        behind = server if isinstance(server, int) else server.port
+        users, settings = folder / "users.txt", folder / "pgbouncer.ini"
+        users.write_text('"meshdeform" ""\n')
+        settings.write_text(
+            f"[databases]\n* = host=127.0.0.1 port={behind} user=meshdeform\n"
+            f"[pgbouncer]\nlisten_addr = 127.0.0.1\nlisten_port = {self.port}\nunix_socket_dir =\n"
+            f"auth_type = trust\nauth_file = {users}\npool_mode = transaction\nmax_client_conn = 5000\n"
+            f"default_pool_size = {connections}\nserver_round_robin = 1\n"
+        )
+        self._command = [*_unprivileged(), program, str(settings)]
+        if os.geteuid() == 0:
+            user = pwd.getpwnam(self._command[2])
+            for path in (folder, users, settings):
+                os.chown(path, user.pw_uid, user.pw_gid)
+        self._folder = folder
+        self._child: subprocess.Popen[bytes] | None = None
+
+    @property
+    def url(self) -> str:
+        """The database `postgres` behind it."""
+        return f"postgresql://meshdeform@127.0.0.1:{self.port}/postgres"
+
+    def start(self) -> None:
+        """Start it and return when it answers."""
+        log = self._folder / "pgbouncer.log"
+        with log.open("ab") as output:
+            self._child = subprocess.Popen(
+                self._command, cwd=self._folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
+        wait_for_port(self.port, self._child, log)
+
+    def stop(self) -> None:
+        """End it."""
+        if self._child is not None:
+            _stop(self._child)

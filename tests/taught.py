@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 import torch
 
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.taught import metadata_of
+from meshdeform.priors.builtin.teaching import pictures, sheet
+from meshdeform.priors.builtin.teaching.pictures import LessonSize, draw_lesson
 from meshdeform.priors.builtin.weights_file import pack_weights
 from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
+from meshdeform.runs import teaching
 
-__all__ = ["SMALL", "THREE_NOUNS", "write_small_weights"]
+__all__ = ["SMALL", "THREE_NOUNS", "shorten_lessons", "write_small_weights"]
 
 SMALL = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
 _NOUNS = ("bowl", "heart", "vase")
@@ -29,3 +33,14 @@ def write_small_weights(path: Path) -> Path:
     provenance = {"steps": "0", "seed": "0"}
     path.write_bytes(pack_weights(network.state_dict(), SMALL, provenance, metadata_of(THREE_NOUNS, [])))
     return path
+
+
+def shorten_lessons(patch: pytest.MonkeyPatch) -> None:
+    """Let lessons draw and measure as few pictures as they can."""
+
+    def short(new: object, shapes: object, replayed: object, _size: LessonSize, seed: int) -> object:
+        return draw_lesson(new, shapes, replayed, LessonSize(members=2, each=1, grids=1, replay=1), seed)  # type: ignore[arg-type]
+
+    patch.setattr(teaching, "draw_lesson", short)
+    patch.setattr(pictures, "_HELD_MEMBERS", 1)
+    patch.setattr(sheet, "_STEPS", 2)

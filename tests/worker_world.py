@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +106,9 @@ def new_world(folder: Path) -> Iterator[World]:
 
 
 @contextlib.contextmanager
-def working(settings: Settings, start: StartRun) -> Iterator[None]:
+def working(
+    settings: Settings, start: StartRun, load_prior: Callable[[str], Any] = lambda _model: object()
+) -> Iterator[None]:
     """Run the jobs of a real service, one after the other, in a thread of this process."""
     record, store = JobRecord(settings.resolved_database_url), ObjectStore(settings.resolved_storage_url)
     ended = threading.Event()
@@ -116,7 +118,7 @@ def working(settings: Settings, start: StartRun) -> Iterator[None]:
         store=store,
         listen=lambda job_id: contextlib.nullcontext(_Deaf()),
         start=start,
-        load_prior=lambda model: object(),  # type: ignore[arg-type, return-value]
+        load_prior=load_prior,
         device="cpu",
         stopping=ended.is_set,
         worker=WorkerIdentity("a thread", settings.queue, "cpu"),

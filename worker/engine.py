@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.requests.models import is_taught
 from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
@@ -65,7 +67,7 @@ class PriorCache:
     """A cache of one prior, the last one used, so that only one is in memory."""
 
     def __init__(self) -> None:
-        self._key: tuple[str, str, str, str, str] | None = None
+        self._key: tuple[str, str, str, str] | None = None
         self._prior: Prior | None = None
 
     def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
@@ -76,7 +78,8 @@ class PriorCache:
         ModelError, DependencyError
             It cannot be loaded.
         """
-        key = (model, device, revision, dtype, _edition(model))
+        edition = _edition(model)
+        key = (edition or model, device, revision, dtype)
         if self._prior is None or self._key != key:
             self._prior = None  # before the next one is loaded: two may not fit
             from meshdeform.priors import load_prior
@@ -88,11 +91,14 @@ class PriorCache:
 
 
 def _edition(model: str) -> str:
-    """Return what changes if a file of taught weights is replaced by another one of the same name."""
+    """Return the hash of taught weights, which may be replaced, or be elsewhere for each job; else an empty text."""
     if not is_taught(model):
         return ""
+    path = Path(model).expanduser()
     try:
-        found = Path(model).expanduser().stat()
+        if path.stat().st_size > MAX_FILE_BYTES:
+            return ""
+        with path.open("rb") as file:
+            return f"{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}"
     except OSError:
         return ""
-    return f"{found.st_mtime_ns} {found.st_size} {found.st_ino}"

@@ -66,7 +66,7 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         listener.end_after_job()
 
     worker = WorkerIdentity(os.environ.get(WORKER_ID) or new_worker_id(), settings.queue, engine.device)
-    record = JobRecord(settings.resolved_database_url, idle_connections=1)
+    record = JobRecord(settings.resolved_database_url, connections=1)
     context = WorkerContext(
         settings=settings,
         record=record,

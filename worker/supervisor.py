@@ -81,7 +81,7 @@ class Supervisor:
         """Return the record once it answers, as its server may start after this process; None if stopped first."""
         while True:
             try:
-                return JobRecord(self._settings.resolved_database_url, idle_connections=1)
+                return JobRecord(self._settings.resolved_database_url, connections=0)
             except UnavailableError as error:
                 _log.warning("waiting for the record: %s", error.detail)
             if inbox.wait(_OPEN_EVERY_S) & _STOP:

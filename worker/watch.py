@@ -31,7 +31,7 @@ PUBLISH_EVERY_S = 0.5
 
 _HEARTBEATS_PER_LEASE = 6
 _LONGEST_HEARTBEAT_S = 10.0
-"""Upper limit, however long the lease is: the heartbeat also renews the worker's own row."""
+"""Upper limit, however long the lease is: heartbeats also renew the worker's own row, at least this often."""
 
 _EVENTS_PER_JOB = 200
 _EVENT_EVERY_S = 5.0
@@ -160,7 +160,7 @@ class JobWatch:
         )
 
     def _run(self) -> None:
-        next_heartbeat = 0.0
+        next_heartbeat = next_sign = 0.0
         try:
             while True:
                 hinted = self._wake.is_set()
@@ -168,9 +168,17 @@ class JobWatch:
                 if self._done.is_set() or self.lost:
                     break
                 now = time.monotonic()
-                if hinted or now >= next_heartbeat:
+                if due := hinted or now >= next_heartbeat:
                     next_heartbeat = now + self._heartbeat_every_s
+                if due and now >= next_sign:
+                    # With the sign of life of the worker itself, which need not be renewed as often as a short lease.
+                    next_sign = now + _LONGEST_HEARTBEAT_S - self._heartbeat_every_s / 2
+                    self._attempt(lambda: self._beat(self._worker))
+                elif due and self._latest is self._published:
                     self._attempt(self._beat)
+                elif due:
+                    # One statement for both.
+                    self._attempt(lambda: self._publish(self._lease_s))
                 self._attempt(self._publish)
                 self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
             self._attempt(self._publish)
@@ -201,16 +209,20 @@ class JobWatch:
         except MeshdeformError as error:
             _log.warning("job %s: %s", self._job.id, error)
 
-    def _beat(self) -> None:
-        state = self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=self._worker)
+    def _beat(self, worker: WorkerIdentity | None = None) -> None:
+        self._note(self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=worker))
+
+    def _note(self, state: JobState) -> None:
         if state is JobState.CANCELING:
             self.canceled = True
 
-    def _publish(self) -> None:
+    def _publish(self, lease_s: float | None = None) -> None:
         latest = self._latest
         if latest is not self._published:
             as_event = self._deserves_event(latest)
-            self._leases.save_progress(self._job.id, self._job.attempt, latest, as_event=as_event)
+            job = self._job
+            state = self._leases.save_progress(job.id, job.attempt, latest, as_event=as_event, lease_s=lease_s)
+            self._note(state)
             self._published = latest
             if as_event:
                 self._last_event, self._last_event_at = latest, time.monotonic()

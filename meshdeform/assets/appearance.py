@@ -22,6 +22,7 @@ from meshdeform.assets.json_text import Json
 from meshdeform.assets.materials import Material, TextureUse, read_material
 from meshdeform.assets.pictures import Pictures
 from meshdeform.assets.surface import Block
+from meshdeform.assets.texcoords import moved_texcoords
 from meshdeform.errors import AssetError
 
 __all__ = ["CLAY", "Appearance", "Paint", "Texture", "plain_appearance", "read_appearance"]
@@ -283,11 +284,9 @@ def _material(primitive: Json) -> int | None:
 
 
 def _moved(places: NDArray[np.float32], use: TextureUse) -> NDArray[np.float32]:
-    """Apply KHR_texture_transform: a scale, a rotation that is counter-clockwise in the picture, an offset."""
-    u, v = (places.astype(np.float64) * use.scale).T
-    cosine, sine = np.cos(use.rotation), np.sin(use.rotation)
-    moved = np.stack([cosine * u + sine * v + use.offset[0], cosine * v - sine * u + use.offset[1]], 1)
-    bounded: NDArray[np.float32] = np.clip(np.nan_to_num(moved), -_MAX_COORDINATE, _MAX_COORDINATE).astype(np.float32)
+    """Apply KHR_texture_transform, and bound what comes out."""
+    moved = np.nan_to_num(moved_texcoords(places, use))
+    bounded: NDArray[np.float32] = np.clip(moved, -_MAX_COORDINATE, _MAX_COORDINATE).astype(np.float32)
     return bounded
 
 

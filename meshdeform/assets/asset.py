@@ -103,15 +103,20 @@ class Asset:
         embed_data_uris(document)
         return document.to_bytes()
 
-    def scene(self) -> SceneView:
+    def scene(self, *, copies: bool = False) -> SceneView:
         """Return a read-only view of the default scene, for writing other formats.
+
+        Parameters
+        ----------
+        copies : bool
+            Whether to show what EXT_mesh_gpu_instancing draws; otherwise it is left out.
 
         Raises
         ------
         AssetError
             A material, texture or image is not valid.
         """
-        return SceneView(self._document)
+        return SceneView(self._document, copies=copies)
 
     def appearance(self) -> Appearance:
         """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""

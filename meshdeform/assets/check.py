@@ -16,7 +16,7 @@ import threading
 from collections import OrderedDict
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
@@ -26,9 +26,11 @@ from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
+    AssetFormatError,
     AssetTooLargeError,
     AssetTruncatedError,
     DependencyError,
+    ModelError,
 )
 from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 
@@ -51,9 +53,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights"]
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, or a fitted family."""
+in a ZIP, a fitted family, the mesh or the meshes of a lesson, or taught weights."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -158,7 +160,11 @@ class CheckedAssets:
         """
         # Some formats are recognised only by the file's extension.
         suffix = PurePath(filename).suffix.lower()
-        known = (owner_id, sha256, {"mesh": suffix, "surface": f"surface{suffix}"}.get(content, content))
+        known = (
+            owner_id,
+            sha256,
+            {"mesh": suffix, "surface": f"surface{suffix}", "lesson": f"lesson{suffix}"}.get(content, content),
+        )
         with self._lock:
             if known in self._passed:
                 self._passed.move_to_end(known)
@@ -201,7 +207,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
     parser.add_argument(
-        "--content", default="mesh", help="what the file should be: mesh, silhouette, surface, collection or family"
+        "--content", default="mesh", help=f"what the file should be: {', '.join(get_args(FileContent))}"
     )
     options = parser.parse_args(arguments)
     decode = {
@@ -209,6 +215,8 @@ def main(arguments: list[str] | None = None) -> int:
         "surface": _decode_surface,
         "collection": _read_collection,
         "family": _read_family,
+        "lesson": _read_lesson,
+        "weights": _read_weights,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -276,6 +284,39 @@ def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     family = read_family(path.read_bytes(), limits)
     triangles = sum(len(segments) for segments in family.segments)
     return asdict(AssetSummary("safetensors", 0, triangles, meshes=len(family.names)))
+
+
+def _read_lesson(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+    """Check a ZIP of meshes, or one mesh."""
+    from meshdeform.assets.lesson_archive import MIN_FACES, inspect_lesson, is_archive
+
+    with path.open("rb") as file:
+        packed = is_archive(file.read(len(ZIP_MAGIC)))
+    if packed:
+        bound_resources(limits.max_memory_bytes, limits.max_check_s)
+        return asdict(inspect_lesson(path.read_bytes(), limits))
+    summary = _decode(path, filename, limits)
+    if summary["triangles"] < MIN_FACES:
+        raise AssetEmptyError(
+            f"{summary['triangles']} triangles are too few; a shape to learn from has at least {MIN_FACES}.",
+            advice="Export the whole object as a mesh.",
+        )
+    return summary | {"mesh_names": []}  # the names of files, and there is one file
+
+
+def _read_weights(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    """Check the header of taught weights: sizes, shapes and words; `meshes` of the summary counts the taught nouns."""
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.priors.builtin.taught import check, lessons_of, read_metadata
+    from meshdeform.priors.public_names import hidden_folders
+
+    try:
+        with hidden_folders([str(path)]):
+            check(path)
+            lessons = lessons_of(read_metadata(path), path)
+    except ModelError as error:
+        raise AssetFormatError(error.detail, advice=error.advice_text) from error
+    return asdict(AssetSummary("safetensors", 0, 0, meshes=len(lessons)))
 
 
 def has_area(surface: Surface) -> bool:

@@ -21,7 +21,14 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import GPU_INSTANCING, Instance, instance_count
 
-__all__ = ["bind_placement", "is_invertible", "local_matrix", "placement_matrix", "world_matrices"]
+__all__ = [
+    "bind_placement",
+    "instance_matrices",
+    "is_invertible",
+    "local_matrix",
+    "placement_matrix",
+    "world_matrices",
+]
 
 Matrix = NDArray[np.float64]
 _INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
@@ -84,17 +91,37 @@ def bind_placement(document: Document, skin: Json, worlds: Sequence[Matrix]) -> 
     return np.asarray(joints[int(np.argmin(distance))])
 
 
+def instance_matrices(document: Document, node: int) -> list[Matrix]:
+    """Return the transform of each copy that EXT_mesh_gpu_instancing draws of a node's mesh, relative to the node.
+
+    Returns
+    -------
+    (4, 4) float64 each; the identity alone for a node without the extension.
+    """
+    count = instance_count(document.root, node)
+    if count is None:
+        return [np.eye(4)]
+    rows = _instance_rows(document, node)
+    return [
+        local_matrix({_INSTANCE_KEYS[name]: values[i].tolist() for name, values in rows.items()}) for i in range(count)
+    ]
+
+
 def _first_instance(document: Document, node: int) -> Matrix:
     """Return the transform of the first GPU instance that does not flatten the mesh, or the identity."""
     if instance_count(document.root, node) is None:
         return np.eye(4)
-    attributes = document.root["nodes"][node]["extensions"][GPU_INSTANCING].get("attributes", {})
-    rows = {name: read_floats(document, attributes[name]) for name in _INSTANCE_KEYS if name in attributes}
+    rows = _instance_rows(document, node)
     first = 0
     if "SCALE" in rows:
         usable = np.isfinite(rows["SCALE"]).all(axis=1) & (rows["SCALE"] != 0.0).all(axis=1)
         first = int(usable.argmax())
     return local_matrix({_INSTANCE_KEYS[name]: values[first].tolist() for name, values in rows.items()})
+
+
+def _instance_rows(document: Document, node: int) -> dict[str, NDArray[np.float32]]:
+    attributes = document.root["nodes"][node]["extensions"][GPU_INSTANCING].get("attributes", {})
+    return {name: read_floats(document, attributes[name]) for name in _INSTANCE_KEYS if name in attributes}
 
 
 def is_invertible(matrix: Matrix) -> bool:

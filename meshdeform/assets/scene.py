@@ -17,7 +17,7 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.fields import index, objects
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.materials import Image, Material, read_image, read_materials
-from meshdeform.assets.placement import Matrix, local_matrix, placement_matrix, world_matrices
+from meshdeform.assets.placement import Matrix, instance_matrices, local_matrix, placement_matrix, world_matrices
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
     MODE_NAMES,
@@ -46,6 +46,8 @@ class SceneNode:
     placement : (4, 4) float64 or None
         For a skinned mesh, which ignores its node: the transform of its bind pose to world space.
     mesh : int or None
+    copies : tuple of (4, 4) float64
+        Transforms to world space of the copies that EXT_mesh_gpu_instancing draws, if it does and they are wanted.
     """
 
     number: int
@@ -56,6 +58,7 @@ class SceneNode:
     world: Matrix
     placement: Matrix | None
     mesh: int | None
+    copies: tuple[Matrix, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,12 @@ class ScenePrimitive:
 class SceneView:
     """The default scene of a document, as returned by `Asset.scene`.
 
+    Parameters
+    ----------
+    document : Document
+    copies : bool
+        Whether to show what EXT_mesh_gpu_instancing draws; otherwise it is left out.
+
     Attributes
     ----------
     nodes : list of SceneNode
@@ -101,8 +110,8 @@ class SceneView:
         A material, texture or image is not valid.
     """
 
-    def __init__(self, document: Document) -> None:
-        self._document = document
+    def __init__(self, document: Document, *, copies: bool = False) -> None:
+        self._document, self._copies = document, copies
         self._cached: tuple[int, dict[int, NDArray[np.float32]]] = (-1, {})
         self.materials: list[Material] = read_materials(document)
         self.left_out: dict[str, int] = {}
@@ -131,7 +140,7 @@ class SceneView:
         shown: dict[int, Instance] = {}
         kept: dict[int, None] = {}  # in order
         for instance in instances_of(root):
-            if GPU_INSTANCING in items[instance.node].get("extensions", {}):
+            if not self._copies and GPU_INSTANCING in items[instance.node].get("extensions", {}):
                 self._leave_out(GPU_INSTANCING)
                 continue
             if not any(_shows_triangles(p) for p in meshes[instance.mesh].get("primitives", [])):
@@ -146,6 +155,8 @@ class SceneView:
         for i in kept:
             shows = shown.get(i)
             skinned = shows is not None and shows.skin is not None
+            many = shows is not None and not skinned and GPU_INSTANCING in items[i].get("extensions", {})
+            copies = [worlds[i] @ copy for copy in instance_matrices(self._document, i)] if many else []
             found.append(
                 SceneNode(
                     number=i,
@@ -156,6 +167,7 @@ class SceneView:
                     world=worlds[i],
                     placement=placement_matrix(self._document, shows, worlds) if shows and skinned else None,
                     mesh=shows.mesh if shows else None,
+                    copies=tuple(copies),
                 )
             )
         return found

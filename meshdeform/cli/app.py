@@ -18,6 +18,7 @@ from meshdeform.cli.apply import apply
 from meshdeform.cli.batch import batch
 from meshdeform.cli.cancel import cancel
 from meshdeform.cli.continuing import branch, delete, retry
+from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
@@ -112,6 +113,7 @@ def _options(
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(apply)
+app.command(rich_help_panel=_MACHINE)(convert)
 app.command(rich_help_panel=_MACHINE)(variants)
 app.command("family-fit", rich_help_panel=_MACHINE)(family_fit)
 app.command("family-synthesize", rich_help_panel=_MACHINE)(family_synthesize)

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from meshdeform.cli.control import parse_selection
-from meshdeform.cli.likeness import likeness_line
+from meshdeform.cli.likeness import likeness_line, percent
 
 __all__ = ["parse_also", "prompt_lines"]
 
@@ -36,7 +36,9 @@ def prompt_lines(found: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = []
     for each in found:
         if each.get("likeness") is not None:
-            where = " (in its region)" if each["regions"] else ""
+            before = each["likeness"].get("before")
+            earlier = f", {percent(before['probability'])} before" if before else ""
+            where = f" (in its region{earlier})" if each["regions"] else ""
             lines.append(f"{each['prompt']}{where}: {likeness_line(each['likeness'])}")
     return lines
 

@@ -141,7 +141,7 @@ def make_request(
         sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in error.errors()]
         raise ParameterError(
             f"{place} is not valid: {'; '.join(sentences)}.",
-            advice="docs/parameters.md has every parameter with its bounds.",
+            advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
             errors=found,
         ) from error
 

@@ -13,6 +13,7 @@ from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.fetch import path_lines, save_artifacts
 from meshdeform.cli.following import Deadline, follow, outcome_failure, show_event
 from meshdeform.cli.goals import parse_goals
+from meshdeform.cli.job_kinds import parse_files, refuse_deformation
 from meshdeform.cli.options import (
     AlsoOption,
     ApiKeyFileOption,
@@ -46,7 +47,7 @@ from meshdeform.cli.request import (
     parse_morph_path,
 )
 from meshdeform.cli.silhouettes import parse_pictures
-from meshdeform.requests.choices import Preset
+from meshdeform.requests.choices import JobKind, Preset
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import JobView
@@ -59,7 +60,12 @@ _METHOD, _JOB, _WAIT = "Method", "Job", "Waiting"
 
 @clean_errors
 def submit(
-    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
+    asset: Annotated[
+        Path,
+        typer.Argument(
+            help="The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.", exists=True, dir_okay=False
+        ),
+    ],
     prompt: Annotated[
         str,
         typer.Argument(
@@ -134,6 +140,20 @@ def submit(
     provenance: Annotated[
         bool, typer.Option("--provenance", help="Store prompt, seed and source in the GLB.", rich_help_panel=_JOB)
     ] = False,
+    kind: Annotated[
+        JobKind,
+        typer.Option(
+            help="What the job does. Other kinds than text_deform take their parameters by --set, --steps, --seed and "
+            "--learning-rate.",
+            rich_help_panel=_JOB,
+        ),
+    ] = JobKind.TEXT_DEFORM,
+    file: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART=FILE", help="A further file that jobs of --kind read; repeatable.", rich_help_panel=_JOB
+        ),
+    ] = None,
     label: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=TEXT", help="A label of your own; repeatable.", rich_help_panel=_JOB),
@@ -175,7 +195,10 @@ def submit(
     meshdeform submit examples/sphere.glb "a mushroom" --preset preview
 
     meshdeform submit examples/sphere.glb "a vase" -o vase --url http://127.0.0.1:8765
+
+    meshdeform submit scan.xyz --kind surface_fit --set base_faces=500 -o scan
     """
+    parts = parse_files(file, kind, asset)
     goals = parse_goals(target, target_prompt, target_model, stage)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
@@ -198,7 +221,7 @@ def submit(
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
-    more = {"metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
+    more = {"kind": kind, "metadata": parse_labels(label or []), "priority": priority, "deadline_s": deadline_s}
     # Validate before the asset is uploaded.
     wanted = {
         "morph": morph or bool(morph_path),
@@ -209,16 +232,18 @@ def submit(
         "provenance": provenance,
         "rig": rig,
     }
+    if kind != JobKind.TEXT_DEFORM:
+        refuse_deformation(kind, prompt, wanted)
     request = make_request(prompt, params, output=wanted, more=more)
     with connect(url, api_key, api_key_file) as client:
         job = _submitted(
             client,
-            asset,
             request.prompt,
+            kind=kind,
             params=request.params,
             output=request.output,
             metadata=request.metadata,
-            files={**goals.files, **pictures.parts},
+            files={**parts, **goals.files, **pictures.parts},
             priority=request.priority,
             deadline_s=request.deadline_s,
             idempotency_key=idempotency_key,
@@ -244,9 +269,9 @@ def submit(
         typer.echo("\n".join([job.id, *path_lines(files)]))
 
 
-def _submitted(client: Client, asset: Path, prompt: str, **options: Any) -> JobView:
+def _submitted(client: Client, prompt: str, **options: Any) -> JobView:
     try:
-        return client.submit(asset, prompt, **options)
+        return client.submit(None, prompt, **options)
     except KeyboardInterrupt:
         raise OutcomeError(
             ExitCode.INTERRUPTED,

@@ -9,15 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from meshdeform.cli.connection import command_line, connect
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.options import JsonOption, QuietOption, complete_models
-from meshdeform.cli.output import emit
+from meshdeform.cli.options import (
+    ApiKeyFileOption,
+    ApiKeyOption,
+    JsonOption,
+    QuietOption,
+    UrlOption,
+    complete_models,
+)
+from meshdeform.cli.output import emit, note
 from meshdeform.cli.overwriting import check_outputs
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
+    from meshdeform.api.jobs import JobView
     from meshdeform.cli.progress import ProgressView
+    from meshdeform.client import Client
     from meshdeform.priors.builtin.teaching.lesson import NewNoun
     from meshdeform.runs.teaching import TeachingRun
 
@@ -94,6 +104,17 @@ def teach(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that no earlier run wrote.")] = False,
+    service: Annotated[
+        bool,
+        typer.Option(
+            "--service",
+            help="Let a service hold the lesson as a job of yours, and print its id; --model job:ID then names it.",
+            rich_help_panel="Service",
+        ),
+    ] = False,
+    url: UrlOption = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -103,6 +124,18 @@ def teach(
 
     meshdeform run sphere.glb "a teapot" --model mine.safetensors
     """
+    if service:
+        local = {"--output": output, "--checkpoint": checkpoint, "--resume": resume, "--device": device}
+        _refuse_local({**local, "--threads": threads, "--force": force})
+        words = {"synonyms": synonym or [], "replace": replace, "licence": licence, "front_deg": front}
+        with connect(url, api_key, api_key_file) as client:
+            job = _posted(client, noun, meshes, {**words, "model": model, "steps": steps, "seed": seed})
+        if as_json:
+            emit(job.as_json())
+        else:
+            typer.echo(job.id)
+            note(f"Follow it: {command_line(f'watch {job.id}', url)}", quiet=quiet)
+        return
     require("torch", "deform")
     settings = load_settings(device=device, threads=threads)
     base, new = _base(model, settings.offered_models), _new_noun(noun, model, settings.offered_models, synonym, replace)
@@ -161,6 +194,19 @@ def teach(
         emit({**{name: str(path) for name, path in paths.items()}, **report, "result": str(output)})
     elif not quiet:
         _show(paths, report)
+
+
+def _refuse_local(given: dict[str, Any]) -> None:
+    """Refuse options that mean nothing to a lesson of a service."""
+    if found := [name for name, value in given.items() if value]:
+        raise typer.BadParameter("this is for lessons on this machine, not for --service", param_hint=found[0])
+
+
+def _posted(client: Client, noun: str, meshes: list[Path], params: dict[str, Any]) -> JobView:
+    try:
+        return client.teach(noun, meshes, params=params)
+    except ValueError as error:
+        raise ParameterError(str(error)) from error
 
 
 def _base(model: str, offered: list[str]) -> Path | None:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from datetime import datetime
 from typing import Any
 
-from meshdeform.client import events, reading, running, submitting
+from meshdeform.client import events, lessons, reading, running, submitting
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import (
     ArtifactView,
@@ -21,6 +21,7 @@ from meshdeform.client.documents import (
     Validation,
 )
 from meshdeform.client.fetching import AsyncFileMethods
+from meshdeform.client.lessons import Meshes
 from meshdeform.client.paths import JobLike
 from meshdeform.client.result import AsyncResult
 from meshdeform.client.sources import AssetLike
@@ -212,6 +213,36 @@ class AsyncClient(AsyncFileMethods):
         sent = Files.of(asset, None, None, filename, upload, None)
         return await self._driver.run(submitting.oriented(Order(prompt, params, output), sent, self._policy))
 
+    async def teach(
+        self,
+        noun: str,
+        meshes: Meshes,
+        *,
+        params: Mapping[str, Any] | None = None,
+        metadata: Mapping[str, str] | None = None,
+        idempotency_key: str | None = None,
+    ) -> JobView:
+        """Post a job of kind `prior_teach`; once it has succeeded, `job:ID` is the model of prompts with the noun.
+
+        Parameters
+        ----------
+        noun : str
+            What the meshes show: "a teapot".
+        meshes : like `asset` of `submit`, or a sequence of paths
+            One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes.
+        params : mapping, optional
+            More parameters, such as `{"synonyms": ["kettle"], "steps": 600}`.
+        metadata, idempotency_key
+            As for `submit`.
+
+        Raises
+        ------
+        ValueError
+            There is no mesh, or two of them have one name.
+        """
+        lesson = lessons.taught(noun, meshes, params or {}, metadata, idempotency_key, self._policy)
+        return await self._driver.run(lesson)
+
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
@@ -331,7 +362,7 @@ class AsyncClient(AsyncFileMethods):
         return await self._driver.run(reading.artifacts(job, self._policy))
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.usdz` to a job that has succeeded, if its request did not ask for it.
+        """Add `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` to a job that has succeeded without it.
 
         Raises
         ------

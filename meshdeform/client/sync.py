@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from typing import Any
 
-from meshdeform.client import events, reading, running, submitting
+from meshdeform.client import events, lessons, reading, running, submitting
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import (
     ArtifactView,
@@ -21,6 +21,7 @@ from meshdeform.client.documents import (
     Validation,
 )
 from meshdeform.client.fetching import FileMethods
+from meshdeform.client.lessons import Meshes
 from meshdeform.client.paths import JobLike
 from meshdeform.client.result import Result
 from meshdeform.client.sources import AssetLike
@@ -210,6 +211,36 @@ class Client(FileMethods):
         sent = Files.of(asset, None, None, filename, upload, None)
         return self._driver.run(submitting.oriented(Order(prompt, params, output), sent, self._policy))
 
+    def teach(
+        self,
+        noun: str,
+        meshes: Meshes,
+        *,
+        params: Mapping[str, Any] | None = None,
+        metadata: Mapping[str, str] | None = None,
+        idempotency_key: str | None = None,
+    ) -> JobView:
+        """Post a job of kind `prior_teach`; once it has succeeded, `job:ID` is the model of prompts with the noun.
+
+        Parameters
+        ----------
+        noun : str
+            What the meshes show: "a teapot".
+        meshes : like `asset` of `submit`, or a sequence of paths
+            One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes.
+        params : mapping, optional
+            More parameters, such as `{"synonyms": ["kettle"], "steps": 600}`.
+        metadata, idempotency_key
+            As for `submit`.
+
+        Raises
+        ------
+        ValueError
+            There is no mesh, or two of them have one name.
+        """
+        lesson = lessons.taught(noun, meshes, params or {}, metadata, idempotency_key, self._policy)
+        return self._driver.run(lesson)
+
     def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
@@ -329,7 +360,7 @@ class Client(FileMethods):
         return self._driver.run(reading.artifacts(job, self._policy))
 
     def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.usdz` to a job that has succeeded, if its request did not ask for it.
+        """Add `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` to a job that has succeeded without it.
 
         Raises
         ------

@@ -5,6 +5,9 @@ The spectrum solves L x = lambda M x. Distances are by the heat method:
 
     (M + t L) u = delta        X = -grad u / |grad u|        L phi = div X
 
+The time t is the mean squared length of the edges over the area, not over the edges: where a base has most of its
+triangles in small details, a mean over the edges is too short a time for the large triangles between them.
+
 Source: Pinkall and Polthier 1993; Crane, Weischedel and Wardetzky 2013, Geodesics in Heat.
 """
 
@@ -65,13 +68,13 @@ class HeatGeodesics:
     ----------
     mesh : IntrinsicMesh
     factor : float
-        The time t is this times the squared mean edge length.
+        The time t is this times the mean squared edge length over the area.
     """
 
     def __init__(self, mesh: IntrinsicMesh, factor: float = 1.0) -> None:
         self._mesh = mesh
         masses, matrix = mass(mesh), laplacian(mesh)
-        time = factor * float(mesh.lengths.mean()) ** 2
+        time = factor * float(np.average((mesh.lengths**2).mean(1), weights=areas_of(mesh.lengths)))
         options = {"SymmetricMode": True}
         self._heat = splu((sparse.diags(masses) + time * matrix).tocsc(), diag_pivot_thresh=0.0, options=options)
         shift = 1e-10 / max(float(masses.sum()), 1e-300)

@@ -20,7 +20,7 @@ from meshdeform.priors.text_to_3d import check_generator, is_generator
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
 
-__all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "list_models"]
+__all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "describe_taught", "list_models"]
 
 EXAMPLES: tuple[str, ...] = (
     "a mushroom with a big cap",
@@ -133,7 +133,7 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
             licence="Apache-2.0",
         )
     if is_taught(model):
-        return _describe_taught(model, name)
+        return describe_taught(model, name)
     makes_targets = is_generator(model)
     available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
@@ -149,7 +149,16 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
     )
 
 
-def _describe_taught(model: str, name: str) -> ModelInfo:
+def describe_taught(model: str, name: str) -> ModelInfo:
+    """Describe a file of weights that `meshdeform teach` or a job of kind `prior_teach` wrote.
+
+    Parameters
+    ----------
+    model : str
+        Its path.
+    name : str
+        Its id for those who ask; if it is another one, no text shows the path.
+    """
     path = Path(model).expanduser()
     try:
         with hidden_folders([model] if name != model else []):

@@ -9,7 +9,7 @@ import ssl
 import stat
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from sqlalchemy import event
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import UtcDateTime, compatible
 
-__all__ = ["RECORD_FILE", "Database", "make_engine"]
+__all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "make_engine"]
 
 _log = logging.getLogger(__name__)
 RECORD_FILE = "meshdeform.sqlite"
@@ -29,9 +29,9 @@ RECORD_FILE = "meshdeform.sqlite"
 
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
-_MAX_CONNECTIONS = 15
-"""Of one process to PostgreSQL; docs/operations.md has the sum."""
-_IDLE_IN_TRANSACTION_S = 10.0
+MAX_CONNECTIONS = 15
+"""Connections of an API process to PostgreSQL at most; docs/operations.md has the sum."""
+_KEPT_OPEN = 5
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _READ_ONLY = "meshdeform_read_only"
@@ -48,8 +48,8 @@ class Database:
     ----------
     url : str
         An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
-    idle_connections : int
-        Number of unused connections to PostgreSQL that stay open.
+    connections : int
+        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, each is opened for one use.
 
     Raises
     ------
@@ -57,8 +57,8 @@ class Database:
         The database does not answer, or a newer Meshdeform has taken away what this one needs.
     """
 
-    def __init__(self, url: str, idle_connections: int = 5) -> None:
-        self._engine = make_engine(url, idle_connections)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
+        self._engine = make_engine(url, connections)
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
             if self.is_sqlite:
@@ -89,6 +89,16 @@ class Database:
         """Open a transaction; on SQLite it holds the write lock from its first statement on."""
         with _answers(), self._engine.begin() as connection:
             yield connection
+
+    @contextmanager
+    def write_once(self) -> Iterator[sa.Connection]:
+        """Open a connection for one statement that writes, which PostgreSQL runs as a transaction of its own."""
+        if self.is_sqlite:
+            with self.write() as connection:
+                yield connection
+            return
+        with _answers(), self._engine.connect() as connection:
+            yield connection.execution_options(isolation_level="AUTOCOMMIT")
 
     def now(self, later_s: float = 0.0) -> Any:
         """Return the current time, or a time so many seconds later, by the clock that all processes share.
@@ -128,14 +138,14 @@ class Database:
                 _upgrade(connection)
 
 
-def make_engine(url: str, idle_connections: int = 5) -> sa.Engine:
+def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
     Parameters
     ----------
     url : str
         As in MESHDEFORM_DATABASE_URL.
-    idle_connections : int
+    connections : int
         As of `Database`.
 
     Raises
@@ -169,26 +179,22 @@ def make_engine(url: str, idle_connections: int = 5) -> sa.Engine:
             parsed,
             connect_args=arguments,
             pool_pre_ping=True,
-            pool_size=idle_connections,
-            max_overflow=_MAX_CONNECTIONS - idle_connections,
+            **_pool(connections),
         )
     except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
         raise DependencyError(
             f"The database driver {parsed.drivername} is not installed.",
             advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
         ) from error
-    event.listen(engine, "connect", lambda connection, _: _prepare_postgresql(engine, connection))
     return engine
 
 
-def _prepare_postgresql(engine: sa.Engine, connection: Any) -> None:
-    # A process that is stopped or cut off within a transaction holds locks needed for the recovery of its job. The
-    # server ends such sessions; our transactions never pause by themselves.
-    with getattr(engine.dialect, "network", nullcontext)():
-        cursor = connection.cursor()
-        cursor.execute(f"SET idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'")
-        cursor.close()
-        connection.commit()
+def _pool(connections: int) -> dict[str, Any]:
+    """Return the options of SQLAlchemy's pool for so many connections."""
+    if not connections:
+        return {"poolclass": sa.NullPool}
+    kept = min(connections, _KEPT_OPEN)
+    return {"pool_size": kept, "max_overflow": connections - kept}
 
 
 def _ssl_context(mode: str) -> ssl.SSLContext | None:
@@ -269,8 +275,8 @@ def _answers() -> Iterator[None]:
     except sqlalchemy.exc.DBAPIError as error:
         if _sql_state(error) == _UNKNOWN_STATEMENT:
             raise UnavailableError(
-                "The record is behind a connection pooler that shares connections between transactions.",
-                advice="Set pool_mode = session in PgBouncer, or connect to PostgreSQL directly (docs/operations.md).",
+                "The record is behind a connection pooler that shares connections between statements.",
+                advice="Set pool_mode = transaction or session in PgBouncer (docs/operations.md).",
             ) from error
         if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise

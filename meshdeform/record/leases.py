@@ -121,7 +121,8 @@ class Leases:
         """Renew the lease of a job and the row of its worker; return the job's state, which may be `canceling`."""
         renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
         renew = renew.values(lease_expires_at=self._database.now(lease_s))
-        with self._database.write() as connection:
+        opened = self._database.write_once if worker is None else self._database.write
+        with opened() as connection:
             state = connection.execute(renew.returning(jobs.c.state)).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)
@@ -131,7 +132,7 @@ class Leases:
 
     def idle(self, worker: WorkerIdentity) -> None:
         """Renew the row of a worker without a job."""
-        with self._database.write() as connection:
+        with self._database.write_once() as connection:
             self._renew(connection, worker)
 
     def _renew(self, connection: sa.Connection, worker: WorkerIdentity) -> None:
@@ -145,12 +146,31 @@ class Leases:
 
     def alive(self, queue: str) -> int:
         """Return the number of workers of a queue that have renewed their rows recently."""
-        seen = sa.and_(workers.c.queue == queue, workers.c.seen_at > self._database.now(-_ALIVE_S))
         with self._database.read() as connection:
-            return connection.execute(sa.select(sa.func.count()).select_from(workers).where(seen)).scalar_one()
+            return connection.execute(sa.select(self.alive_query(queue))).scalar_one()
 
-    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, as_event: bool = True) -> None:
-        """Store progress, and write an event if `as_event`. The fraction never decreases, even across attempts."""
+    def alive_query(self, queue: str) -> sa.ScalarSelect[int]:
+        """Return the query of `alive`, for use in a statement."""
+        seen = sa.and_(workers.c.queue == queue, workers.c.seen_at > self._database.now(-_ALIVE_S))
+        return sa.select(sa.func.count()).select_from(workers).where(seen).scalar_subquery()
+
+    def save_progress(
+        self, job_id: str, attempt: int, progress: Progress, *, as_event: bool = True, lease_s: float | None = None
+    ) -> JobState:
+        """Store progress and return the job's state, which may be `canceling`.
+
+        The fraction never decreases, even across attempts.
+
+        Parameters
+        ----------
+        job_id : str
+        attempt : int
+        progress : Progress
+        as_event : bool
+            Whether to write an event.
+        lease_s : float, optional
+            Renew the lease too, for so many seconds.
+        """
         # The databases have no common function: SQLite has max(), PostgreSQL greatest().
         furthest = sa.case((jobs.c.fraction > progress.fraction, jobs.c.fraction), else_=progress.fraction)
         values = {
@@ -161,7 +181,18 @@ class Leases:
             "losses": progress.losses,
             "eta_s": progress.eta_s,
         }
-        self._write(job_id, attempt, values, EventType.PROGRESS if as_event else None, _progress_of)
+        if lease_s is not None:
+            values["lease_expires_at"] = self._database.now(lease_s)
+        if as_event:
+            return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, _progress_of).state)
+        with self._database.write_once() as connection:
+            # The common case, and so one statement.
+            change = sa.update(jobs).where(rows.fenced(job_id, attempt))
+            change = change.values(version=jobs.c.version + 1, **values).returning(jobs.c.state)
+            state = connection.execute(change).scalar_one_or_none()
+            if state is None:
+                raise stale(connection, job_id, attempt)
+        return JobState(state)
 
     def set_checkpoint(
         self,
@@ -349,10 +380,12 @@ class Leases:
             **more,
         }
 
-    def _write(self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any) -> None:
+    def _write(self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any) -> Row:
         with changing(self._database) as change:
-            if not change.update(rows.fenced(job_id, attempt), values, happened, data):
+            changed = change.update(rows.fenced(job_id, attempt), values, happened, data)
+            if not changed:
                 raise stale(change.connection, job_id, attempt)
+        return changed[0]
 
 
 _queued = jobs.c.state == JobState.QUEUED

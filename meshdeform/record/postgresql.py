@@ -1,4 +1,9 @@
-"""SQLAlchemy's dialect for PostgreSQL's driver pg8000, extended to handle errors of the socket.
+"""SQLAlchemy's dialect for PostgreSQL's driver pg8000: one round trip for each statement, and errors of the socket.
+
+pg8000 sends a statement in two parts and awaits an answer after each. That costs a round trip, and fails behind a
+pooler that shares connections between transactions (PgBouncer with `pool_mode = transaction`): outside a transaction,
+the second part may reach another server connection, which does not know the statement (26000). Here both parts are one
+message, and so is the beginning of a transaction with its first statement. Nothing is set for the rest of a session.
 
 If the server resets the connection, pg8000 raises `ConnectionResetError`. SQLAlchemy does not recognise that as a lost
 connection: it neither drops the connection nor retries.
@@ -7,17 +12,88 @@ connection: it neither drops the connection nor retries.
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
+import pg8000.dbapi
 import sqlalchemy as sa
+from pg8000.converters import make_params
+from pg8000.core import DESCRIBE, NULL_BYTE, SYNC_MSG, Context
 from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
-__all__ = ["DRIVER", "Pg8000Dialect"]
+__all__ = ["DRIVER", "Pg8000Connection", "Pg8000Dialect"]
 
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""
+
+_IDLE_IN_TRANSACTION_S = 10.0
+_FRESH_S = 1.0
+"""Seconds after an answer for which a connection counts as alive without a ping."""
+_PORTAL = b"P"
+
+
+class Pg8000Connection(pg8000.dbapi.Connection):  # type: ignore[misc]
+    """A connection that sends a statement, and with the first one of a transaction also its beginning, in one message.
+
+    Attributes
+    ----------
+    answered_at : float
+        Time of the last complete answer, by `time.monotonic`.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self._begins = False
+        self.answered_at = 0.0
+        # A process that is stopped or cut off within a transaction holds locks needed for the recovery of its job. The
+        # server ends such sessions; our transactions never pause by themselves.
+        self._limit = f"SET LOCAL idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'"
+        super().__init__(*arguments, **options)
+
+    def execute_simple(self, statement: str) -> Any:
+        """Run a statement without parameters; keep the beginning of a transaction for the statement that follows."""
+        if statement == "begin transaction":
+            self._begins = True
+            return None
+        if self._begins:
+            self._begins = False
+            statement = f"BEGIN; {self._limit}; {statement}"
+        context = super().execute_simple(statement)
+        self.answered_at = time.monotonic()
+        return context
+
+    def execute_unnamed(self, statement: str, vals: Any = (), oids: Any = (), stream: Any = None) -> Any:
+        """Run a statement in one round trip."""
+        if self._begins:
+            self._begins = False
+            for first in ("BEGIN", self._limit):
+                self._send(first, (), ())
+        self._send(statement, make_params(self.py_types, vals), oids)
+        context = Context(statement, stream=stream)
+        self._sock.write(SYNC_MSG)
+        self._sock.flush()
+        self.handle_messages(context)
+        self.answered_at = time.monotonic()
+        return context
+
+    def _send(self, statement: str, parameters: Any, oids: Any) -> None:
+        self.send_PARSE(NULL_BYTE, statement, oids)
+        self.send_BIND(NULL_BYTE, parameters)
+        self._send_message(DESCRIBE, _PORTAL + NULL_BYTE)
+        self.send_EXECUTE()
+
+    def commit(self) -> None:
+        """Commit; a transaction without a statement has not begun."""
+        if self._begins:
+            self._begins = False
+        elif self._in_transaction:
+            super().commit()
+
+    def rollback(self) -> None:
+        """Roll back; a transaction without a statement has not begun."""
+        self._begins = False
+        super().rollback()
 
 
 class Pg8000Dialect(PGDialect_pg8000):
@@ -36,7 +112,7 @@ class Pg8000Dialect(PGDialect_pg8000):
     def connect(self, *arguments: Any, **options: Any) -> Any:
         """Connect."""
         with self.network():
-            return super().connect(*arguments, **options)
+            return Pg8000Connection(*arguments, **options)
 
     def set_isolation_level(self, dbapi_connection: Any, level: Any) -> None:
         """Set the isolation level. Autocommit and the default level need no round trip to the server."""
@@ -47,7 +123,9 @@ class Pg8000Dialect(PGDialect_pg8000):
             super().set_isolation_level(dbapi_connection, level)  # type: ignore[no-untyped-call]
 
     def do_ping(self, dbapi_connection: Any) -> bool:
-        """Ping the server in one round trip, outside a transaction."""
+        """Ping the server in one round trip, outside a transaction, unless it has just answered."""
+        if time.monotonic() - dbapi_connection.answered_at < _FRESH_S:
+            return True
         before, dbapi_connection.autocommit = dbapi_connection.autocommit, True
         try:
             with self.network():

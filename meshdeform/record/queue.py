@@ -37,6 +37,10 @@ class JobQueue:
     name : str
         The queue's name.
 
+    Attributes
+    ----------
+    name : str
+
     Raises
     ------
     DependencyError
@@ -44,6 +48,7 @@ class JobQueue:
     """
 
     def __init__(self, redis_url: str, name: str) -> None:
+        self.name = name
         try:
             # Retry once at once, in case Redis closed the connection; the reconciler handles longer outages.
             self._redis = Redis.from_url(

@@ -11,6 +11,7 @@ from typing import Self
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.record.cleanup import remove_unreachable
+from meshdeform.record.leaders import Candidate
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.upkeep import Watch
@@ -29,7 +30,7 @@ class Reconciler:
     """A periodic task that takes back jobs of silent workers, repeats lost messages, and removes expired data.
 
     Any number may run at once: every change is guarded by the state that it starts from, and a job announced twice is
-    claimed once.
+    claimed once. As context managers they elect a leader, which does the work; the others only look whether it lives.
 
     Parameters
     ----------
@@ -61,10 +62,17 @@ class Reconciler:
         self._watch = Watch(lease_s, self._every_s)
         self._announced: list[str] = []
         self._done = threading.Event()
-        self._threads = [threading.Thread(target=self._run, args=(self._repair,), name="reconciler", daemon=True)]
+        workers = record.leases.alive_query(queue.name)
+        self._repairing = Candidate(record.database, f"repair {queue.name}", self._every_s, workers)
+        self._cleaning = Candidate(record.database, "cleanup", self._every_s)
+        elections = {"reconciler": (self._repairing, self._repair)}
         if store is not None:
             # On its own, so that a slow store does not delay the recovery of jobs.
-            self._threads.append(threading.Thread(target=self._run, args=(self._clean,), name="cleanup", daemon=True))
+            elections["cleanup"] = (self._cleaning, self._clean)
+        self._threads = [
+            threading.Thread(target=self._run, args=election, name=name, daemon=True)
+            for name, election in elections.items()
+        ]
 
     def run_once(self) -> list[str]:
         """Run all tasks once. If one fails, the others still run, and the next run does the rest.
@@ -160,7 +168,23 @@ class Reconciler:
         for thread in self._threads:
             thread.join()
 
-    def _run(self, duties: Callable[[], None]) -> None:
+    def _run(self, candidate: Candidate, duties: Callable[[], None]) -> None:
         while not self._done.is_set():
+            self._turn(candidate, duties)
+            self._done.wait(candidate.pause_s())
+        if candidate.leads:
+            self._each(candidate.resign)
+
+    def _turn(self, candidate: Candidate, duties: Callable[[], None]) -> None:
+        self._each(lambda: self._look(candidate))
+        if candidate.leads:
             duties()
-            self._done.wait(self._every_s)
+
+    def _look(self, candidate: Candidate) -> None:
+        watching = candidate is self._repairing
+        candidate.look(self._watch.since if watching else None)
+        if candidate.took_over:
+            _log.info("this process now leads: %s", candidate.name)
+            if watching:
+                # What the former leader saw counts for as long as this process lived too.
+                self._watch.now, self._watch.since = candidate.watched or (None, None)

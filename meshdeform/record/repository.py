@@ -18,7 +18,7 @@ from meshdeform.errors import ConflictError, ParameterError, TooManyJobsError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
 from meshdeform.record.counters import read_counters
-from meshdeform.record.database import Database
+from meshdeform.record.database import MAX_CONNECTIONS, Database
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger
@@ -33,6 +33,7 @@ from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
+from meshdeform.requests.choices import JobKind
 
 __all__ = ["JobRecord"]
 
@@ -44,8 +45,8 @@ class JobRecord:
     ----------
     url : str
         The database; its tables are created and migrated here.
-    idle_connections : int
-        Number of unused connections to PostgreSQL that stay open.
+    connections : int
+        As of `Database`.
 
     Attributes
     ----------
@@ -75,8 +76,8 @@ class JobRecord:
         Here and in every method: the database does not answer.
     """
 
-    def __init__(self, url: str, idle_connections: int = 5) -> None:
-        self.database = self._database = Database(url, idle_connections)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
+        self.database = self._database = Database(url, connections)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
@@ -150,6 +151,7 @@ class JobRecord:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         words: str = "",
+        kind: JobKind | None = None,
     ) -> Page:
         """Return a page of jobs, newest first.
 
@@ -169,6 +171,8 @@ class JobRecord:
             Only jobs created later than this instant.
         words : str
             Only jobs whose prompt, file names or labels contain all of these words, in any case.
+        kind : JobKind, optional
+            Only jobs of this kind.
 
         Raises
         ------
@@ -180,6 +184,8 @@ class JobRecord:
             query = query.where(jobs.c.owner_id == owner)
         if state is not None:
             query = query.where(jobs.c.state == state)
+        if kind is not None:
+            query = query.where(jobs.c.kind == kind)
         for name, value in (metadata or {}).items():
             labelled = sa.select(labels.c.job_id).where(labels.c.name == name, labels.c.value == value)
             query = query.where(jobs.c.id.in_(labelled))

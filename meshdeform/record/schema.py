@@ -25,6 +25,7 @@ __all__ = [
     "job_texts",
     "jobs",
     "labels",
+    "leaders",
     "metadata",
     "outbox",
     "secrets",
@@ -34,7 +35,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0007"
+HEAD = "0008"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
@@ -344,6 +345,20 @@ workers = sa.Table(
     sa.Column("device", sa.String(32), nullable=False),
     sa.Column("started_at", UtcDateTime, nullable=False),
     sa.Column("seen_at", UtcDateTime, nullable=False),
+)
+
+# Who does the work that one process does for all; renewed while it lives.
+leaders = sa.Table(
+    "leaders",
+    metadata,
+    sa.Column("name", sa.String(255), primary_key=True),
+    sa.Column("holder", sa.String(32), nullable=False),
+    sa.Column("expires_at", UtcDateTime, nullable=False),
+    sa.Column("looked_at", UtcDateTime, nullable=False),
+    # Since when the holder has watched the leases of jobs without a gap; null if that is not its work.
+    sa.Column("watching_since", UtcDateTime),
+    # How many processes would do the work if the holder were gone.
+    sa.Column("candidates", sa.Integer, nullable=False),
 )
 
 # Counters over all processes and restarts, for the metrics.

@@ -30,6 +30,7 @@ class JobKind(StrEnum):
     SURFACE_FIT = "surface_fit"
     FAMILY_FIT = "family_fit"
     FAMILY_SYNTHESIZE = "family_synthesize"
+    PRIOR_TEACH = "prior_teach"
 
     @classmethod
     def named(cls, name: str) -> JobKind:

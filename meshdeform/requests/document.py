@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, RigMode, Safeguard
+from meshdeform.requests.models import is_sent
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
     BUILTIN_MODEL,
@@ -190,12 +191,17 @@ class JobRequest(StrictModel):
         """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
         if not isinstance(params, DeformParams):
-            return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '') or ''}"
-        own = f"{self.kind}/{goal_guidance(params)}/{params.model or ''}"
+            return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
+        own = f"{self.kind}/{goal_guidance(params)}/{_family(params.model)}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
+
+
+def _family(model: str | None) -> str:
+    """Return what decides how long a step of a model takes: all taught weights are of one network."""
+    return "taught" if model and is_sent(model) else model or ""
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

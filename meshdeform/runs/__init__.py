@@ -16,6 +16,7 @@ from meshdeform.requests.document import JobKind, JobRequest, use_params
 from meshdeform.runs.base import JobRun, Kind, RunInput
 from meshdeform.runs.family_fit_kind import FAMILY_FIT
 from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
+from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
 from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -31,7 +32,7 @@ _registered: dict[JobKind, Kind] = {}
 
 
 def _built_in() -> list[Kind]:
-    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE]
+    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE, PRIOR_TEACH]
 
 
 def register(kind: Kind) -> None:

@@ -14,9 +14,11 @@ from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.base import Prior
+    from meshdeform.priors.builtin.words import Words
     from meshdeform.settings import Settings
 
 __all__ = [
+    "FORMATS_OF_RESULT",
     "ArtifactData",
     "ArtifactKind",
     "FilePart",
@@ -66,7 +68,7 @@ class ArtifactKind:
     summary : str
         One sentence about the result, and the option that requests it, if any.
     afterwards : bool
-        Whether the service can make it from the job's files later on (`meshdeform.assets.derive`).
+        Whether the service can make it from the job's files later on (`meshdeform.runs.derive`).
     strengths : bool
         Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`).
     """
@@ -76,6 +78,25 @@ class ArtifactKind:
     summary: str
     afterwards: bool = False
     strengths: bool = False
+
+
+FORMATS_OF_RESULT = (
+    ArtifactKind(
+        "result.obj.zip",
+        "application/zip",
+        "`result.glb` as OBJ with its materials and textures, made [afterwards](http.md#post-v1jobsidartifactsname) "
+        "only ([Assets: OBJ and STL](assets.md#obj-and-stl)).",
+        afterwards=True,
+    ),
+    ArtifactKind(
+        "result.stl",
+        "model/stl",
+        "The triangles of `result.glb` for printing, made [afterwards](http.md#post-v1jobsidartifactsname) only "
+        "([Assets: OBJ and STL](assets.md#obj-and-stl)).",
+        afterwards=True,
+    ),
+)
+"""What any kind of job that writes `result.glb` can have made of it."""
 
 
 @dataclass(frozen=True)
@@ -221,6 +242,9 @@ class Kind:
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
         the meshes by part. Default: all fit. Torch-free.
+    check_words : callable, optional
+        Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
+        these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free.
     as_branch : callable
         Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
         request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
@@ -239,6 +263,7 @@ class Kind:
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
     check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
+    check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
 

@@ -1,4 +1,4 @@
-"""Make `morph.glb`, `result.usdz` or another strength from an asset and its `result.glb`, in a child process.
+"""Make `morph.glb`, another format or another strength from an asset and its `result.glb`, in a child process.
 
 This module imports neither torch nor numpy, which only the child needs. The child has no secrets in its environment,
 and bounded memory and time.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
     from meshdeform.assets.surface import Surface
 
-__all__ = ["DERIVED", "STRENGTH", "DerivedInput", "derive", "main", "require_package"]
+__all__ = ["DERIVED", "OF_RESULT", "STRENGTH", "DerivedInput", "derive", "main", "require_package"]
 
 STRENGTH = "result.glb"
 """The name for `derive` of a result at another strength."""
@@ -39,7 +39,13 @@ STRENGTH = "result.glb"
 _WIDER = 16
 """How much larger an artifact may be than the largest asset."""
 
-_BASE_BYTES = {"morph.glb": 16 * 2**30, "result.usdz": 2 * 2**30, STRENGTH: 16 * 2**30}
+_BASE_BYTES = {
+    "morph.glb": 16 * 2**30,
+    "result.obj.zip": 2 * 2**30,
+    "result.stl": 2 * 2**30,
+    "result.usdz": 2 * 2**30,
+    STRENGTH: 16 * 2**30,
+}
 """Address space beyond that of two checks: torch maps several gigabytes, usd-core more than one, whatever they do."""
 
 _SECONDS = 2.0
@@ -52,7 +58,7 @@ class DerivedInput:
     Parameters
     ----------
     source, result : Path
-        The asset and the `result.glb` of the same job.
+        The asset and the `result.glb` of the same job. A name in `OF_RESULT` needs no asset: name the result twice.
     filename : str
         The name that the user gave the asset.
     output : OutputOptions
@@ -221,6 +227,20 @@ def _usdz(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits
     return write_usdz(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
 
 
+def _obj(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+    from meshdeform.assets.obj_file import write_obj
+
+    return write_obj(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene(copies=True)).to_zip()
+
+
+def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+    from meshdeform.assets.stl_file import write_stl
+
+    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene(copies=True)).data
+
+
 def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
     from meshdeform.assets.asset import load_asset
 
@@ -238,8 +258,13 @@ def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limit
 
 DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
+    "result.obj.zip": _obj,
+    "result.stl": _stl,
     "result.usdz": _usdz,
 }
 """What can be made afterwards, by the artifact's name."""
+
+OF_RESULT = frozenset({"result.obj.zip", "result.stl", "result.usdz"})
+"""The names in `DERIVED` that are made of `result.glb` alone."""
 
 _MAKERS = {**DERIVED, STRENGTH: _strength}

@@ -9,7 +9,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind, SynthesisMode
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -117,6 +117,7 @@ FAMILY_SYNTHESIZE = Kind(
             "For each shape the member of each part, gaps, free energy, plausibility and the nearest members.",
         ),
         ArtifactKind("preview.png", "image/png", "All shapes; for `search`, the member and those nearest to it."),
+        *FORMATS_OF_RESULT,
         ArtifactKind("points.npz", "application/x-npz", "The points of the shapes, and which of them exist."),
     ),
     goal=lambda _request, _files: "family",

@@ -8,15 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.assets import Limits
-from meshdeform.assets.bundle import read_with_files
 from meshdeform.assets.inspect import FORMATS
+from meshdeform.assets.lesson_archive import MAX_MESHES, open_lesson
 from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, attributes_of_folder
 from meshdeform.priors.builtin.words import Attribute
 
-__all__ = ["MAX_MESHES", "FoundMesh", "MeshFile", "check_count", "find_meshes", "read_meshes"]
-
-MAX_MESHES = 200
+__all__ = [
+    "MAX_MESHES",
+    "FoundMesh",
+    "MeshFile",
+    "check_count",
+    "find_meshes",
+    "labelled",
+    "packed_meshes",
+    "read_meshes",
+]
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,8 @@ def read_meshes(found: Sequence[FoundMesh], limits: Limits) -> list[MeshFile]:
     AssetTooLargeError
         All files together are larger than an asset may be.
     """
+    from meshdeform.assets.bundle import read_with_files  # needs numpy, which the API has no use for
+
     files: list[MeshFile] = []
     total = 0
     for mesh in found:
@@ -119,3 +128,43 @@ def read_meshes(found: Sequence[FoundMesh], limits: Limits) -> list[MeshFile]:
             )
         files.append(MeshFile(mesh.name, data, mesh.attributes))
     return files
+
+
+def packed_meshes(data: bytes, filename: str, new: NewNoun, limits: Limits) -> list[MeshFile]:
+    """Unpack the meshes of a lesson: one file, or a ZIP with folders that are named by attributes.
+
+    Raises
+    ------
+    AssetError
+        The ZIP cannot be used; see `open_lesson`.
+    ParameterError
+        A folder does not name attributes.
+    """
+    files = open_lesson(data, filename, limits)
+    labels = labelled(list(files), new)
+    return [MeshFile(name, content, labels[name]) for name, content in files.items()]
+
+
+def labelled(names: Sequence[str], new: NewNoun) -> dict[str, tuple[Attribute, ...]]:
+    """Return the attributes of meshes in a ZIP by name, from the names of their folders.
+
+    A folder that holds everything is usually the one that was packed: unless it names attributes, its name is left out.
+
+    Raises
+    ------
+    ParameterError
+        A folder does not name attributes.
+    """
+    folders = {name: name.split("/")[:-1] for name in names}
+    first = {tuple(folder[:1]) for folder in folders.values()}
+    if len(first) == 1 and (outer := first.pop()) and not _is_label(outer[0], new):
+        folders = {name: folder[1:] for name, folder in folders.items()}
+    return {name: attributes_of_folder(" ".join(folder), new) if folder else () for name, folder in folders.items()}
+
+
+def _is_label(folder: str, new: NewNoun) -> bool:
+    try:
+        attributes_of_folder(folder, new)
+    except ParameterError:
+        return False
+    return True

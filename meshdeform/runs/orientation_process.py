@@ -17,7 +17,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import DependencyError, MeshdeformError, ModelError, ParameterError, UnavailableError
 from meshdeform.requests.choices import GuidanceKind, OrientationMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
-from meshdeform.requests.models import is_builtin
+from meshdeform.requests.models import is_builtin, is_sent
 
 __all__ = ["check_searchable", "main", "orientation_of"]
 
@@ -42,6 +42,9 @@ def check_searchable(params: ResolvedParams) -> None:
     if not is_builtin(params.model):
         detail = "This model is not conditioned on the azimuth, so no side of the asset is its front."
         raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
+    if is_sent(params.model):
+        detail = "The front is found by models of this server, not by weights of a job."
+        raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job, which searches its front itself.")
 
 
 def orientation_of(

@@ -118,7 +118,8 @@ def prompt_reports(
     rest, mesh : TriangleMesh
         The welded source and result in their world.
     likeness : callable, optional
-        Compares a mesh with a prompt; a prompt with a region is compared with the region alone.
+        Compares a mesh with a prompt; a prompt with a region is compared with the region alone, of the source as well
+        (`before`), since what a piece of an asset looks like to the judge says little by itself.
     """
     reports = []
     diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
@@ -132,9 +133,15 @@ def prompt_reports(
             within[corners[faces].ravel()] = True
             report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
         if likeness is not None:
-            report["likeness"] = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
+            report["likeness"] = found = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
+            if faces is not None and found is not None:
+                found["before"] = _before(likeness(_part(rest, faces), each.prompt))
         reports.append(report)
     return reports
+
+
+def _before(found: dict[str, Any] | None) -> dict[str, Any] | None:
+    return None if found is None else {name: found[name] for name in ("probability", "rank")}
 
 
 def _rms(squares: _Floats) -> float:

@@ -36,6 +36,7 @@ from meshdeform.priors.builtin.teaching.teacher import (
     fastest_precision,
     read_state,
 )
+from meshdeform.priors.builtin.training.families.parts import Part
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, pack_weights, read_network
 from meshdeform.runs.lesson_files import MeshFile, check_count
 from meshdeform.runs.report import versions
@@ -181,6 +182,11 @@ class TeachingRun:
         self._request, self._new, self._shapes, self._files = request, new, shapes, files
         self._pictures, self._teacher, self._before, self._lessons = pictures, teacher, before, lessons
         self._device = device
+
+    @property
+    def first_shape(self) -> Part:
+        """The first mesh, as the training sees it: +Y up, facing +Z, centred."""
+        return self._shapes[0].part
 
     @property
     def step(self) -> int:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
-from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError
 from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
@@ -20,7 +20,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.models import is_builtin, is_taught
+from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.prompts import active_prompts, prompt_words
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
@@ -32,11 +32,14 @@ from meshdeform.requests.stages import (
     needs_prior,
     with_target_models,
 )
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 from meshdeform.runs.picture_parts import check_pictures
+from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
+from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
+    from meshdeform.priors.builtin.words import Words
     from meshdeform.settings import Settings
 
 __all__ = ["TEXT_DEFORM", "check"]
@@ -57,6 +60,7 @@ def check(
     has_target: bool = False,
     targets: Collection[str] = (),
     pictures: Collection[str] = (),
+    has_weights: bool = False,
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
@@ -75,6 +79,8 @@ def check(
         The parts that are target meshes, for stages.
     pictures : collection of str
         The names of the parts with pictures that are present.
+    has_weights : bool
+        Whether taught weights are among the files.
 
     Raises
     ------
@@ -101,6 +107,9 @@ def check(
         raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
     if needs_prior(resolved):
         model = params.model or default_model
+        check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
+        if is_sent(model):  # its words are those of a file, which is checked later
+            return resolved
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if is_taught(model) and not offered:  # before its words are read
             raise _not_allowed(model, known)
@@ -110,6 +119,8 @@ def check(
         from meshdeform.priors import check_model
 
         check_model(model, revision if model == default_model else "")
+    elif has_weights:
+        check_weights_part(params.model, [WEIGHTS_PART])
     return resolved
 
 
@@ -132,7 +143,7 @@ def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
         )
 
 
-def _prompts(request: JobRequest) -> list[tuple[list[str | int], str]]:
+def _prompts(request: JobRequest) -> list[PlacedPrompt]:
     """Return the prompts of a request, each with its place in the document.
 
     Raises
@@ -148,36 +159,26 @@ def _prompts(request: JobRequest) -> list[tuple[list[str | int], str]]:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
         raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
-    found: list[tuple[list[str | int], str]] = [(["prompt"], request.prompt)] if request.prompt else []
+    found: list[PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
     for number, each in enumerate(params.prompts):
         found.append((["params", "prompts", number, "prompt"], each.prompt))
     return found
 
 
-def _check_prompts(prompts: Sequence[tuple[list[str | int], str]], params: DeformParams, model: str) -> None:
+def _check_prompts(prompts: Sequence[PlacedPrompt], params: DeformParams, model: str) -> None:
     """Refuse prompts that are empty, or that the builtin model cannot read."""
-    for place, prompt in prompts:
-        if not prompt:
-            raise PromptError("The prompt is empty.")
-        if not is_builtin(model):
-            continue
-        from meshdeform.priors.builtin.grammar import parse, parse_negative
+    _filled(prompts)
+    if is_builtin(model) and prompts:
         from meshdeform.priors.builtin.taught import known_words
 
-        known = known_words(model)
-        try:
-            parse(prompt, known)
-        except (PromptError, VocabularyError) as error:
-            if len(prompts) > 1:  # say which
-                error.extra |= {"errors": [{"loc": place, "msg": error.detail, "type": "value_error"}]}
-            raise
-        if params.negative_prompt.strip():
-            try:
-                parse_negative(params.negative_prompt, prompt, known)
-            except (PromptError, VocabularyError) as error:
-                # Add which of the two texts the error is about.
-                error.extra |= _at("negative_prompt", error.detail)
-                raise
+        check_vocabulary(prompts, params, known_words(model))
+
+
+def _filled(prompts: Sequence[PlacedPrompt]) -> Sequence[PlacedPrompt]:
+    """Return the prompts; refuse empty ones."""
+    if not all(prompt for _, prompt in prompts):
+        raise PromptError("The prompt is empty.")
+    return prompts
 
 
 def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
@@ -189,12 +190,7 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
 
 
 def _refusal(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, **_at(name, detail))
-
-
-def _at(name: str, detail: str) -> dict[str, Any]:
-    """Return the member of a problem document that names the parameter."""
-    return {"errors": [{"loc": ["params", name], "msg": detail, "type": "value_error"}]}
+    return ParameterError(detail, advice=advice, **at_parameter(name, detail))
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
@@ -218,7 +214,13 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             revision=settings.model_revision,
             targets=files & set(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),
+            has_weights=WEIGHTS_PART in files,
         )
+
+
+def _check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
+    if needs_prior(resolve(request.params)):
+        check_vocabulary(_filled(_prompts(request)), request.params, known)
 
 
 def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
@@ -273,7 +275,8 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 
 def _uses(request: JobRequest) -> list[str]:
-    return ["asset", *named_targets(request.params), *SILHOUETTE_PARTS[: len(request.params.silhouettes)]]
+    weights = [WEIGHTS_PART] if is_sent(request.params.model or "") else []
+    return ["asset", *named_targets(request.params), *SILHOUETTE_PARTS[: len(request.params.silhouettes)], *weights]
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
@@ -299,8 +302,7 @@ def _load() -> StartRun:
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = None
         if needs_prior(params):
-            with hidden_folders([params.model]):
-                prior = given.load_prior(params.model)
+            prior = load_sent(params.model, given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
@@ -341,6 +343,7 @@ TEXT_DEFORM = Kind(
             )
             for number, name in enumerate(SILHOUETTE_PARTS, 1)
         ),
+        WEIGHTS_FILE,
     ),
     params=DeformParams,
     check=_check,
@@ -374,9 +377,11 @@ TEXT_DEFORM = Kind(
             "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
             afterwards=True,
         ),
+        *FORMATS_OF_RESULT,
     ),
     uses=_uses,
     check_files=_check_files,
+    check_words=_check_words,
     as_branch=_as_branch,
     goal=_goal,
 )

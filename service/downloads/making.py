@@ -12,7 +12,7 @@ from meshdeform.errors import DependencyError, MeshdeformError
 from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
-from meshdeform.runs.derive import DERIVED, DerivedInput, derive, require_package
+from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive, require_package
 from service.state import AppState
 
 __all__ = ["made", "makeable"]
@@ -22,6 +22,8 @@ _RESULT = "result.glb"
 
 def makeable(job: Job) -> list[str]:
     """Return the names of the artifacts that can be made of a job that has succeeded."""
+    if all(artifact.name != _RESULT for artifact in job.artifacts):
+        return []
     return [kind.name for kind in kind_of(job.kind).artifacts if kind.afterwards and kind.name in DERIVED]
 
 
@@ -52,10 +54,13 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
     result = next(artifact for artifact in job.artifacts if artifact.name == _RESULT)
     with app.workspace.temporary_folder() as folder:
         source, shape, target = folder / "source", folder / "result", folder / "target"
-        app.store.fetch(job.source.key, source, sha256=job.source.sha256)
         app.store.fetch(result.key, shape, sha256=result.sha256)
-        request = job.request
-        given = DerivedInput(source, shape, job.source.filename, request.output, request.params.exclude)
+        output = job.request.output
+        if name in OF_RESULT:
+            given = DerivedInput(shape, shape, _RESULT, output)
+        else:
+            app.store.fetch(job.source.key, source, sha256=job.source.sha256)
+            given = DerivedInput(source, shape, job.source.filename, output, job.request.params.exclude)
         derive(name, given, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, StoredFileError
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
+from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.jobs.documents import BranchDocument
-from service.jobs.intake import check_file, check_params, key_of, new_job, record_job, store_file
+from service.jobs.documents import BranchDocument, FileReference
+from service.jobs.intake import check_file, check_params, check_words, key_of, new_job, record_job, store_file
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
@@ -80,16 +81,23 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        inherited = _inherited(job, document)
+        references = _own_references(job, document)
+        inherited = _inherited(job, document, references)
         request = kind_of(job.kind).as_branch(job.request, document)
-        params = check_params(request, app.settings, files={*inherited, *document.references})
+        params = check_params(request, app.settings, files={*inherited, *references})
         with app.record.files.leases() as leases:
             files = dict(inherited)
-            for name, reference in document.references.items():
+            for name, reference in references.items():
                 file = fetch(app, caller.owner_id, *reference, folder)
                 check_file(app, caller.owner_id, kind_of(job.kind), name, file)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
+                if name == WEIGHTS_PART:
+                    check_words(request, file.path, {})
+            if WEIGHTS_PART in inherited:
+                kept = inherited[WEIGHTS_PART]
+                app.store.fetch(kept.key, folder / WEIGHTS_PART, sha256=kept.sha256)
+                check_words(request, folder / WEIGHTS_PART, {})
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(
@@ -107,7 +115,16 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             return record_job(app, new, leases)
 
 
-def _inherited(job: Job, document: BranchDocument) -> dict[str, StoredFile]:
+def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileReference, list[str]]]:
+    """Return the files that a branch names; it keeps its job's taught weights, whatever became of their own job."""
+    same = getattr(document.params, "model", None) == getattr(job.request.params, "model", None)
+    kept = {WEIGHTS_PART} & set(job.files) if same else set[str]()
+    return {name: each for name, each in document.references.items() if name not in kept}
+
+
+def _inherited(
+    job: Job, document: BranchDocument, named: Mapping[str, tuple[FileReference, list[str]]]
+) -> dict[str, StoredFile]:
     """Return the files of the other job that a branch keeps.
 
     Raises
@@ -117,7 +134,7 @@ def _inherited(job: Job, document: BranchDocument) -> dict[str, StoredFile]:
     """
     if document.kind is not job.kind:
         raise _refused("kind", f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".')
-    kind, named = kind_of(job.kind), document.references
+    kind = kind_of(job.kind)
     for part in kind.reads:
         if part.required and part.name in named:
             raise _refused(part.name, f"A branch keeps its job's `{part.name}`.", "Post a new job for another file.")

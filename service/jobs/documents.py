@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -9,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_vali
 from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.models import WEIGHTS_PART, teaching_job
+from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 
 __all__ = [
     "SHA256_PATTERN",
@@ -72,7 +75,10 @@ class _WithFiles(JobRequest):
     def references(self) -> dict[str, tuple[FileReference, list[str]]]:
         """The files that the document names by part, each with its place in the document."""
         own = {name: getattr(self, name) for name in self._named}
+        teacher = teaching_job(getattr(self.params, "model", None) or "")
+        taught = {} if teacher is None else {WEIGHTS_PART: (_result_of(teacher), ["params", "model"])}
         return {
+            **taught,
             **{name: (reference, ["files", name]) for name, reference in self.files.items()},
             **{name: (reference, [name]) for name, reference in own.items() if reference is not None},
         }
@@ -82,7 +88,17 @@ class _WithFiles(JobRequest):
         for name in self._named:
             if getattr(self, name) is not None and name in self.files:
                 raise ValueError(f"{name} is also in files; leave one of the two out")
+        model: str = getattr(self.params, "model", None) or ""
+        if (teacher := teaching_job(model)) is not None:
+            if not re.fullmatch(JOB_ID_PATTERN, teacher):
+                raise ValueError(f"params.model is {model!r}; after `job:` stands the id of a job")
+            if WEIGHTS_PART in self.files:
+                raise ValueError(f"files.{WEIGHTS_PART} is also params.model; leave one of the two out")
         return self
+
+
+def _result_of(job_id: str) -> FileReference:
+    return FileReference(job_id=job_id, artifact=WEIGHTS_ARTIFACT)
 
 
 class JobDocument(_WithFiles):

@@ -5,18 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import ParameterError, SilhouetteError, UnavailableError
+from meshdeform.priors.builtin import taught
 from meshdeform.priors.public_names import public_names
 from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
 from meshdeform.settings import Settings
@@ -32,7 +35,17 @@ from service.state import AppState
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["accept_job", "check_file", "check_params", "key_of", "new_job", "record_job", "store_file", "validate"]
+__all__ = [
+    "accept_job",
+    "check_file",
+    "check_params",
+    "check_words",
+    "key_of",
+    "new_job",
+    "record_job",
+    "store_file",
+    "validate",
+]
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
@@ -90,8 +103,24 @@ def check_job(
     files = submission.fetch_all(app, owner_id)
     kind = kind_of(submission.document.kind)
     found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
-    kind.check_files(params, {name: each for name, each in found.items() if isinstance(each, AssetSummary)})
+    meshes = {name: each for name, each in found.items() if isinstance(each, AssetSummary)}
+    kind.check_files(params, meshes)
+    if WEIGHTS_PART in files:
+        check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, found
+
+
+def check_words(request: JobRequest, weights: Path, meshes: Mapping[str, AssetSummary]) -> None:
+    """Check a request against the words of taught weights, which have passed `check_file`.
+
+    Raises
+    ------
+    RequestError
+        It has words that they do not know, or would teach what they know.
+    """
+    check = kind_of(request.kind).check_words
+    if check is not None:
+        check(request, taught.check(weights), meshes)
 
 
 def check_file(

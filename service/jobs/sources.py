@@ -102,7 +102,7 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[st
     """
     path = folder / place[-1]
     if reference.upload_id is not None:
-        with _reported_at([*place, "upload_id"], f"There is no upload {reference.upload_id}."):
+        with _reported_at(_inside(place, "upload_id"), f"There is no upload {reference.upload_id}."):
             upload = app.record.uploads.get(reference.upload_id, owner=owner_id)
             if upload.key is None or upload.sha256 is None:
                 raise ConflictError(
@@ -112,23 +112,28 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[st
             app.store.fetch(upload.key, path, sha256=upload.sha256)
         return ReceivedFile(path, upload.filename, upload.size, upload.sha256)
     assert reference.job_id is not None
-    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at(_inside(place, "job_id"), f"There is no job {reference.job_id}."):
         job = app.record.get(reference.job_id, owner=owner_id)
         artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job.id, owner=owner_id)}
     if reference.artifact not in artifacts:
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
         detail = f"The {job.state} job {job.id} has no such artifact."
-        raise _parameter([*place, "artifact"], detail, f"It has: {', '.join(artifacts) or 'none'}.")
+        raise _parameter(_inside(place, "artifact"), detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
     if artifact.size > app.settings.max_upload_bytes:
         raise AssetTooLargeError(
             f"The artifact has {artifact.size} bytes; the limit is {app.settings.max_upload_bytes} "
             "(MESHDEFORM_MAX_UPLOAD_BYTES)."
         )
-    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at(_inside(place, "job_id"), f"There is no job {reference.job_id}."):
         app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)
+
+
+def _inside(place: list[str], member: str) -> list[str]:
+    """Return the place of a reference's member; a parameter is a name alone."""
+    return place if place[0] == "params" else [*place, member]
 
 
 @contextmanager

@@ -29,9 +29,14 @@ router = APIRouter(prefix="/v1/models", tags=["models"], dependencies=KNOWN_QUER
         **problem_responses(*CALLER_ERRORS),
     },
 )
-def get_models(app: AppStateDep, _principal: PrincipalDep) -> JSONResponse:
-    """Each model with its purpose, availability and vocabulary. Prompts made of its words are accepted."""
+def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
+    """Each model with its purpose, availability and vocabulary. Prompts made of its words are accepted.
+
+    The models of this server come first, then those that the caller's jobs of kind `prior_teach` have made, newest
+    first.
+    """
     settings = app.settings
     found = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
+    found += app.taught.of(principal.owner_id)
     views = [ModelView.model_validate(asdict(model)) for model in found]
     return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))

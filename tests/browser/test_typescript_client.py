@@ -1,22 +1,23 @@
-"""The TypeScript client in Chromium."""
+"""The TypeScript client in Chromium, as the page has it: it is the one that is built (tests/integration)."""
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-from playwright.sync_api import Page, Route
+from playwright.sync_api import Page
 
 from tests.acceptance.service import Service
-from tests.typescript_package import built_package
 
 pytestmark = pytest.mark.without_3d
 
 SCENARIO = """async (text) => {
-  const { Client } = await import("/client/index.js");
+  const { Client } = await import("/web/client/index.js");
   const client = new Client();
   const file = new File([text], "sphere.obj");
   const seen = [];
@@ -30,18 +31,29 @@ SCENARIO = """async (text) => {
 }"""
 
 
-def test_the_client_works_in_a_page(
-    page: Page, service: Service, repository: Path, small_sphere: Path, tmp_path: Path
-) -> None:
-    dist = built_package(repository, tmp_path)
-
-    def serve(route: Route) -> None:
-        name = route.request.url.rpartition("/")[2]
-        route.fulfill(body=(dist / name).read_text(), content_type="text/javascript")
-
-    page.route("**/client/*.js", serve)
+def test_the_client_works_in_a_page(page: Page, service: Service, repository: Path, small_sphere: Path) -> None:
     page.goto("/#/jobs")
+    base = str(service.http.base_url).rstrip("/")
     found = page.evaluate(SCENARIO, small_sphere.read_text())
-    assert found["base"] == str(service.http.base_url).rstrip("/")
+    assert found["base"] == base
     assert (found["last"], found["magic"], found["state"]) == ("succeeded", "glTF", "complete")
     assert service.job(found["job"])["state"] == "succeeded"
+
+    # What its page shows first, in a few steps.
+    shown = re.findall(r"^```ts\n(.*?)^```", (repository / "docs/typescript.md").read_text(), re.M | re.S)[0]
+    for old, new in (
+        ('import { Client } from "meshdeform";', 'const { Client } = await import("/web/client/index.js");'),
+        ('{ baseUrl: "https://meshdeform.example", apiKey: "..." }', json.dumps({"baseUrl": base})),
+        ("seed: 7", "seed: 7, steps: 4"),
+    ):
+        assert shown.count(old) == 1
+        shown = shown.replace(old, new)
+    program = f"""async (text) => {{
+      const file = new File([text], "sphere.obj");
+      {shown}
+      return {{ job: job.id, files: [await glb.slice(0, 4).text(), await half.slice(0, 4).text()] }};
+    }}"""
+    found = page.evaluate(program, small_sphere.read_text())
+    assert found["files"] == ["glTF", "glTF"]
+    job = service.job(found["job"])
+    assert (job["prompt"], job["params"]["steps"], job["params"]["seed"]) == ("a tall vase", 4, 7)

@@ -180,7 +180,8 @@ def test_deleting_a_job_is_no_time_to_remove_others(api: Api, monkeypatch: pytes
         monkeypatch.setattr(store, "delete_prefix", watched)
         api.record.delete(other_id)
         assert httpx.delete(f"{url}/v1/jobs/{job_id}").status_code == 204
-        assert removed == [f"jobs/{job_id}/"]
+        # Its own, unless the reconciler of the fixture's API came first, and never the other's.
+        assert set(removed) <= {f"jobs/{job_id}/"}
 
 
 def test_a_job_is_deleted_while_the_store_is_away(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:

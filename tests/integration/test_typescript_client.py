@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -56,6 +58,57 @@ def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp
     }
     assert found["abandoned"]["name"] == "AbortError"
     assert JobKind.TEXT_DEFORM in found["limits"]
+
+
+def test_the_page_has_the_client_as_it_is_built(repository: Path, tmp_path: Path) -> None:
+    dist = built_package(repository, tmp_path)
+
+    def check(folder: Path) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, repository / "scripts/vendor-client", "--check", "--dist", dist, "--folder", folder]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+    done = check(repository / "service/web/client")
+    assert done.returncode == 0, done.stdout
+    other = shutil.copytree(repository / "service/web/client", tmp_path / "client")
+    (other / "errors.js").write_text("export {};\n")
+    (other / "types.js").unlink()
+    (other / "more.js").touch()
+    done = check(other)
+    assert done.returncode == 1
+    assert [line.partition(":")[::2] for line in done.stdout.splitlines()] == [
+        ("more.js", " no module of the client"),
+        ("types.js", " missing"),
+        ("errors.js", " not what clients/typescript builds today; run scripts/vendor-client"),
+    ]
+
+
+def test_what_the_documents_show_fits_the_types(repository: Path, tmp_path: Path) -> None:
+    package = built_package(repository, tmp_path).parent
+    given = (
+        'import type { Job, JobEvent, MeshdeformError } from "meshdeform";\ndeclare const file: File, job: Job;\n'
+        "declare function askForKey(refused: string): Promise<boolean>;\n"
+        "declare function showWait(error: MeshdeformError, pauseMs: number): boolean;\n"
+        "declare function showState(connected: boolean): void;\ndeclare function show(event: JobEvent): void;\n"
+    )
+    (tmp_path / "node_modules").mkdir()
+    (tmp_path / "node_modules/meshdeform").symlink_to(package)
+    shown = [repository / "docs/typescript.md", repository / "clients/typescript/README.md"]
+    blocks = list(
+        dict.fromkeys(
+            block for page in shown for block in re.findall(r"^```ts\n(.*?)^```", page.read_text(), re.M | re.S)
+        )
+    )
+    assert len(blocks) == 2
+    for number, block in enumerate(blocks):
+        imported = "" if "import {" in block else 'import { Client } from "meshdeform";\n'
+        needed = given.replace(", job: Job", "") if "const job" in block else given
+        (tmp_path / f"shown{number}.mts").write_text(imported + needed + block)
+    compiler = repository / "tests/node/node_modules/typescript/bin/tsc"
+    options = ["--noEmit", "--strict", "--skipLibCheck", "--target", "es2022", "--module", "nodenext"]
+    options += ["--lib", "es2023,dom,dom.iterable,dom.asynciterable"]
+    command = [shutil.which("node") or "node", compiler, *options, *sorted(tmp_path.glob("*.mts"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout
 
 
 def test_what_the_package_holds_is_named_in_it(repository: Path) -> None:

@@ -14,6 +14,7 @@ from tests.cases import each_case
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "service" / "web"
 OWN = [WEB / "index.html", *sorted((WEB / "app").rglob("*.js")), *sorted((WEB / "style").rglob("*.css"))]
+CLIENT = sorted((WEB / "client").glob("*.js"))
 
 
 def test_the_scripts_do_what_their_tests_say() -> None:
@@ -29,10 +30,12 @@ def test_the_scripts_do_what_their_tests_say() -> None:
     assert int(passed[1]) >= len(tests)
 
 
-@each_case("path", OWN, ids=lambda path: str(path.relative_to(WEB)))
+@each_case("path", [*OWN, *CLIENT], ids=lambda path: str(path.relative_to(WEB)))
 def test_nothing_that_the_policy_forbids_and_nothing_that_reads_data_as_html(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"\b(?:innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(|new Function)", text)
+    if path in CLIENT:  # compiled; its defaults and examples name hosts, the page's tests watch what is asked
+        return
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)[\w.]+", text), "another host"
     if path.suffix == ".html":
         assert " style=" not in text

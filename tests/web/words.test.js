@@ -30,6 +30,11 @@ test("what a result looks like, and whether that was asked for", () => {
   const missed = { noun: "rabbit", probability: 0.12, matches: false, next: { noun: "octopus", probability: 0.62 } };
   const [bad] = findings({ likeness: missed });
   assert.deepEqual([bad.tone, bad.text], ["warn", "Looks more like an octopus 62% than a rabbit 12%"]);
+  const compared = { probability: 0.27, before: { probability: 0.02 } };
+  const regions = [{ node: "Head" }];
+  const prompts = [{ prompt: "a cow", regions: [], likeness: judged }, { prompt: "a rabbit", regions, likeness: compared }, { prompt: "an owl", regions }];
+  assert.deepEqual(findings({ prompts }).map(({ tone, text }) => [tone, text]), [["plain", "The region of “a rabbit” looks like it: 27%, 2% before"]]);
+  assert.match(findings({ prompts: [{ prompt: "a rabbit", regions, likeness: { probability: 0.27 } }] })[0].text, /27%$/);
   const [front] = findings({ orientation: { turn_deg: 180, source: "found", margin: 0.44 } });
   assert.deepEqual([front.tone, front.text], ["plain", "Front: the side at 180°"]);
   assert.match(front.note, /44\s?%/);

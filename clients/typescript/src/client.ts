@@ -1,9 +1,9 @@
 import { MeshdeformError } from "./errors.js";
-import { events } from "./events.js";
-import { newKey, type Options, Transport } from "./transport.js";
+import { events, type WatchOptions } from "./events.js";
+import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
-  type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobRequest,
-  type JobState, type Limits, type Models, type SignedUrl, type Upload, type Validation,
+  type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
+  type JobState, type Limits, type Models, type Orientation, type SignedUrl, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
 
@@ -17,6 +17,15 @@ export interface SubmitOptions {
   filename?: string;
   /** Requests with the same key within a day make one job, also from another process. */
   idempotencyKey?: string;
+  signal?: AbortSignal;
+}
+
+/** Which jobs to list. */
+export interface JobFilter {
+  state?: JobState;
+  /** Words that all occur in the prompt, a file's name or a label. */
+  search?: string;
+  metadata?: Record<string, string>;
   signal?: AbortSignal;
 }
 
@@ -53,6 +62,29 @@ export class Client {
     return this.#transport.baseUrl;
   }
 
+  /** Return the address of a path of the service, as it names them itself. */
+  url(path: string): string {
+    return this.#transport.url(path);
+  }
+
+  /**
+   * Send a request to any path of the service, and return the successful response. It is repeated as all requests are, so it must be safe
+   * to repeat: with an `Idempotency-Key` where it would do something twice, or with `once`.
+   */
+  request(path: string, call: Call = {}): Promise<Response> {
+    return this.#transport.request(path, call);
+  }
+
+  /** Send a request to any path of the service, and return the document of the answer. */
+  json<T = any>(path: string, call: Call = {}): Promise<T> {
+    return this.#transport.json<T>(path, call);
+  }
+
+  /** Send a request to any path of the service, and return the bytes of the answer. */
+  bytes(path: string, call: Call = {}): Promise<ArrayBuffer> {
+    return this.#transport.read(path, call, (response) => response.arrayBuffer());
+  }
+
   /** Post a job. It is made once, even if the request has to be repeated. */
   async submit(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Job> {
     const body = await this.#body(asset, request, options);
@@ -66,6 +98,12 @@ export class Client {
     return this.#transport.json<Validation>("v1/jobs:validate", { method: "POST", ...body, signal: options.signal });
   }
 
+  /** Find the front of an asset, as a job of this request would. */
+  async orient(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Orientation> {
+    const body = await this.#body(asset, request, options);
+    return this.#transport.json<Orientation>("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
+  }
+
   /** Upload a file for any number of jobs. */
   async upload(file: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: UploadOptions = {}): Promise<Upload> {
     const { blob, filename } = named(file, options.filename);
@@ -77,23 +115,28 @@ export class Client {
     return this.#transport.json<Job>(path(job), { signal });
   }
 
-  /** Iterate over the jobs, newest first. `search` finds all words in prompts, file names and labels. */
-  async *jobs(options: { state?: JobState; search?: string; metadata?: Record<string, string>; signal?: AbortSignal } = {}): AsyncGenerator<Job> {
-    const query = new URLSearchParams({ limit: "50" });
-    if (options.state) query.set("state", options.state);
-    if (options.search) query.set("q", options.search);
-    for (const [name, value] of Object.entries(options.metadata ?? {})) query.set(`metadata[${name}]`, value);
-    for (;;) {
-      const page = await this.#transport.json<{ jobs: Job[]; next_cursor?: string | null }>(`v1/jobs?${query}`, { signal: options.signal });
+  /** Iterate over the jobs, newest first. */
+  async *jobs(filter: JobFilter = {}): AsyncGenerator<Job> {
+    for (let cursor: string | null | undefined; cursor !== null; ) {
+      const page: JobPage = await this.jobPage({ ...filter, ...(cursor ? { cursor } : {}) });
       yield* page.jobs;
-      if (!page.next_cursor) return;
-      query.set("cursor", page.next_cursor);
+      cursor = page.next_cursor ?? null;
     }
   }
 
+  /** List up to `limit` jobs, newest first, from the `next_cursor` of the page before on. */
+  jobPage(options: JobFilter & { limit?: number; cursor?: string } = {}): Promise<JobPage> {
+    const query = new URLSearchParams({ limit: String(options.limit ?? 50) });
+    if (options.state) query.set("state", options.state);
+    if (options.search) query.set("q", options.search);
+    for (const [name, value] of Object.entries(options.metadata ?? {})) query.set(`metadata[${name}]`, value);
+    if (options.cursor) query.set("cursor", options.cursor);
+    return this.#transport.json<JobPage>(`v1/jobs?${query}`, { signal: options.signal });
+  }
+
   /** Iterate over a job's events as they happen, each once and in order, reconnecting as needed, until the job has ended. */
-  watch(job: JobLike, options: { after?: number; signal?: AbortSignal } = {}): AsyncGenerator<JobEvent> {
-    return events(this.#transport, id(job), options.after ?? 0, options.signal);
+  watch(job: JobLike, options: WatchOptions = {}): AsyncGenerator<JobEvent> {
+    return events(this.#transport, id(job), options);
   }
 
   /** Wait until a job has succeeded. A job that did not is thrown as an error. */
@@ -155,7 +198,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb` or `result.usdz` of a job that was not asked for it. */
+  /** Make `morph.glb`, `result.obj.zip`, `result.stl` or `result.usdz` of a job that was not asked for it. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }
@@ -163,19 +206,18 @@ export class Client {
   /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
   async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
     const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
-    const response = await this.#transport.request(path(job, `artifacts/${encodeURIComponent(name)}${query}`), { signal: options.signal });
-    return response.blob();
+    return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
   }
 
   /** Download a file that was sent with a job. */
   async file(job: JobLike, part = "asset", signal?: AbortSignal): Promise<Blob> {
-    return (await this.#transport.request(path(job, `files/${encodeURIComponent(part)}`), { signal })).blob();
+    return this.#blob(path(job, `files/${encodeURIComponent(part)}`), signal);
   }
 
   /** Return a URL of an artifact that needs no key and expires. */
   async signedUrl(job: JobLike, name = "result.glb", signal?: AbortSignal): Promise<SignedUrl> {
     const found = await this.#transport.json<SignedUrl>(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
-    return { ...found, url: new URL(found.url, `${this.baseUrl}/`).href };
+    return { ...found, url: this.url(found.url) };
   }
 
   async models(signal?: AbortSignal): Promise<Models> {
@@ -184,6 +226,20 @@ export class Client {
 
   async limits(signal?: AbortSignal): Promise<Limits> {
     return this.#transport.json<Limits>("v1/limits", { signal });
+  }
+
+  /** Upload a file before its job; null where the service takes uploads at a host that this client keeps away from. */
+  async #ahead(blob: Blob, filename: string, signal: AbortSignal | undefined): Promise<Upload | null> {
+    try {
+      return await upload(this.#transport, blob, filename, signal ? { signal } : {});
+    } catch (failure) {
+      if (failure instanceof MeshdeformError && failure.code === "upload_elsewhere") return null;
+      throw failure;
+    }
+  }
+
+  #blob(path: string, signal?: AbortSignal): Promise<Blob> {
+    return this.#transport.read(path, { signal }, (response) => response.blob());
   }
 
   /** Return the body of a job: a form with the files, or a document that names files of the service. */
@@ -197,10 +253,9 @@ export class Client {
         continue;
       }
       const { blob, filename } = named(file, part === "asset" ? options.filename : undefined);
-      if (blob.size > UPLOAD_ABOVE && canUpload()) {
-        const more = options.signal ? { signal: options.signal } : {};
-        known[part] = { upload_id: (await upload(this.#transport, blob, filename, more)).id };
-      } else sent.push([part, blob, filename]);
+      const ahead = blob.size > UPLOAD_ABOVE && canUpload() ? await this.#ahead(blob, filename, options.signal) : null;
+      if (ahead) known[part] = { upload_id: ahead.id };
+      else sent.push([part, blob, filename]);
     }
     const document = Object.keys(known).length ? { ...request, files: known } : request;
     if (!sent.length) return { json: document };

@@ -14,13 +14,16 @@ export interface Problem {
  * Something went wrong: the service refused a request, a job failed, or nobody answered.
  *
  * `code` is stable: those of the service, and of this client `unavailable` (no answer), `wait_timeout` (the job goes on),
- * `job_canceled` and `job_expired` (how a job ended that was waited for), and `checksum_unavailable` (no SHA-256 here).
+ * `job_canceled` and `job_expired` (how a job ended that was waited for), `checksum_unavailable` (no SHA-256 here), and
+ * `upload_elsewhere` (the service takes uploads at another host, which `directUploads` forbids).
  */
 export class MeshdeformError extends Error {
   override readonly name = "MeshdeformError";
   readonly code: string;
   /** The HTTP status; 0 where the service did not answer. */
   readonly status: number;
+  /** What is wrong in a few words, the same for all errors with this code. */
+  readonly title: string;
   /** What to do about it. */
   readonly advice: string;
   /** All members of the problem document, such as `errors` or `nouns`. */
@@ -34,10 +37,16 @@ export class MeshdeformError extends Error {
     super(problem.detail ?? problem.title ?? `The service answered ${status}.`, options);
     this.status = status;
     this.code = problem.code ?? `http_${status}`;
+    this.title = problem.title ?? this.message;
     this.advice = problem.advice ?? "";
     this.problem = problem;
     this.requestId = problem.request_id ?? "";
     this.retryAfterS = retryAfterS;
+  }
+
+  /** Whether no answer came, so that nobody knows whether the request arrived. */
+  get unanswered(): boolean {
+    return this.status === 0 && this.code === "unavailable";
   }
 }
 

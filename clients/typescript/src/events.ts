@@ -3,43 +3,65 @@ import { errorOf, MeshdeformError } from "./errors.js";
 import { Patience, type Transport, worthRetrying } from "./transport.js";
 import { isTerminal, type JobEvent } from "./types.js";
 
+export interface WatchOptions {
+  /** The number of the last event that is known. Default: 0, all events. */
+  after?: number;
+  signal?: AbortSignal;
+  /** Called with true when events begin to come, and with false when the connection is lost. */
+  onConnection?: (connected: boolean) => void;
+  /** For how long to try to connect again, in milliseconds. Default: five times that of the client. */
+  timeoutMs?: number;
+}
+
 /** The service says something at least every 15 seconds. */
 const SILENCE_MS = 45_000;
 const RECONNECTING = 5;
 
 /** Yield the events after a number, up to the one that ends the job. */
-export async function* events(transport: Transport, job: string, after: number, signal?: AbortSignal): AsyncGenerator<JobEvent> {
-  const patience = new Patience(transport.maxRetries ? Infinity : 0, RECONNECTING * transport.timeoutMs);
+export async function* events(transport: Transport, job: string, options: WatchOptions = {}): AsyncGenerator<JobEvent> {
+  const { signal, onConnection } = options;
+  const patience = new Patience(transport.maxRetries ? Infinity : 0, options.timeoutMs ?? RECONNECTING * transport.timeoutMs);
+  let after = options.after ?? 0;
+  let askedMs = 0;
   for (;;) {
     const silence = new AbortController();
     const both = signal ? AbortSignal.any([signal, silence.signal]) : silence.signal;
     const timer = new Timer(() => silence.abort());
+    let connected = false;
     let error: MeshdeformError;
     try {
       const headers = { Accept: "text/event-stream", "Last-Event-ID": String(after) };
       const response = await transport.request(`v1/jobs/${job}/events`, { headers, signal: both, once: true });
       if (response.status === 204 || !response.body) return;
       if (!response.headers.get("Content-Type")?.startsWith("text/event-stream")) throw await errorOf(response);
-      for await (const event of parsed(response.body, () => timer.restart())) {
-        if (event.seq <= after) continue;
-        after = event.seq;
+      connected = true;
+      onConnection?.(true);
+      for await (const found of messages(response.body, () => timer.restart())) {
+        if (typeof found === "number") {
+          askedMs = found;
+          continue;
+        }
+        if (found.seq <= after) continue;
+        after = found.seq;
         patience.renew();
         timer.stop(); // the caller may take its time
-        yield event;
-        if (isTerminal(event.type)) return;
+        yield found;
+        if (isTerminal(found.type)) return;
         timer.restart();
       }
       error = ended(job);
     } catch (failure) {
       signal?.throwIfAborted();
       // A connection that breaks in the middle of its body fails as a TypeError; one that was silent is aborted here.
-      if (failure instanceof MeshdeformError && !worthRetrying(failure)) throw failure;
+      if (failure instanceof MeshdeformError && failure.status < 500 && !worthRetrying(failure)) throw failure;
       error = failure instanceof MeshdeformError ? failure : ended(job);
     } finally {
       timer.stop();
       silence.abort();
     }
-    await patience.wait(error, signal);
+    onConnection?.(false);
+    // A connection that was good is made again at once.
+    await patience.wait(error, { signal, leastMs: connected ? 0 : askedMs });
   }
 }
 
@@ -65,8 +87,11 @@ class Timer {
   }
 }
 
-/** Yield the documents of a stream of server-sent events (WHATWG HTML, section 9.2). */
-async function* parsed(body: ReadableStream<Uint8Array>, alive: () => void): AsyncGenerator<JobEvent> {
+/**
+ * Yield the events of a stream of server-sent events (WHATWG HTML, section 9.2), and the milliseconds after which the service wants to
+ * be asked again where it says so. `EventSource` cannot send a key.
+ */
+export async function* messages(body: ReadableStream<Uint8Array>, alive: () => void = () => {}): AsyncGenerator<JobEvent | number> {
   const reader = body.pipeThrough(new TextDecoderStream() as ReadableWritablePair<string, Uint8Array>).getReader();
   let rest = "";
   let data: string[] = [];
@@ -82,6 +107,7 @@ async function* parsed(body: ReadableStream<Uint8Array>, alive: () => void): Asy
       rest = (lines.pop() ?? "") + rest.slice(whole);
       for (const line of lines) {
         if (line.startsWith("data:")) data.push(line.slice(5).replace(/^ /, ""));
+        else if (/^retry: ?\d+$/.test(line)) yield Number(line.slice(6));
         else if (line === "" && data.length) {
           const event = document(data.join("\n"));
           data = [];

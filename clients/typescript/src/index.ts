@@ -1,6 +1,7 @@
 /** A client of Meshdeform, which reshapes 3D assets with a prompt. */
-export { Client, type JobLike, type SubmitOptions, type WaitOptions } from "./client.js";
+export { Client, type JobFilter, type JobLike, type SubmitOptions, type WaitOptions } from "./client.js";
 export { MeshdeformError, type Problem } from "./errors.js";
-export type { Options } from "./transport.js";
+export type { WatchOptions } from "./events.js";
+export type { Call, Options, Retry } from "./transport.js";
 export * from "./types.js";
 export type { UploadOptions } from "./uploads.js";

@@ -4,26 +4,59 @@ import { errorOf, MeshdeformError } from "./errors.js";
 export interface Options {
   /** Address of the service, optionally with a path. Default: this page's origin, or `http://127.0.0.1:8765`. */
   baseUrl?: string | URL;
-  /** Sent to the service as a bearer token, and to nobody else. */
-  apiKey?: string;
+  /** Sent to the service as a bearer token, and to nobody else. A function is asked before every request. */
+  apiKey?: string | (() => string);
   /** Default: the global one. */
   fetch?: typeof fetch;
-  /** How often to repeat a request that got no answer, or 408, 429, 502, 503 or 504. Default: 4. */
+  /**
+   * How often to repeat a request that got no answer, or 408, 429, 502, 503 or 504. Default: 4. With 0, nothing is repeated;
+   * otherwise requests that came too soon (`rate_limited`) are not counted: they are repeated until the time is up.
+   */
   maxRetries?: number;
   /** For how long after the first failure to repeat it, in milliseconds. Default: 60,000. */
   timeoutMs?: number;
+  /** Called before the pause after which a request is repeated; `false` gives up. Not called for event streams and pieces of uploads. */
+  onRetry?: (error: MeshdeformError, retry: Retry) => boolean | void;
+  /**
+   * Called when the service refuses a key, or the lack of one. Whether to send the request again: with the key that `apiKey` is by then.
+   * `refused` is the key that was sent; empty if none was.
+   */
+  onUnauthorized?: (refused: string, signal?: AbortSignal) => boolean | Promise<boolean>;
+  /**
+   * Whether files may be sent to another host that the service names for them, such as a bucket. Default: true. A page whose policy
+   * allows no other host sets false: such files are sent with their job.
+   */
+  directUploads?: boolean;
 }
 
+/** A request that is about to be repeated. */
+export interface Retry {
+  method: string;
+  path: string;
+  /** Whether it carries an `Idempotency-Key`: it is carried out once, however often it is sent. */
+  keyed: boolean;
+  /** Failures in a row; those that came too soon are not counted. */
+  failures: number;
+  pauseMs: number;
+}
+
+/** A request to a path of the service. */
 export interface Call {
   method?: string;
   headers?: Record<string, string>;
   body?: BodyInit;
+  /** Sent as JSON in place of a body. */
   json?: unknown;
   signal?: AbortSignal | undefined;
-  /** The URL carries its own permission, perhaps of another host: no key is sent along. */
-  signed?: boolean;
-  /** Whether to return the failed response's error as soon as it comes. */
+  /** Whether the request outlives the page that sends it. */
+  keepalive?: boolean;
+  /** Whether to throw the first error, without repeating the request. */
   once?: boolean;
+}
+
+/** A request whose URL carries its own permission, perhaps of another host: no key is sent along. */
+export interface SignedCall extends Call {
+  signed?: boolean;
 }
 
 const AGAIN: ReadonlySet<number> = new Set([408, 429, 502, 503, 504]);
@@ -33,13 +66,13 @@ const LONGEST_PAUSE_MS = 8_000;
 /** Return whether the same request may succeed later. */
 export function worthRetrying(error: unknown): error is MeshdeformError {
   if (!(error instanceof MeshdeformError)) return false;
-  return error.status === 0 ? error.code === "unavailable" : AGAIN.has(error.status) || error.code === "idempotency_in_flight";
+  return error.status === 0 ? error.unanswered : AGAIN.has(error.status) || error.code === "idempotency_in_flight";
 }
 
 /** Counts failures in a row, and waits after each. */
 export class Patience {
   #failures = 0;
-  #since = 0;
+  #since: number | null = null;
 
   constructor(
     private readonly retries: number,
@@ -49,35 +82,45 @@ export class Patience {
   /** Forget the failures after progress. */
   renew(): void {
     this.#failures = 0;
+    this.#since = null;
   }
 
-  /** Wait before the next try, or throw the error if retries or time are used up. */
-  async wait(error: MeshdeformError, signal?: AbortSignal): Promise<void> {
+  /**
+   * Wait before the next try, or throw the error if retries or time are used up, or `goesOn` says no.
+   * A pause after no answer ends when a browser is online again.
+   */
+  async wait(error: MeshdeformError, options: { signal?: AbortSignal | undefined; leastMs?: number; goesOn?: (failures: number, pauseMs: number) => boolean } = {}): Promise<void> {
     const now = Date.now();
-    if (this.#failures === 0) this.#since = now;
-    this.#failures += 1;
-    if (this.#failures > this.retries) throw error;
-    let pause = Math.min(FIRST_PAUSE_MS * 2 ** (this.#failures - 1), LONGEST_PAUSE_MS) * (0.5 + 0.5 * Math.random());
+    const since = (this.#since ??= now);
+    const tooSoon = error.code === "rate_limited" && error.retryAfterS !== null;
+    if (!tooSoon) this.#failures += 1;
+    if (this.retries === 0 || this.#failures > this.retries) throw error;
+    let pause = Math.min(FIRST_PAUSE_MS * 2 ** Math.max(this.#failures - 1, 0), LONGEST_PAUSE_MS) * (0.5 + 0.5 * Math.random());
     // At least as long as the service asks for, and not all at the same moment.
-    if (error.retryAfterS !== null) pause = 1000 * error.retryAfterS + 0.25 * pause;
-    if (now + pause > this.#since + this.timeoutMs) throw error;
-    await sleep(pause, signal);
+    const asked = Math.max(options.leastMs ?? 0, 1000 * (error.retryAfterS ?? 0));
+    if (asked) pause = asked + 0.25 * pause;
+    if (now + pause > since + this.timeoutMs) throw error;
+    if (options.goesOn?.(this.#failures, pause) === false) throw error;
+    await sleep(pause, options.signal, error.unanswered);
   }
 }
 
-/** Wait for some milliseconds, or throw when the signal aborts. */
-export function sleep(milliseconds: number, signal?: AbortSignal): Promise<void> {
+/** Wait for some milliseconds, or until a browser is online again; throw when the signal aborts. */
+function sleep(milliseconds: number, signal: AbortSignal | undefined, untilOnline: boolean): Promise<void> {
+  // Node.js has no such event.
+  const network = untilOnline && typeof addEventListener === "function" ? globalThis : null;
   return new Promise((resolve, reject) => {
     signal?.throwIfAborted();
-    const stop = () => {
+    const end = () => {
       clearTimeout(timer);
-      reject(signal?.reason);
+      signal?.removeEventListener("abort", end);
+      network?.removeEventListener("online", end);
+      if (signal?.aborted) reject(signal.reason);
+      else resolve();
     };
-    const timer = setTimeout(() => {
-      signal?.removeEventListener("abort", stop);
-      resolve();
-    }, milliseconds);
-    signal?.addEventListener("abort", stop, { once: true });
+    const timer = setTimeout(end, milliseconds);
+    signal?.addEventListener("abort", end);
+    network?.addEventListener("online", end);
   });
 }
 
@@ -85,8 +128,11 @@ export class Transport {
   readonly baseUrl: string;
   readonly maxRetries: number;
   readonly timeoutMs: number;
-  readonly #apiKey: string;
+  readonly directUploads: boolean;
+  readonly #apiKey: () => string;
   readonly #fetch: typeof fetch;
+  readonly #onRetry: Options["onRetry"];
+  readonly #onUnauthorized: Options["onUnauthorized"];
 
   constructor(options: Options) {
     const here = typeof location === "undefined" ? "http://127.0.0.1:8765" : location.origin;
@@ -94,25 +140,53 @@ export class Transport {
     if (!/^https?:\/\/[^/]/.test(this.baseUrl)) throw new TypeError(`${this.baseUrl} is not an address such as https://example.org.`);
     this.maxRetries = options.maxRetries ?? 4;
     this.timeoutMs = options.timeoutMs ?? 60_000;
-    this.#apiKey = options.apiKey ?? "";
+    this.directUploads = options.directUploads ?? true;
+    const key = options.apiKey ?? "";
+    this.#apiKey = typeof key === "string" ? () => key : key;
     // Browsers refuse to call `fetch` as a method of another object.
     this.#fetch = options.fetch ?? ((input, init) => globalThis.fetch(input, init));
+    this.#onRetry = options.onRetry;
+    this.#onUnauthorized = options.onUnauthorized;
   }
 
   patience(): Patience {
     return new Patience(this.maxRetries, this.timeoutMs);
   }
 
+  /** Return the address of a path of the service; paths that it names itself begin with a slash and lack the path of `baseUrl`. */
+  url(path: string): string {
+    return /^https?:/.test(path) ? path : `${this.baseUrl}/${path.replace(/^\//, "")}`;
+  }
+
+  /** Return whether an address or path is one of the service. */
+  isOwn(path: string): boolean {
+    return this.url(path).startsWith(`${this.baseUrl}/`);
+  }
+
   /** Send a request, again if need be, and return the successful response. The request must be safe to repeat. */
-  async request(path: string, call: Call = {}): Promise<Response> {
+  request(path: string, call: SignedCall = {}): Promise<Response> {
+    return this.read(path, call, async (response) => response);
+  }
+
+  /** Send a request and return the document of the answer. */
+  json<T>(path: string, call: SignedCall = {}): Promise<T> {
+    return this.read(path, call, async (response) => (await response.json()) as T);
+  }
+
+  /** Send a request, again if need be, and return what is taken from the successful response; one that breaks off is no answer. */
+  async read<T>(path: string, call: SignedCall, take: (response: Response) => Promise<T>): Promise<T> {
     const patience = this.patience();
+    const method = call.method ?? "GET";
+    const keyed = new Headers(call.headers).has("Idempotency-Key");
+    const goesOn = (failures: number, pauseMs: number) => this.#onRetry?.(error, { method, path, keyed, failures, pauseMs }) !== false;
+    let error: MeshdeformError;
     for (let lost = false; ; ) {
-      let error: MeshdeformError;
       try {
-        const response = await this.#send(path, call);
-        if (response.ok) return response;
-        // The first request succeeded, and its answer was lost.
-        if (lost && call.method === "DELETE" && response.status === 404) return response;
+        const key = call.signed || !this.isOwn(path) ? "" : this.#apiKey();
+        const response = await this.#send(path, call, key);
+        // After a request that succeeded, and whose answer was lost.
+        if (response.ok || (lost && method === "DELETE" && response.status === 404)) return await this.#taken(take(response), call);
+        if (response.status === 401 && !call.signed && (await this.#onUnauthorized?.(key, call.signal))) continue;
         error = await errorOf(response);
       } catch (failure) {
         if (!worthRetrying(failure)) throw failure;
@@ -120,28 +194,27 @@ export class Transport {
         lost = true;
       }
       if (call.once || !worthRetrying(error)) throw error;
-      await patience.wait(error, call.signal);
+      await patience.wait(error, { signal: call.signal, goesOn });
     }
   }
 
-  /** Send a request and return the document of the answer. */
-  async json<T>(path: string, call: Call = {}): Promise<T> {
-    const response = await this.request(path, call);
-    return (await response.json()) as T;
-  }
-
-  async #send(path: string, call: Call): Promise<Response> {
-    const url = /^https?:/.test(path) ? path : `${this.baseUrl}/${path.replace(/^\//, "")}`;
+  async #send(path: string, call: SignedCall, key: string): Promise<Response> {
     const headers = new Headers(call.headers);
-    if (this.#apiKey && !call.signed) headers.set("Authorization", `Bearer ${this.#apiKey}`);
+    if (key) headers.set("Authorization", `Bearer ${key}`);
     const init: RequestInit = { method: call.method ?? "GET", headers };
     if (call.json !== undefined) {
       headers.set("Content-Type", "application/json");
       init.body = JSON.stringify(call.json);
     } else if (call.body !== undefined) init.body = call.body;
     if (call.signal) init.signal = call.signal;
+    if (call.keepalive) init.keepalive = true;
+    return this.#taken(this.#fetch(this.url(path), init), call);
+  }
+
+  /** Return what comes from the network, or throw that it did not come. */
+  async #taken<T>(coming: Promise<T>, call: SignedCall): Promise<T> {
     try {
-      return await this.#fetch(url, init);
+      return await coming;
     } catch (failure) {
       call.signal?.throwIfAborted();
       const detail = `${this.baseUrl} does not answer.`;

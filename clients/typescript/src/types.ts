@@ -8,6 +8,8 @@ export type JobRequest = Omit<Schemas["JobDocument"], "asset" | "target" | "file
 /** A request for a job that begins with the shape of a checkpoint. */
 export type BranchRequest = Schemas["BranchDocument"];
 export type Job = Schemas["JobView"];
+/** Jobs, newest first, and where those before them begin. */
+export type JobPage = Schemas["JobList"];
 export type JobState = Schemas["JobState"];
 export type JobEvent = Schemas["EventView"];
 export type Artifact = Schemas["ArtifactView"];
@@ -17,6 +19,7 @@ export type Validation = Schemas["Validation"];
 export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
+export type Orientation = Schemas["FoundOrientation"];
 export type Params = Schemas["DeformParams"];
 
 /** A file of the service: an upload, or an artifact of a job that has succeeded. */

@@ -25,6 +25,10 @@ export async function upload(transport: Transport, file: Blob, filename: string,
   // The first answer again: bytes may have come since, and its URL may have expired.
   if (response.headers.has("Idempotency-Replayed")) made = await current(transport, made.id, signal);
   if (made.state === "complete") return made;
+  if (!transport.directUploads && !transport.isOwn(made.url ?? "")) {
+    const detail = "The service takes uploads at another host.";
+    throw new MeshdeformError(0, { code: "upload_elsewhere", detail, advice: "Send the file with its job, or allow direct uploads." });
+  }
   if (made.resumable) await pieces(transport, file, made, options);
   else {
     await transport.request(made.url ?? "", { method: made.method ?? "PUT", headers: made.headers ?? {}, body: file, signal, signed: true });
@@ -48,7 +52,7 @@ async function pieces(transport: Transport, file: Blob, made: Upload, { signal, 
       // 403: the URL has expired. 409: the service has other bytes than we believed.
       const astray = failure instanceof MeshdeformError && (failure.status === 403 || failure.status === 409);
       if (!(failure instanceof MeshdeformError) || (!astray && !worthRetrying(failure))) throw failure;
-      await patience.wait(failure, signal);
+      await patience.wait(failure, { signal });
       made = await current(transport, made.id, signal);
       if (made.state === "complete") return;
       if (made.offset > offset) patience.renew();

@@ -84,7 +84,15 @@ def pack_weights(
         "vocabulary": vocabulary_hash(words["words"].split()),
         **words,
     }
-    return save({name: _halved(tensor.detach()).contiguous() for name, tensor in state.items()}, metadata)
+    return _in_order(save({name: _halved(tensor.detach()).contiguous() for name, tensor in state.items()}, metadata))
+
+
+def _in_order(data: bytes) -> bytes:
+    """Return safetensors with the header sorted by name: the library writes metadata in another order each time."""
+    length = int.from_bytes(data[:8], "little")
+    header = json.dumps(json.loads(data[8 : 8 + length]), sort_keys=True, separators=(",", ":")).encode()
+    header += b" " * (-len(header) % 8)  # tensors begin at a multiple of 8
+    return len(header).to_bytes(8, "little") + header + data[8 + length :]
 
 
 def _config(metadata: Mapping[str, str]) -> ModelConfig:

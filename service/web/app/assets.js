@@ -1,9 +1,11 @@
 // @ts-check
 /** The file that a job deforms, and its upload: once, however many requests use it. */
-import { address, requestJson } from "./api.js";
+import { client, MeshdeformError } from "./client.js";
 
 // Smaller files go along with each request; larger ones are uploaded once and then named.
 const SMALL_BYTES = 1 << 20;
+// Without TLS, except on this machine, browsers have no SHA-256; and a bucket is another host.
+const NO_UPLOAD = ["checksum_unavailable", "upload_elsewhere"];
 export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
 
 /** @param {string} name */
@@ -22,8 +24,8 @@ export class Asset {
     this.name = name;
     this.size = blob.size;
     this.format = formatOf(name);
-    /** @type {Promise<string> | null} */
-    this._upload = null;
+    /** What is sent: the file, or its upload. @type {Promise<any> | null} */
+    this._sent = null;
   }
 
   bytes() {
@@ -31,51 +33,40 @@ export class Asset {
   }
 
   /**
-   * What to send with a document, as `POST /v1/jobs` wants it.
+   * What the client takes for a job on this file: `client.submit(...(await asset.submission(document)))`.
    *
    * @param {Record<string, any>} document
    * @param {Record<string, Asset>} [others] More files, by the names of their parts.
-   * @returns {Promise<{json?: any, body?: FormData}>}
+   * @param {AbortSignal} [signal] Of the request; an upload goes on, for the requests that follow.
+   * @returns {Promise<[any, any, {files: Record<string, any>, signal?: AbortSignal}]>}
    */
-  async submission(document, others = {}) {
+  async submission(document, others = {}, signal) {
     const all = Object.entries({ asset: /** @type {Asset} */ (this), ...others });
     const large = all.some(([, { size }]) => size > SMALL_BYTES);
-    const uploads = large ? await Promise.all(all.map(([, file]) => file._uploaded())) : [];
-    if (large && uploads.every(Boolean)) return { json: { ...document, files: Object.fromEntries(all.map(([part], i) => [part, { upload_id: uploads[i] }])) } };
-    const body = new FormData();
-    body.append("request", JSON.stringify(document));
-    for (const [part, file] of all) body.append(part, file.blob, file.name);
-    return { body };
+    const sent = await Promise.all(all.map(async ([part, file]) => [part, large ? await file._uploaded() : file._file()]));
+    const { asset, ...files } = Object.fromEntries(sent);
+    return [asset, document, { files, signal }];
   }
 
   /** Upload the file again with the next request: the server may have deleted an unused upload. */
   forgetUpload() {
-    this._upload = null;
+    this._sent = null;
   }
 
-  /** @returns {Promise<string>} The upload's id; empty if this browser or server does not support uploads. */
+  /** @returns {File} */
+  _file() {
+    return new File([this.blob], this.name, { type: this.blob.type });
+  }
+
+  /** @returns {Promise<any>} The upload; the file if this browser or server does not support uploads. */
   _uploaded() {
-    this._upload ??= upload(this).catch((error) => {
-      this._upload = null;
+    this._sent ??= client.upload(this._file()).catch((error) => {
+      if (error instanceof MeshdeformError && NO_UPLOAD.includes(error.code)) return this._file();
+      this._sent = null;
       throw error;
     });
-    return this._upload;
+    return this._sent;
   }
-}
-
-/** @param {Asset} asset */
-async function upload(asset) {
-  // Without TLS, except on this machine, browsers have no SHA-256.
-  if (!globalThis.crypto?.subtle) return "";
-  const sha256 = hex(await crypto.subtle.digest("SHA-256", await asset.bytes()));
-  const json = { filename: asset.name, size: asset.size, sha256 };
-  const made = await requestJson("v1/uploads", { method: "POST", json });
-  // A bucket is another origin, which the page's policy keeps it from: then the file goes through the API.
-  if (!made.url || !String(made.url).startsWith("/")) return "";
-  const sent = await fetch(address(made.url), { method: made.method ?? "PUT", headers: made.headers, body: asset.blob });
-  if (!sent.ok) return "";
-  await requestJson(`v1/uploads/${made.id}/complete`, { method: "POST", json: { sha256 } });
-  return String(made.id);
 }
 
 /**
@@ -86,12 +77,7 @@ async function upload(asset) {
  * @returns {Promise<Asset>}
  */
 export async function exampleAsset(name, signal) {
-  const response = await fetch(address(`web/examples/${name}`), { signal });
+  const response = await fetch(client.url(`web/examples/${name}`), { signal });
   if (!response.ok) throw new Error(`The server answered ${response.status}.`);
   return new Asset(await response.blob(), name.split("/").pop() ?? name);
-}
-
-/** @param {ArrayBuffer} digest */
-function hex(digest) {
-  return [...new Uint8Array(digest)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }

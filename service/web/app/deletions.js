@@ -5,9 +5,8 @@
  * A page that goes away sends what is due with requests that outlive it.
  */
 import { toast, toastWithUndo } from "./announce.js";
-import { ProblemError, address, isAbort, requestJson } from "./api.js";
+import { client, isAbort, MeshdeformError } from "./client.js";
 import { counted } from "./format.js";
-import { currentKey } from "./key.js";
 import { described } from "./problem-box.js";
 
 /** Sent on `document` when a job becomes hidden, comes back or is deleted. */
@@ -40,9 +39,9 @@ export function deleteJobs(ids) {
 async function send(ids) {
   for (const [index, id] of ids.entries()) {
     try {
-      await requestJson(`v1/jobs/${id}`, { method: "DELETE" });
+      await client.delete(id);
     } catch (error) {
-      if (error instanceof ProblemError && error.status === 404) continue;
+      if (error instanceof MeshdeformError && error.status === 404) continue;
       show(ids.slice(index));
       if (!isAbort(error)) toast(`Not deleted. ${described(error).detail || described(error).title}`);
       return;
@@ -62,11 +61,10 @@ function changed() {
 }
 
 addEventListener("pagehide", () => {
-  const key = currentKey();
-  const headers = key ? { Authorization: `Bearer ${key}` } : undefined;
   for (const [close, ids] of waiting) {
     close();
-    for (const id of ids) void fetch(address(`v1/jobs/${id}`), { method: "DELETE", keepalive: true, headers, credentials: "same-origin" });
+    // Nobody is left to hear that it failed.
+    for (const id of ids) client.request(`v1/jobs/${id}`, { method: "DELETE", keepalive: true, once: true }).catch(() => {});
   }
   waiting.clear();
 });

@@ -23,8 +23,9 @@
  * @property {string | null} endedAt
  * @property {Line[]} lines What to read in the log; percents are not in it.
  */
+import { isTerminal } from "../client/index.js";
 
-export const TERMINAL = ["succeeded", "failed", "canceled", "expired"];
+export { isTerminal };
 
 /** @returns {History} */
 export function emptyHistory() {
@@ -43,11 +44,6 @@ export function emptyHistory() {
     endedAt: null,
     lines: [],
   };
-}
-
-/** @param {string} state */
-export function isTerminal(state) {
-  return TERMINAL.includes(state);
 }
 
 /**

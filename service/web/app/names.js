@@ -24,6 +24,8 @@ export function stemOf(job) {
 
 const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "result.glb": ".glb",
+  "result.obj.zip": ".obj.zip",
+  "result.stl": ".stl",
   "result.usdz": ".usdz",
   "morph.glb": "-animated.glb",
   "surface.ndf": ".ndf",

@@ -1,6 +1,6 @@
 // @ts-check
 /** What went wrong, and what to do about it. */
-import { OfflineError, ProblemError } from "./api.js";
+import { isOffline, MeshdeformError } from "./client.js";
 import { h, icon } from "./dom.js";
 
 /**
@@ -8,13 +8,16 @@ import { h, icon } from "./dom.js";
  * @returns {{title: string, detail: string, advice: string, id: string}}
  */
 export function described(error) {
-  if (error instanceof ProblemError) {
+  if (isOffline(error)) {
+    const advice = "Check your connection and that the server is running. Nothing is lost.";
+    return { title: "The server does not answer.", detail: "", advice, id: "" };
+  }
+  if (error instanceof MeshdeformError) {
     const detail = error.message === error.title ? "" : error.message;
     // The advice about a prompt lists every word there is; the form offers them.
     const advice = error.code === "prompt_unknown_words" ? "" : error.advice;
     return { title: error.title, detail, advice, id: error.requestId };
   }
-  if (error instanceof OfflineError) return { title: error.message, detail: "", advice: error.advice, id: "" };
   return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
 }
 

@@ -50,7 +50,7 @@ export function findings(report) {
   const quality = report?.quality ?? {};
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...likeness(report?.likeness), ...regional(report?.prompts), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
   }
@@ -118,6 +118,20 @@ function likeness(judged) {
     return [warn(`Looks more like ${named(other)} than ${named(judged)}`, note)];
   }
   return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, "As the prompt says, judged from pictures.")];
+}
+
+/**
+ * What the regions of further prompts look like, cut out. Never a warning: often only the whole shows the prompt.
+ *
+ * @param {any} prompts
+ * @returns {Finding[]}
+ */
+function regional(prompts) {
+  const found = Array.isArray(prompts) ? prompts.filter((each) => each?.regions?.length && number(each.likeness?.probability) !== null) : [];
+  return found.map(({ prompt, likeness: { probability, before } }) => {
+    const earlier = number(before?.probability) === null ? "" : `, ${percent(before.probability)} before`;
+    return plain(`The region of “${prompt}” looks like it: ${percent(probability)}${earlier}`, "Judged from pictures of the region cut out, which may show less than the whole.");
+  });
 }
 
 /**

@@ -1,19 +1,19 @@
 // @ts-check
 /** A prompt that the model does not understand: what it did not, and prompts near it that it does. */
-import { ProblemError } from "./api.js";
+import { MeshdeformError } from "./client.js";
 import { fill, h } from "./dom.js";
 import { described } from "./problem-box.js";
 import { nearby } from "./vocabulary.js";
 
 /** @param {unknown} error */
 export function isAboutPrompt(error) {
-  return error instanceof ProblemError && error.code.startsWith("prompt_");
+  return error instanceof MeshdeformError && error.code.startsWith("prompt_");
 }
 
 /**
  * What was not understood, in one line.
  *
- * @param {ProblemError} error
+ * @param {MeshdeformError} error
  */
 export function refusalText(error) {
   const unknown = unknownWords(error);
@@ -22,21 +22,21 @@ export function refusalText(error) {
   return error.message.split(/(?<=[.!?])\s/)[0];
 }
 
-/** @param {ProblemError} error @returns {string[]} */
+/** @param {MeshdeformError} error @returns {string[]} */
 function unknownWords(error) {
-  return Array.isArray(error.document.unknown) ? error.document.unknown.map(String) : [];
+  return Array.isArray(error.problem.unknown) ? error.problem.unknown.map(String) : [];
 }
 
 /**
  * Prompts that would be understood: those that the server names, or those that the page finds.
  *
- * @param {ProblemError} error
+ * @param {MeshdeformError} error
  * @param {string} prompt
  * @param {import("./vocabulary.js").Vocabulary | null} known
  * @returns {string[]}
  */
 export function repairs(error, prompt, known) {
-  const { suggestions, nouns, attributes } = error.document;
+  const { suggestions, nouns, attributes } = error.problem;
   if (Array.isArray(suggestions) && suggestions.length) return suggestions.slice(0, 3).map(String);
   if (error.code !== "prompt_unknown_words") return [];
   const words = known ?? (Array.isArray(nouns) ? { nouns, attributes: attributes ?? [], examples: [] } : null);
@@ -46,10 +46,10 @@ export function repairs(error, prompt, known) {
 /**
  * Whether the server's prompts are near the one that was refused, and not merely examples.
  *
- * @param {ProblemError} error
+ * @param {MeshdeformError} error
  */
 function isNear(error) {
-  const { corrections, nearest } = error.document;
+  const { corrections, nearest } = error.problem;
   return [corrections, nearest].some((found) => found && typeof found === "object" && Object.keys(found).length > 0);
 }
 
@@ -63,7 +63,7 @@ function isNear(error) {
  * @param {(prompt: string) => void} use
  */
 export function showRefusal(place, error, prompt, known, use) {
-  const found = error instanceof ProblemError ? error : null;
+  const found = error instanceof MeshdeformError ? error : null;
   const text = found ? refusalText(found) : typeof error === "string" ? error : described(error).title;
   const offers = found ? repairs(found, prompt, known) : [];
   const near = found ? isNear(found) : false;

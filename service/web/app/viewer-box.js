@@ -6,7 +6,7 @@
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
  *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
-import { isAbort } from "./api.js";
+import { isAbort } from "./client.js";
 import { fill, h, icon } from "./dom.js";
 import { unpacked } from "../viewer/zip.js";
 

@@ -32,7 +32,7 @@ export class HeatGeodesics {
     this.mass = new Float64Array(vertices);
     // Corners of each face in a plane: (0, 0), (ax, 0), (cx, cy).
     this.layout = new Float64Array(count);
-    let mean = 0;
+    let [squares, whole] = [0, 0];
     for (let f = 0; f < count; f += 3) {
       const [a, b, c] = [lengths[f], lengths[f + 1], lengths[f + 2]];
       const area = heron(a, b, c);
@@ -44,9 +44,10 @@ export class HeatGeodesics {
       this.layout[f] = a;
       this.layout[f + 1] = (a * a + c * c - b * b) / (2 * a);
       this.layout[f + 2] = (2 * area) / a;
-      mean += (a + b + c) / count;
+      squares += (area * sum) / 3;
+      whole += area;
     }
-    this.time = mean * mean;
+    this.time = squares / whole; // over the area, since large triangles between many small ones need a longer time
     const rows = assemble(faces, this.half, vertices);
     this.begin = rows.begin;
     this.columns = rows.columns;

@@ -37,8 +37,10 @@ def test_each_prompt_gets_a_line() -> None:
         {"prompt": "a bell", "regions": [], "likeness": like},
         {"prompt": "a vase", "regions": [], "likeness": None},
         {"prompt": "an old bell", "regions": [{"node": "Head"}], "likeness": like},
+        {"prompt": "a bell", "regions": [{"node": "Head"}], "likeness": {**like, "before": {"probability": 0.002}}},
     ]
     assert prompt_lines(found) == [
         "a bell: Looks like: a bell (60%); next: an owl (20%)",
         "an old bell (in its region): Looks like: a bell (60%); next: an owl (20%)",
+        "a bell (in its region, under 1% before): Looks like: a bell (60%); next: an owl (20%)",
     ]

@@ -14,11 +14,8 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 from meshdeform.priors.builtin.taught import known_words
-from meshdeform.priors.builtin.teaching import pictures, sheet
-from meshdeform.priors.builtin.teaching.pictures import LessonSize, draw_lesson
 from meshdeform.priors.builtin.training.train import Trainer
-from meshdeform.runs import teaching
-from tests.taught import write_small_weights
+from tests.taught import shorten_lessons, write_small_weights
 
 _STEPS = ["--model", "small.safetensors", "--steps", "3"]
 _TEACH = ["teach", "a teapot", "teapots", "--synonym", "kettle", "--licence", "CC0-1.0", *_STEPS]
@@ -36,13 +33,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trimesh.creation.cylinder(
         0.3, 2, sections=8, transform=trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0])
     ).export("teapots/tall/can.stl")
-
-    def short(new: object, shapes: object, replayed: object, _size: LessonSize, seed: int) -> object:
-        return draw_lesson(new, shapes, replayed, LessonSize(members=2, each=1, grids=1, replay=1), seed)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(teaching, "draw_lesson", short)
-    monkeypatch.setattr(pictures, "_HELD_MEMBERS", 1)
-    monkeypatch.setattr(sheet, "_STEPS", 2)
+    shorten_lessons(monkeypatch)
 
 
 def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -142,7 +142,8 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
 
 
 def test_the_door_checks_it() -> None:
-    assert file_parts() == ("asset", *TARGET_PARTS, *SILHOUETTE_PARTS, "collection", "family", "mesh_1", "mesh_2")
+    built_in = ("asset", *TARGET_PARTS, *SILHOUETTE_PARTS, "weights", "collection", "family", "meshes")
+    assert file_parts() == (*built_in, "mesh_1", "mesh_2")
     assert check_request(request(), Settings(), files=["mesh_1"]) == CountParams()
     assert check_request(request(), Settings(), files=["mesh_1", "mesh_2"]) == CountParams()
     with pytest.raises(ParameterError, match="does not read `target`"):
@@ -214,7 +215,9 @@ def test_it_is_described_posted_and_downloaded_over_http(
     content = b"".join(path.read_bytes() for path in meshes.values())
     with serving(settings) as url, working(settings, start_run), Client(url) as client:
         described = {kind.name: kind for kind in client.limits().kinds}
-        assert set(described) == {"text_deform", "surface_fit", "family_fit", "family_synthesize", "count"}
+        assert set(described) == {"text_deform", "surface_fit", "family_fit", "family_synthesize", "prior_teach"} | {
+            "count"
+        }
         count = described["count"]
         assert count.reads == [
             {"name": "mesh_1", "summary": "Any file.", "required": True, "media_types": [TEXT]},
@@ -288,5 +291,6 @@ def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(
         JobKind.SURFACE_FIT,
         JobKind.FAMILY_FIT,
         JobKind.FAMILY_SYNTHESIZE,
+        JobKind.PRIOR_TEACH,
         kind.name,
     ]

@@ -14,11 +14,13 @@ from pydantic import ValidationError
 
 from meshdeform.assets import build_glb
 from meshdeform.errors import ParameterError, VocabularyError
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import NewJob
 from meshdeform.record.search import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.prompts import prompt_reports
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
@@ -162,6 +164,22 @@ def test_a_resumed_run_equals_an_uninterrupted_one_and_the_report_names_each_pro
     assert found[1]["moved"].keys() == {"inside", "outside"}
     assert found[1]["moved"]["inside"] > 0 < found[1]["moved"]["outside"]
     assert "moved" not in found[0]
+
+
+def test_the_likeness_of_a_region_is_that_of_the_region_alone_now_and_before() -> None:
+    run = start("a pear", {**VASE, "regions": [ABOVE]})
+    high = TriangleMesh(BALL.verts + torch.tensor([0.0, 5.0, 0.0]), BALL.faces)
+
+    def lowest(mesh: TriangleMesh, prompt: str) -> dict[str, Any]:
+        return {"noun": prompt, "probability": float(mesh.verts[:, 1].min()), "rank": len(mesh.faces)}
+
+    whole, part = prompt_reports(run._prompts, BALL, high, lowest)
+    assert whole["likeness"] == {"noun": "a pear", "probability": pytest.approx(4), "rank": len(BALL.faces)}
+    faces = int(IN_BOX.sum())
+    assert part["likeness"]["probability"] == pytest.approx(5, abs=1e-6)
+    assert part["likeness"]["rank"] == faces
+    assert part["likeness"]["before"] == {"probability": pytest.approx(0, abs=1e-6), "rank": faces}
+    assert prompt_reports(run._prompts, BALL, high, lambda *_: None)[1]["likeness"] is None
 
 
 @each_case(

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from safetensors.numpy import save
+from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
+from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.errors import AssetEmptyError, AssetError, CheckpointError, ParameterError
 from meshdeform.fields.base_mesh import base_of
@@ -161,6 +163,12 @@ def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(
             client.submit(cloud, "a mushroom")
         with working(settings, start_run):
             result = client.deform(cloud, kind="surface_fit", params=SMALL, timeout_s=DEADLINE_S)
+            asked = ["submit", str(cloud), "--kind", "surface_fit", "--steps", "2", "-o", str(tmp_path / "o")]
+            asked += [word for name in SMALL if name != "steps" for word in ("--set", f"{name}={SMALL[name]}")]
+            shell = CliRunner().invoke(app, [*asked, "--url", url, "--json"])
+        assert shell.exit_code == 0, shell.output
+        assert (json.loads(shell.stdout)["kind"], json.loads(shell.stdout)["params"]["steps"]) == ("surface_fit", 2)
+        assert read_field(tmp_path / "o/surface.ndf").header["widths"][1:] == [SMALL["width"], 3]
         verts, _ = read_field(result.read("surface.ndf")).unfold(2)
         assert np.linalg.norm(verts, axis=1).mean() == pytest.approx(1, abs=0.05)
         assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}

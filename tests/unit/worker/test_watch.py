@@ -35,23 +35,31 @@ class RecordStub:
 
     def __init__(self) -> None:
         self.beats: list[float] = []
+        self.with_progress: list[float] = []  # leases renewed by progress
+        self.signs = 0  # of life of the worker
         self.progress: list[Progress] = []
         self.told: list[Progress] = []
         self.threads: set[str] = set()
         self.state = JobState.RUNNING
         self.failing: Exception | None = None
 
-    def heartbeat(self, job_id: str, attempt: int, lease_s: float, *, worker: WorkerIdentity) -> JobState:
+    def heartbeat(self, job_id: str, attempt: int, lease_s: float, *, worker: WorkerIdentity | None) -> JobState:
         self._called(job_id, attempt)
-        assert worker == WORKER
+        assert worker in (WORKER, None)
         self.beats.append(lease_s)
+        self.signs += worker is not None
         return self.state
 
-    def save_progress(self, job_id: str, attempt: int, progress: Progress, *, as_event: bool) -> None:
+    def save_progress(
+        self, job_id: str, attempt: int, progress: Progress, *, as_event: bool, lease_s: float | None
+    ) -> JobState:
         self._called(job_id, attempt)
         self.progress.append(progress)
         if as_event:
             self.told.append(progress)
+        if lease_s is not None:
+            self.with_progress.append(lease_s)
+        return self.state
 
     def _called(self, job_id: str, attempt: int) -> None:
         assert (job_id, attempt) == (JOB.id, JOB.attempt)
@@ -126,6 +134,26 @@ def test_the_last_report_is_never_lost(record: RecordStub, ear: Ear) -> None:
         watch.phase("uploading")
     assert (record.progress[-1].step, record.progress[-1].fraction) == (100, 1.0)
     assert record.progress[-1].phase == "uploading"
+
+
+def test_a_heartbeat_that_is_due_with_progress_is_one_write_with_it(record: RecordStub, ear: Ear) -> None:
+    with watch_of(record, ear, lease_s=0.06) as watch:
+        for n in range(1, 10_000):
+            watch.step(step(n, 10_000))
+            if len(record.with_progress) > 5:
+                break
+            time.sleep(0.002)
+    assert set(record.with_progress) == {0.06}
+    # Only the first one was more: the sign of life of the worker itself is not renewed as often as so short a lease.
+    assert record.signs == 1
+
+
+def test_a_cancellation_is_seen_in_the_answer_to_progress_too(record: RecordStub, ear: Ear) -> None:
+    with watch_of(record, ear) as watch:
+        until(lambda: bool(record.beats))
+        record.state = JobState.CANCELING
+        watch.step(step(1))
+        until(lambda: watch.canceled)
 
 
 def test_what_did_not_change_is_not_written_again(record: RecordStub, ear: Ear) -> None:

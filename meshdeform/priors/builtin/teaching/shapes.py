@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from meshdeform.assets.lesson_archive import MIN_FACES
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.style import CAMERAS, STYLE
@@ -23,7 +24,6 @@ __all__ = ["MAX_FACES", "MIN_FACES", "Shape", "member", "prompt_of", "seen_turne
 
 MAX_FACES = 20_000
 """Larger meshes are simplified: a view has 64 pixels."""
-MIN_FACES = 4
 _SMALLEST_SHARE = 0.004
 """Least share of a view's pixels that a shape must cover, seen from the side where it shows least."""
 _SCALE, _SHEAR = 0.1, 0.03

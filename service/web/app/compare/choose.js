@@ -1,6 +1,6 @@
 // @ts-check
 /** Choose the job that another one is compared with. */
-import { isAbort, requestJson } from "../api.js";
+import { client, isAbort } from "../client.js";
 import { isDeleted } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { fill, h } from "../dom.js";
@@ -25,10 +25,8 @@ export function compareWith(job, scope) {
   let asked = 0;
   const find = async () => {
     const turn = ++asked;
-    const query = new URLSearchParams({ state: "succeeded", limit: String(LISTED) });
-    if (search.value.trim()) query.set("q", search.value.trim());
     try {
-      const { jobs } = await requestJson(`v1/jobs?${query}`, { signal: scope.signal });
+      const { jobs } = await client.jobPage({ state: "succeeded", limit: LISTED, search: search.value.trim(), signal: scope.signal });
       if (turn === asked) offer(jobs.filter((/** @type {any} */ each) => each.id !== job.id && isDeformation(each) && !isDeleted(each.id)));
     } catch (error) {
       if (!isAbort(error) && turn === asked) note.textContent = described(error).title;

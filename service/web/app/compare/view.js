@@ -1,7 +1,7 @@
 // @ts-check
 /** Two jobs side by side: their results in 3D, what was asked of each, and their figures. */
 import { announce } from "../announce.js";
-import { isAbort, OfflineError, ProblemError, requestBytes, requestJson } from "../api.js";
+import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { CHANGED, isDeleted } from "../deletions.js";
 import { button, fill, h, icon } from "../dom.js";
 import { ago, jobTitle } from "../format.js";
@@ -71,7 +71,7 @@ export class CompareView {
       } catch (error) {
         if (over() || isAbort(error)) return;
         fill(this.body, problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
-        if (!(error instanceof OfflineError) && !(error instanceof ProblemError && error.status >= 500)) return;
+        if (!(isOffline(error)) && !(error instanceof MeshdeformError && error.status >= 500)) return;
       }
       if (!(await this.scope.sleep(POLL_MS)) || over()) return;
     }
@@ -81,9 +81,9 @@ export class CompareView {
   async _job(id) {
     if (isDeleted(id)) return null;
     try {
-      return await requestJson(`v1/jobs/${id}`, { signal: this.scope.signal });
+      return await client.get(id, this.scope.signal);
     } catch (error) {
-      if (error instanceof ProblemError && (error.status === 404 || error.status === 403)) return null;
+      if (error instanceof MeshdeformError && (error.status === 404 || error.status === 403)) return null;
       throw error;
     }
   }
@@ -122,15 +122,15 @@ export class CompareView {
     const [a, b] = this.jobs;
     const report = async (/** @type {any} */ job) => {
       try {
-        return await requestJson(`v1/jobs/${job.id}/artifacts/report.json`, { signal: this.scope.signal });
+        return await client.json(`v1/jobs/${job.id}/artifacts/report.json`, { signal: this.scope.signal });
       } catch (error) {
         // Figures are missing then, and the shapes are still there.
-        if (error instanceof ProblemError && error.status === 404) return null;
+        if (error instanceof MeshdeformError && error.status === 404) return null;
         throw error;
       }
     };
     const [shapes, reports] = await Promise.all([
-      Promise.all(this.jobs.map((job) => requestBytes(`v1/jobs/${job.id}/artifacts/result.glb`, this.scope.signal))),
+      Promise.all(this.jobs.map((job) => client.bytes(`v1/jobs/${job.id}/artifacts/result.glb`, { signal: this.scope.signal }))),
       Promise.all(this.jobs.map(report)),
     ]);
     if (over()) return;

@@ -1,7 +1,7 @@
 // @ts-check
 /** Which side of the asset is its front: an arrow in the view, a slider, a search, and a way back to "automatic". */
 import { announce } from "../announce.js";
-import { isAbort } from "../api.js";
+import { isAbort } from "../client.js";
 import { button, h } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 

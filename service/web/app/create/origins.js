@@ -1,7 +1,7 @@
 // @ts-check
 /** What a form begins with: the files and the settings of a job, or of one of the examples. */
-import { request, requestJson } from "../api.js";
 import { Asset, exampleAsset } from "../assets.js";
+import { client } from "../client.js";
 import { gallery } from "../examples/gallery.js";
 
 const EXAMPLE = "example:";
@@ -25,13 +25,11 @@ export function exampleOrigin(id) {
  */
 export async function originOf(from, signal) {
   if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
-  const job = await requestJson(`v1/jobs/${from}`, { signal });
-  const response = await request(`v1/jobs/${from}/asset`, { signal });
-  const asset = new Asset(await response.blob(), job.asset.filename);
+  const job = await client.get(from, signal);
+  const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
   const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
   const files = parts.map(async ([part, { filename }]) => {
-    const found = await request(`v1/jobs/${from}/files/${part}`, { signal });
-    return [part, new Asset(await found.blob(), filename)];
+    return [part, new Asset(await client.file(from, part, signal), filename)];
   });
   return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /** The form for a new job. */
 import { announce, toast } from "../announce.js";
-import { isAbort, ProblemError, requestJson, requestOnce } from "../api.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
@@ -97,7 +97,7 @@ export class CreateView {
   /** @param {string | null} from */
   async _begin(from) {
     this.fields = this._learnFields();
-    const models = requestJson("v1/models", { signal: this.scope.signal }).catch((error) => (isAbort(error) ? null : {}));
+    const models = client.models(this.scope.signal).catch((error) => (isAbort(error) ? null : {}));
     const last = await lastDraft();
     if (this.scope.over) return;
     // The draft of another job is not the one that is asked for.
@@ -157,7 +157,7 @@ export class CreateView {
 
   /** @returns {Promise<import("../params.js").Field[]>} */
   async _learnFields() {
-    const schema = await requestJson("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
+    const schema = await client.json("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
     const fields = fieldsOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(fields);
@@ -211,8 +211,8 @@ export class CreateView {
     const asset = this.assets.asset;
     const wish = this.settings.wish(this.prompt.value);
     if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
-    const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0]);
-    return requestJson("v1/jobs:orient", { method: "POST", signal, ...sent });
+    const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
+    return client.orient(...(await asset.submission(document, {}, signal)));
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
@@ -263,8 +263,8 @@ export class CreateView {
     // What is quick needs no word.
     const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
     try {
-      const sent = await asset.submission(documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0], this.guide.parts);
-      const found = await requestJson("v1/jobs:validate", { method: "POST", signal: this.checking.signal, ...sent });
+      const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
+      const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
     } catch (error) {
@@ -295,8 +295,8 @@ export class CreateView {
   /** @param {unknown} error */
   _bad(error) {
     this.estimate.textContent = "";
-    const code = error instanceof ProblemError ? error.code : "";
-    const about = isAboutPrompt(error) && error instanceof ProblemError;
+    const code = error instanceof MeshdeformError ? error.code : "";
+    const about = isAboutPrompt(error) && error instanceof MeshdeformError;
     const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
     if (!further) this.control.further.accept();
     if (!further && about && aboutNegative(error, this.prompt.value)) {
@@ -306,13 +306,13 @@ export class CreateView {
     this._block(true);
     this.prompt.refuse(about && !further ? error : null);
     if (about) return void fill(this.problem);
-    if (code.startsWith("asset_") && error instanceof ProblemError) {
+    if (code.startsWith("asset_") && error instanceof MeshdeformError) {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
     }
-    if (error instanceof ProblemError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
-    if (error instanceof ProblemError && this.guide.refuse(error)) return void fill(this.problem);
-    const errors = error instanceof ProblemError && Array.isArray(error.document.errors) ? error.document.errors : null;
+    if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
+    if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);
+    const errors = error instanceof MeshdeformError && Array.isArray(error.problem.errors) ? error.problem.errors : null;
     const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
@@ -361,14 +361,14 @@ export class CreateView {
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
     const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
-    const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(wanted, parts)) });
+    const checked = await client.validate(...(await asset.submission(wanted, parts)));
     this.steps = checked.params.steps;
     const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
     /** @type {any[]} */
     const jobs = [];
     for (const document of documents(wish, this.steps, group, this.settings.offered)) {
       try {
-        jobs.push(await requestOnce("v1/jobs", { ...(await asset.submission(document, parts)) }));
+        jobs.push(await client.submit(...(await asset.submission(document, parts))));
       } catch (error) {
         if (!jobs.length) throw error;
         // Some were accepted: show those, and say what became of the others.
@@ -384,10 +384,10 @@ export class CreateView {
 /**
  * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
  *
- * @param {ProblemError} error
+ * @param {MeshdeformError} error
  * @param {string} prompt
  */
 function aboutNegative(error, prompt) {
-  const unknown = error.code === "prompt_unknown_words" ? (error.document.unknown ?? []) : [];
+  const unknown = error.code === "prompt_unknown_words" ? (error.problem.unknown ?? []) : [];
   return unknown.length > 0 && unknown.every((/** @type {string} */ word) => !prompt.toLowerCase().includes(word));
 }

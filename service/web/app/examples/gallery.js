@@ -11,7 +11,7 @@
  * @property {{prompt: string, params: Record<string, any>, output: Record<string, any>}} document The request that made the result.
  * @property {Record<string, any>} report What the report of the result says about it.
  */
-import { address } from "../api.js";
+import { client } from "../client.js";
 import { h } from "../dom.js";
 import { goalWords } from "../format.js";
 import { routeHash } from "../router.js";
@@ -21,14 +21,14 @@ import { routeHash } from "../router.js";
  * @returns {Promise<Example[]>}
  */
 export async function gallery(signal) {
-  const response = await fetch(address("web/examples/gallery.json"), { signal });
+  const response = await fetch(client.url("web/examples/gallery.json"), { signal });
   if (!response.ok) throw new Error(`The server answered ${response.status}.`);
   return (await response.json()).examples;
 }
 
 /** @param {Example} example */
 function card({ id, label, picture, document }) {
-  const image = h("img", { src: address(`web/examples/${picture}`), alt: "", loading: "lazy", width: 640, height: 320 });
+  const image = h("img", { src: client.url(`web/examples/${picture}`), alt: "", loading: "lazy", width: 640, height: 320 });
   return h(
     "li",
     { class: "card" },

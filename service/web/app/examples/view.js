@@ -1,8 +1,8 @@
 // @ts-check
 /** The examples, and one of them: its result at once, and the same job live on demand. */
 import { announce } from "../announce.js";
-import { isAbort, requestOnce } from "../api.js";
 import { exampleAsset } from "../assets.js";
+import { client, isAbort } from "../client.js";
 import { exampleOrigin } from "../create/origins.js";
 import { button, fill, h, icon } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
@@ -136,7 +136,7 @@ export class ExampleView {
     fill(this.problem);
     try {
       const asset = await exampleAsset(name, this.scope.signal);
-      const job = await requestOnce("v1/jobs", await asset.submission(asked));
+      const job = await client.submit(...(await asset.submission(asked)));
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;

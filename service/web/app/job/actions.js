@@ -1,8 +1,8 @@
 // @ts-check
 /** What can be done with a job. */
 import { toast } from "../announce.js";
-import { request, requestJson, requestOnce } from "../api.js";
 import { Asset } from "../assets.js";
+import { client } from "../client.js";
 import { compareWith } from "../compare/choose.js";
 import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
@@ -83,7 +83,7 @@ export class JobActions {
 
   async _cancel() {
     try {
-      await requestJson(`v1/jobs/${this.job.id}/cancel`, { method: "POST" });
+      await client.cancel(this.job);
       this.onChange();
     } catch (error) {
       toast(`Not canceled. ${described(error).detail || described(error).title}`);
@@ -92,7 +92,7 @@ export class JobActions {
 
   async _retry() {
     try {
-      const job = await requestOnce(`v1/jobs/${this.job.id}/retry`, {});
+      const job = await client.retry(this.job);
       location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       toast(`Not retried. ${described(error).detail || described(error).title}`);
@@ -108,12 +108,11 @@ export class JobActions {
     if (this.busy) return;
     this.busy = true;
     try {
-      const response = await request(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), this.job.asset.filename);
-      const checked = await requestJson("v1/jobs:validate", { method: "POST", ...(await asset.submission(document)) });
+      const asset = new Asset(await client.file(this.job, "asset", this.scope.signal), this.job.asset.filename);
+      const checked = await client.validate(...(await asset.submission(document)));
       document.params.checkpoint_every_steps = checkpointEvery(checked.params.steps);
       const start = async () => {
-        const job = await requestOnce("v1/jobs", await asset.submission(document));
+        const job = await client.submit(...(await asset.submission(document)));
         location.hash = routeHash({ name: "job", id: job.id });
       };
       const seconds = checked.estimate.run_s;
@@ -174,8 +173,8 @@ export class JobActions {
         act: async () => {
           const steps = this.job.params.steps ?? this.job.progress.total_steps;
           const params = { ...this.job.params, ...(steps ? { checkpoint_every_steps: checkpointEvery(steps) } : {}) };
-          const json = { prompt: prompt.value.trim(), params, output: this.job.output };
-          const job = await requestOnce(`v1/jobs/${this.job.id}/checkpoints/${step.value}/branch`, { json });
+          const request = { prompt: prompt.value.trim(), params, output: this.job.output };
+          const job = await client.branch(this.job, Number(step.value), request);
           location.hash = routeHash({ name: "job", id: job.id });
         },
       },

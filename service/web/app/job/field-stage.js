@@ -4,7 +4,7 @@
  * job runs, the newest of its shapes is shown.
  */
 import { announce, toast } from "../announce.js";
-import { isAbort, OfflineError, requestBytes } from "../api.js";
+import { client, isAbort, isOffline } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
@@ -94,7 +94,7 @@ export class FieldStage {
     if (path === this.path || this.opening) return;
     this.path = path;
     try {
-      const mesh = await requestBytes(path, this.scope.signal);
+      const mesh = await client.bytes(path, { signal: this.scope.signal });
       if (path !== this.path || this.opening) return;
       if (!(await this.box.load(mesh, "glb", true)) && !this.scope.over && path === this.path) this._isFlat();
       fill(this.box.tag, `Surface · step ${count(step)}`);
@@ -121,7 +121,7 @@ export class FieldStage {
     this.box.say("Loading the surface…");
     try {
       const [data, { FieldView, FieldWorker }] = await Promise.all([
-        requestBytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, this.scope.signal),
+        client.bytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, { signal: this.scope.signal }),
         import("../../viewer/field-view.js"),
       ]);
       if (this.scope.over) return;
@@ -141,7 +141,7 @@ export class FieldStage {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       this.box.say("The surface cannot be shown", error instanceof Error ? error.message : "", "warn", true);
-      if (error instanceof OfflineError && (await this.scope.sleep(AGAIN_MS))) await this._open();
+      if (isOffline(error) && (await this.scope.sleep(AGAIN_MS))) await this._open();
     }
   }
 

@@ -1,7 +1,7 @@
 // @ts-check
 /** Save files to the user's disk, and copy text. */
 import { announce, toast } from "../announce.js";
-import { address, isAbort, request, requestJson } from "../api.js";
+import { client, isAbort } from "../client.js";
 import { h } from "../dom.js";
 import { currentKey } from "../key.js";
 import { artifactName } from "../names.js";
@@ -22,13 +22,12 @@ const NAMED_BYTES = 256 << 20;
 export async function download(path, name, size, signable, scope) {
   try {
     if (size <= NAMED_BYTES || (currentKey() && !signable)) {
-      const response = await request(path, { signal: scope.signal });
+      const response = await client.request(path, { signal: scope.signal });
       return saveBytes(await response.blob(), name);
     }
-    if (!currentKey()) return save(address(path), name);
-    const { url } = await requestJson(`${path}/url`, { method: "POST", signal: scope.signal });
-    // An absolute one is the bucket's, another origin.
-    save(/^https?:/.test(url) ? url : address(url), name);
+    if (!currentKey()) return save(client.url(path), name);
+    const { url } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
+    save(client.url(url), name);
   } catch (error) {
     if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
   }
@@ -45,7 +44,7 @@ export async function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
   try {
-    const { size } = await requestJson(path, { method: "POST", signal: scope.signal });
+    const { size } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
   } catch (error) {
     if (!isAbort(error)) toast(`Not made. ${described(error).detail || described(error).title}`);
@@ -60,9 +59,9 @@ export async function downloadMade(job, name, scope) {
  */
 export async function copyLink(path, scope) {
   try {
-    const { url, expires_at } = await requestJson(`${path}/url`, { method: "POST", signal: scope.signal });
+    const { url, expires_at } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
-    await copyText(/^https?:/.test(url) ? url : address(url), `Link copied. It needs no key and works until ${until}`);
+    await copyText(client.url(url), `Link copied. It needs no key and works until ${until}`);
   } catch (error) {
     if (!isAbort(error)) toast(`No link. ${described(error).detail || described(error).title}`);
   }
@@ -97,7 +96,7 @@ export function copyCurl(path, name) {
   // A shell reads nothing in single quotes; the key stays where it is.
   const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
   const key = currentKey() ? '-H "Authorization: Bearer $MESHDEFORM_API_KEY" ' : "";
-  return copyText(`curl ${key}-o ${quoted(name)} ${quoted(address(path))}`, "Command copied");
+  return copyText(`curl ${key}-o ${quoted(name)} ${quoted(client.url(path))}`, "Command copied");
 }
 
 /**

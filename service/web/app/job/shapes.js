@@ -8,7 +8,7 @@
  * @property {string} label What the slider says.
  * @property {string} name What a downloaded file says; empty: the result.
  */
-import { requestBytes } from "../api.js";
+import { client } from "../client.js";
 import { count } from "../format.js";
 
 const CACHE_BYTES = 96 << 20;
@@ -53,7 +53,7 @@ export class ShapeCache {
   async get(path) {
     const known = this.known.get(path);
     if (known) return known;
-    const mesh = await requestBytes(path, this.scope.signal);
+    const mesh = await client.bytes(path, { signal: this.scope.signal });
     let held = mesh.byteLength;
     for (const buffer of this.known.values()) held += buffer.byteLength;
     for (const [old, buffer] of this.known) {

@@ -1,7 +1,7 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
 import { announce, toast } from "../announce.js";
-import { isAbort, OfflineError, ProblemError, requestBytes } from "../api.js";
+import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";
@@ -100,7 +100,7 @@ export class JobStage {
   async _load() {
     linkViews(this.before, this.after);
     try {
-      this.source = await requestBytes(`v1/jobs/${this.job.id}/asset`, this.scope.signal);
+      this.source = await client.bytes(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
       // Where it cannot be unpacked, the views say so.
       const asReceived = { buffer: this.source, format: this.format };
       ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));
@@ -114,7 +114,7 @@ export class JobStage {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       this.before.say("The asset could not be loaded", error instanceof Error ? error.message : "", "warn", true);
-      if (error instanceof OfflineError && (await this.scope.sleep(AGAIN_MS))) await this._load();
+      if (isOffline(error) && (await this.scope.sleep(AGAIN_MS))) await this._load();
     }
   }
 
@@ -259,7 +259,7 @@ export class JobStage {
    */
   async _missing(shape, error) {
     // A checkpoint gives way to newer ones: the next one will do.
-    if (error instanceof ProblemError && error.status === 404) {
+    if (error instanceof MeshdeformError && error.status === 404) {
       this.gone.add(shape.path);
       const at = this.shapes.indexOf(shape);
       if (at >= 0) this.shapes.splice(at, 1);

@@ -1,8 +1,8 @@
 // @ts-check
 /** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
-import { isAbort, OfflineError, ProblemError, request, requestJson } from "../api.js";
 import { LossChart } from "../chart.js";
+import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
@@ -11,7 +11,6 @@ import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
-import { follow } from "../stream.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FieldStage } from "./field-stage.js";
@@ -55,7 +54,7 @@ export class JobView {
     for (let again = true; again && !this.scope.over; ) {
       again = false;
       try {
-        this.job = await requestJson(`v1/jobs/${this.id}`, { signal: this.scope.signal });
+        this.job = await client.get(this.id, this.scope.signal);
       } catch (error) {
         if (isAbort(error) || this.scope.over) return;
         fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
@@ -104,14 +103,20 @@ export class JobView {
   }
 
   async _follow() {
+    /** @type {import("../history.js").JobEvent[]} */
+    let together = [];
+    const show = () => this.scope.over || this._take(together.splice(0));
+    // However long it takes, the page connects again.
+    const options = { signal: this.scope.signal, timeoutMs: Infinity, onConnection: (/** @type {boolean} */ on) => this.progress?.connected(on) };
     try {
-      await follow(this.id, {
-        onEvents: (events) => this._take(events),
-        onStatus: (status) => this.progress?.connected(status !== "reconnecting"),
-      }, this.scope.signal);
+      for await (const event of client.watch(this.id, options)) {
+        // Those that come together, after a reload all, are shown together.
+        if (together.push(event) === 1) setTimeout(show);
+      }
+      this.progress?.connected(true);
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
-      const gone = error instanceof ProblemError && error.status === 404;
+      const gone = error instanceof MeshdeformError && error.status === 404;
       if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : error));
       if (gone) announce("This job was deleted");
     }
@@ -146,8 +151,8 @@ export class JobView {
   /** Find out which steps' shapes are still kept. */
   async _keep() {
     try {
-      const { checkpoints } = await requestJson(`v1/jobs/${this.id}/checkpoints`, { signal: this.scope.signal });
-      this.kept = checkpoints.filter((/** @type {any} */ found) => found.mesh).map((/** @type {any} */ found) => found.step);
+      const checkpoints = await client.checkpoints(this.id, this.scope.signal);
+      this.kept = checkpoints.filter((found) => found.mesh).map((found) => found.step);
       this.stage?.offer(this.kept, this.history.state === "succeeded", this.history.progress.step);
       this.actions?.show(this.history.state, this.kept);
     } catch (error) {
@@ -161,10 +166,10 @@ export class JobView {
     if (this.scope.over) return;
     const succeeded = this.history.state === "succeeded";
     try {
-      const { artifacts } = await requestJson(`v1/jobs/${this.id}/artifacts`, { signal: this.scope.signal });
-      const names = artifacts.map((/** @type {any} */ found) => found.name);
+      const artifacts = await client.artifacts(this.id, this.scope.signal);
+      const names = artifacts.map((found) => found.name);
       if (succeeded && this.error) fill(this.error);
-      this.report = names.includes("report.json") ? await requestJson(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
+      this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
         fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, filesPanel(this.job, artifacts, this.scope));
@@ -173,8 +178,7 @@ export class JobView {
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
       if (this.stage?.flat && names.includes("preview.png")) {
-        const picture = await request(`v1/jobs/${this.id}/artifacts/preview.png`, { signal: this.scope.signal });
-        this.stage.showPicture(await picture.blob());
+        this.stage.showPicture(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
       }
       if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
     } catch (error) {
@@ -186,7 +190,7 @@ export class JobView {
 
   async _refresh() {
     try {
-      this.job = await requestJson(`v1/jobs/${this.id}`, { signal: this.scope.signal });
+      this.job = await client.get(this.id, this.scope.signal);
       if (this.actions) this.actions.job = this.job;
       if (this.stage) this.stage.job = this.job;
       if (this.job.error && this.error) fill(this.error, problemBox(this.job.error));
@@ -204,7 +208,7 @@ function stageOf(job, scope) {
 
 /** Return whether the same request may succeed a little later. @param {unknown} error */
 function temporary(error) {
-  return error instanceof OfflineError || (error instanceof ProblemError && (error.status === 429 || error.status >= 500));
+  return isOffline(error) || (error instanceof MeshdeformError && (error.status === 429 || error.status >= 500));
 }
 
 /** @param {any} job */

@@ -3,7 +3,7 @@
  * The way from the source to the result, through shapes that the server makes: some that the view needs to bend along it,
  * and exactly the one at which the slider stops. Where the server makes none, straight lines remain.
  */
-import { isAbort, ProblemError } from "../api.js";
+import { isAbort, MeshdeformError } from "../client.js";
 
 const ALONG = [50, 25, 75];
 const BEYOND = [150, 125];
@@ -67,7 +67,7 @@ export class Way {
       this.onChange();
       return file;
     } catch (error) {
-      if (!isAbort(error) && error instanceof ProblemError && !BUSY.includes(error.status)) {
+      if (!isAbort(error) && error instanceof MeshdeformError && !error.unanswered && !BUSY.includes(error.status)) {
         console.info("The way is straight:", error);
         this.on = false;
         this.onChange();

@@ -1,6 +1,6 @@
 // @ts-check
 /** A job in a list: its picture, state, prompt and file. */
-import { request } from "../api.js";
+import { client } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal, shareDone } from "../history.js";
@@ -61,8 +61,7 @@ export class JobCard {
 
   async _thumbnail() {
     try {
-      const response = await request(`v1/jobs/${this.id}/artifacts/preview.png`, { signal: this.scope.signal });
-      const url = this.scope.url(await response.blob());
+      const url = this.scope.url(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
       if (!this.scope.over) fill(this.picture, h("img", { src: url, alt: "", loading: "lazy" }));
     } catch {
       // There is no picture, or the view has gone.

@@ -1,7 +1,7 @@
 // @ts-check
 /** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
 import { announce } from "../announce.js";
-import { isAbort, requestJson } from "../api.js";
+import { client, isAbort } from "../client.js";
 import { CHANGED, deleteJobs, isDeleted } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
@@ -25,10 +25,8 @@ export class ListView {
   constructor(root, scope, { state = null, group = "", search = "" }) {
     this.scope = scope;
     this.group = group;
-    this.query = new URLSearchParams({ limit: String(group ? 200 : PAGE) });
-    if (state) this.query.set("state", state);
-    if (search.trim()) this.query.set("q", search.trim());
-    if (group) this.query.set("metadata[group]", group);
+    /** Which jobs are shown; a new one for every search. @type {{limit: number, state: any, search: string, metadata: Record<string, string>}} */
+    this.filter = { limit: group ? 200 : PAGE, state, search: search.trim(), metadata: group ? { group } : {} };
     /** @type {Map<string, JobCard>} */
     this.cards = new Map();
     /** @type {Map<string, any>} */
@@ -84,13 +82,13 @@ export class ListView {
   }
 
   async _newest() {
-    const query = String(this.query);
-    const page = await requestJson(`v1/jobs?${query}`, { signal: this.scope.signal });
+    const { filter } = this;
+    const page = await client.jobPage({ ...filter, signal: this.scope.signal });
     // An answer to an earlier search is not shown.
-    if (this.scope.over || query !== String(this.query)) return;
+    if (this.scope.over || filter !== this.filter) return;
     if (this.problem.childElementCount) fill(this.problem);
-    if (query !== this.shownQuery) for (const id of [...this.cards.keys()]) this._forget(id);
-    this.shownQuery = query;
+    if (filter !== this.shown) for (const id of [...this.cards.keys()]) this._forget(id);
+    this.shown = filter;
     const first = !this.jobs.size;
     if (first) this.cursor = page.next_cursor;
     this._drop(page.jobs);
@@ -99,11 +97,11 @@ export class ListView {
   }
 
   async _older() {
-    const query = String(this.query);
-    if (!this.cursor || query !== this.shownQuery) return;
+    const { filter } = this;
+    if (!this.cursor || filter !== this.shown) return;
     try {
-      const page = await requestJson(`v1/jobs?${query}&cursor=${encodeURIComponent(this.cursor)}`, { signal: this.scope.signal });
-      if (query !== this.shownQuery) return;
+      const page = await client.jobPage({ ...filter, cursor: this.cursor, signal: this.scope.signal });
+      if (filter !== this.shown) return;
       this.cursor = page.next_cursor;
       this._take(page.jobs, false);
       this._words(false);
@@ -117,13 +115,12 @@ export class ListView {
   /** Show the jobs that were searched for; the address remembers the search. @param {string | null} state */
   async _search(state) {
     const text = this.search.value.trim();
-    if (text === (this.query.get("q") ?? "")) return;
-    if (text) this.query.set("q", text);
-    else this.query.delete("q");
+    if (text === this.filter.search) return;
+    this.filter = { ...this.filter, search: text };
     history.replaceState(null, "", routeHash({ name: "jobs", state, search: text }));
     try {
       await this._newest();
-      if (text === this.query.get("q")) announce(this._searchWords());
+      if (text === this.filter.search && text) announce(this._searchWords());
     } catch (error) {
       if (!isAbort(error) && !this.scope.over) fill(this.problem, problemBox(error));
     }
@@ -141,7 +138,7 @@ export class ListView {
   }
 
   _searchWords() {
-    if (!this.query.has("q")) return "";
+    if (!this.filter.search) return "";
     const found = counted(this._shown().length, "job");
     return this.cursor ? `The newest ${found} that match.` : `${found} found.`;
   }
@@ -202,7 +199,7 @@ export class ListView {
 
   async _cancelAll() {
     const open = [...this.jobs.values()].filter((job) => !isTerminal(job.state));
-    await Promise.allSettled(open.map((job) => requestJson(`v1/jobs/${job.id}/cancel`, { method: "POST" })));
+    await Promise.allSettled(open.map((job) => client.cancel(job)));
     await this._newest().catch(() => {});
   }
 
@@ -247,9 +244,9 @@ export class ListView {
   _words(none) {
     this.more.hidden = !this.cursor;
     const jobs = [...this.jobs.values()].filter((job) => !isDeleted(job.id));
-    if (none && !jobs.length && this.query.has("q")) return void fill(this.summary, this._searchWords());
+    if (none && !jobs.length && this.filter.search) return void fill(this.summary, this._searchWords());
     if (none && !jobs.length) {
-      fill(this.summary, this.query.has("state") ? "No jobs in this state." : "No jobs yet. ", this.query.has("state") ? null : h("a", { href: "#/" }, "Create the first one"));
+      fill(this.summary, this.filter.state ? "No jobs in this state." : "No jobs yet. ", this.filter.state ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
     }
     this.select.hidden = !jobs.length;

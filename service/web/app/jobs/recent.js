@@ -1,13 +1,13 @@
 // @ts-check
 /** The newest jobs, below the form for a new one. */
-import { requestJson } from "../api.js";
+import { client } from "../client.js";
 import { fill, h } from "../dom.js";
 import { JobCard } from "./card.js";
 
 /** @param {import("../scope.js").Scope} scope */
 export function recentJobs(scope) {
   const element = h("section", { class: "recent", "aria-labelledby": "recent-title", hidden: true });
-  requestJson("v1/jobs?limit=6", { signal: scope.signal }).then(
+  client.jobPage({ limit: 6, signal: scope.signal }).then(
     ({ jobs }) => {
       if (!jobs.length || scope.over) return;
       element.hidden = false;

@@ -1,7 +1,7 @@
 // @ts-check
 /** The contact sheet of a group: a row for each finished variation, a column for each strength. */
 import { announce } from "../announce.js";
-import { isAbort, ProblemError, requestBytes } from "../api.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { saveBytes } from "../job/files.js";
 import { stemOf } from "../names.js";
@@ -64,7 +64,7 @@ export class SheetPanel {
       await this._draw(strengths);
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
-      const away = error instanceof ProblemError && error.code === "dependency_missing";
+      const away = error instanceof MeshdeformError && error.code === "dependency_missing";
       this._refuse(away ? "This server makes no other strengths: only 100 can be drawn." : described(error).detail || (error instanceof Error ? error.message : "The sheet could not be made."));
     } finally {
       this.make.disabled = false;
@@ -82,7 +82,7 @@ export class SheetPanel {
       for (const strength of strengths) {
         this.progress.textContent = `Shape ${rows.length * strengths.length + shapes.length + 1} of ${jobs.length * strengths.length}…`;
         const query = strength === 100 ? "" : `?strength=${strength / 100}`;
-        shapes.push(await requestBytes(`v1/jobs/${job.id}/artifacts/result.glb${query}`, this.scope.signal));
+        shapes.push(await client.bytes(`v1/jobs/${job.id}/artifacts/result.glb${query}`, { signal: this.scope.signal }));
       }
       rows.push({ label: `Variation ${job.params?.seed ?? 0}`, shapes });
     }

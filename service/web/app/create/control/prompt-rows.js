@@ -175,13 +175,13 @@ export class PromptRows {
   /**
    * Say which of the prompts the model does not understand, with what it would.
    *
-   * @param {import("../../api.js").ProblemError} error
+   * @param {import("../../client.js").MeshdeformError} error
    * @param {boolean} alone Whether the request has no prompt of its own.
    * @param {import("../../vocabulary.js").Vocabulary | null} known
    * @returns {boolean} Whether it is one of these.
    */
   refuse(error, alone, known) {
-    const [first] = Array.isArray(error.document.errors) ? error.document.errors : [];
+    const [first] = Array.isArray(error.problem.errors) ? error.problem.errors : [];
     const sent = written(this.prompts);
     const at = first?.loc?.[1] === "prompts" ? Number(first.loc[2]) : !first && alone && sent.length === 1 ? 0 : -1;
     const found = sent[at];

@@ -244,11 +244,11 @@ export class GuidePanel {
     return !problem && !wrong;
   }
 
-  /** Say what the server refuses beside it. @param {import("../../api.js").ProblemError} error @returns {boolean} whether it belongs here */
+  /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
-    const errors = Array.isArray(error.document.errors) ? error.document.errors : [];
+    const errors = Array.isArray(error.problem.errors) ? error.problem.errors : [];
     const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
-    const part = String(error.document.part ?? error.document.file ?? "");
+    const part = String(error.problem.part ?? error.problem.file ?? "");
     if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
     this._refuse([error.message, error.advice].filter(Boolean).join(" "));
     return true;

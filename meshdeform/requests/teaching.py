@@ -1,0 +1,67 @@
+"""Declare the parameters of the kind `prior_teach`. Torch-free."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, StringConstraints
+
+from meshdeform.requests.parameters import BUILTIN_MODEL, MAX_STEPS
+from meshdeform.requests.strict import StrictModel
+
+__all__ = ["MAX_SYNONYMS", "TEACH_STEPS", "TeachParams"]
+
+TEACH_STEPS = 600
+"""Most steps of a lesson, unless it says otherwise."""
+MAX_SYNONYMS = 16
+
+_Name = Annotated[str, StringConstraints(min_length=1, max_length=80)]
+
+
+class TeachParams(StrictModel):
+    """The parameters of a lesson."""
+
+    noun: _Name = Field(description="What the meshes show.", examples=["a teapot"])
+    synonyms: list[_Name] = Field(
+        default_factory=list,
+        max_length=MAX_SYNONYMS,
+        description="Other names of the same thing.",
+        examples=[["kettle"]],
+    )
+    replace: bool = Field(
+        False,
+        description="Give a noun that the model knows a new meaning; otherwise such a noun is refused.",
+        examples=[False],
+    )
+    licence: str = Field(
+        "",
+        max_length=500,
+        description="One line about the licence of the meshes, kept in the weights.",
+        examples=["CC0-1.0"],
+    )
+    front_deg: float = Field(
+        0.0,
+        ge=-360.0,
+        le=360.0,
+        description="Azimuth of the front of the meshes in degrees: 0 is +Z, 90 is +X.",
+        examples=[0.0],
+    )
+    model: str = Field(
+        BUILTIN_MODEL,
+        min_length=1,
+        max_length=500,
+        description="What to start from, and to which the word is added: `builtin`, a file of `meshdeform teach`, "
+        "`job:ID` with the id of another job of this kind, or `weights`: the part `weights`.",
+        examples=["builtin"],
+    )
+    steps: int = Field(
+        TEACH_STEPS,
+        ge=1,
+        le=MAX_STEPS,
+        description="Most steps of the training, which ends when held-out pictures are no longer predicted better.",
+        examples=[600],
+    )
+    seed: int = Field(0, ge=0, le=2**31 - 1, description="Seed of the pictures and of the training.", examples=[0])
+    checkpoint_every_steps: int = Field(
+        50, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[50]
+    )

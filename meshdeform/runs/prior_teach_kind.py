@@ -1,0 +1,162 @@
+"""Describe the kind `prior_teach`: its files, the check of its requests, and its artifacts. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.errors import ModelError, ParameterError
+from meshdeform.priors.builtin.taught import known_words
+from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_noun
+from meshdeform.priors.builtin.words import Words
+from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
+from meshdeform.requests.choices import JobKind
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
+from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
+from meshdeform.requests.teaching import TeachParams
+from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.lesson_files import labelled
+from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, WEIGHTS_FILE, check_weights_part
+
+if TYPE_CHECKING:
+    from meshdeform.assets import AssetSummary
+    from meshdeform.settings import Settings
+
+__all__ = ["MESHES_PART", "PRIOR_TEACH", "noun_of_request", "params_of"]
+
+MESHES_PART = "meshes"
+
+
+def params_of(request: JobRequest) -> TeachParams:
+    """Return the parameters of a request of this kind.
+
+    Raises
+    ------
+    ParameterError
+        They are those of another kind, or the request asks for what this kind does not make.
+    """
+    params: Any = request.params
+    if not isinstance(params, TeachParams):
+        raise ParameterError("The parameters are not those of `prior_teach`.")
+    if request.output != OutputOptions():
+        raise ParameterError("`output` is for jobs that deform one asset.", advice="Leave it out.")
+    if request.prompt:
+        raise _refused("prompt", "A lesson has no prompt.", "Leave it out; params.noun is the word.", outside=True)
+    return params
+
+
+def noun_of_request(params: TeachParams, known: Words) -> NewNoun:
+    """Return the noun that a request teaches.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be taught to weights with these words.
+    """
+    try:
+        return new_noun(params.noun, known, synonyms=params.synonyms, replace_known=params.replace)
+    except ParameterError as error:
+        advice = error.advice_text.replace("--replace", "params.replace")
+        raise _refused("noun", error.detail, advice) from error
+
+
+def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> TeachParams:
+    params = params_of(request)
+    check_weights_part(params.model, files)
+    if is_sent(params.model):
+        return params
+    offered = settings.offered_models
+    model = configured_name(params.model, offered)
+    if model != BUILTIN_MODEL and not is_taught(model):
+        raise _refused("model", f"{params.model!r} cannot be taught.", "Start from `builtin`, or from taught weights.")
+    if model not in offered:
+        known = [name for model, name in public_names(offered).items() if model == BUILTIN_MODEL or is_taught(model)]
+        raise ModelError(
+            f"This server has no taught weights {params.model!r}.",
+            advice=f"Use one of: {', '.join(known)}.",
+            models=known,
+        )
+    with hidden_folders(offered):
+        noun_of_request(params, known_words(model))
+    return params.model_copy(update={"model": model})
+
+
+def _check_files(params: TeachParams, files: Mapping[str, AssetSummary]) -> None:
+    if not is_sent(params.model):
+        _check_folders(noun_of_request(params, known_words(params.model)), files)
+
+
+def _check_words(request: JobRequest, known: Words, files: Mapping[str, AssetSummary]) -> None:
+    _check_folders(noun_of_request(params_of(request), known), files)
+
+
+def _check_folders(new: NewNoun, files: Mapping[str, AssetSummary]) -> None:
+    """Refuse folders of a ZIP that do not name attributes."""
+    if found := files.get(MESHES_PART):
+        labelled([str(mesh["name"]) for mesh in found.mesh_names], new)
+
+
+def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
+    params: Any = request.params
+    return params.steps if isinstance(params, TeachParams) else 0
+
+
+def _uses(request: JobRequest) -> Collection[str]:
+    params: Any = request.params
+    return [MESHES_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
+
+
+def _load() -> StartRun:
+    from meshdeform.runs import prior_teach
+
+    def start(given: RunInput) -> JobRun:
+        return prior_teach.start(given)
+
+    return start
+
+
+def _goal(request: JobRequest, _files: Mapping[str, str]) -> str:
+    params: Any = request.params
+    return str(params.noun)
+
+
+def _refused(name: str, detail: str, advice: str, *, outside: bool = False) -> ParameterError:
+    place = [name] if outside else ["params", name]
+    return ParameterError(detail, advice=advice, errors=[{"loc": place, "msg": detail, "type": "value_error"}])
+
+
+PRIOR_TEACH = Kind(
+    name=JobKind.PRIOR_TEACH,
+    summary="Teaches the builtin model a noun from meshes, so that prompts of the same owner may name it.",
+    reads=(
+        FilePart(
+            MESHES_PART,
+            "What the noun means: one GLB, OBJ, PLY or STL, or a ZIP of at most 200; folders in it name attributes.",
+            required=True,
+            media_types=("application/zip", "model/gltf-binary", "model/obj", "model/ply", "model/stl"),
+            content="lesson",
+        ),
+        WEIGHTS_FILE,
+    ),
+    params=TeachParams,
+    check=_check,
+    steps=_steps,
+    load=_load,
+    artifacts=(
+        ArtifactKind(
+            WEIGHTS_ARTIFACT,
+            TAUGHT_WEIGHTS,
+            "The taught weights: `params.model` = `job:ID` in later jobs of the same owner, with the id of this job.",
+        ),
+        ArtifactKind(
+            "report.json",
+            "application/json",
+            "What was learned and what forgotten: held-out losses, and which noun held-out pictures are taken for.",
+        ),
+        ArtifactKind("preview.png", "image/png", "What the model now draws for the noun, from four sides."),
+    ),
+    uses=_uses,
+    check_files=_check_files,
+    check_words=_check_words,
+    goal=_goal,
+)

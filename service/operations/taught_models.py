@@ -1,0 +1,88 @@
+"""Describe the taught weights that an owner's jobs have made."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections import OrderedDict
+from threading import Lock
+
+from meshdeform.errors import NotFoundError
+from meshdeform.priors.catalogue import ModelInfo, describe_taught
+from meshdeform.record.models import Artifact, JobState
+from meshdeform.record.repository import JobRecord
+from meshdeform.requests.choices import JobKind
+from meshdeform.requests.models import model_of_job
+from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
+from meshdeform.storage import ObjectStore
+from service.workspace import Workspace
+
+__all__ = ["TaughtModels"]
+
+_LISTED = 100
+_REMEMBERED = 512
+
+
+class TaughtModels:
+    """List the results of an owner's jobs of kind `prior_teach`.
+
+    Descriptions are remembered by owner and hash: if owners shared them, the time of an answer would reveal whether
+    another owner has the same weights.
+
+    Parameters
+    ----------
+    record : JobRecord
+    store : ObjectStore
+    workspace : Workspace
+    """
+
+    def __init__(self, record: JobRecord, store: ObjectStore, workspace: Workspace) -> None:
+        self._record, self._store, self._workspace = record, store, workspace
+        self._known: OrderedDict[tuple[str, str], ModelInfo] = OrderedDict()
+        self._lock = Lock()
+
+    def of(self, owner_id: str) -> list[ModelInfo]:
+        """Return the newest models that this owner's jobs have made, newest first, at most 100.
+
+        Raises
+        ------
+        UnavailableError
+            The record or the store does not answer.
+        """
+        page = self._record.list_jobs(JobState.SUCCEEDED, limit=_LISTED, owner=owner_id, kind=JobKind.PRIOR_TEACH)
+        found = []
+        for job in page.jobs:
+            made = next((artifact for artifact in job.artifacts if artifact.name == WEIGHTS_ARTIFACT), None)
+            if made is None:
+                continue
+            try:
+                described = self._described(owner_id, made)
+            except NotFoundError:
+                continue  # the job was deleted meanwhile
+            found.append(dataclasses.replace(described, id=model_of_job(job.id)))
+        return found
+
+    def _described(self, owner_id: str, made: Artifact) -> ModelInfo:
+        known = (owner_id, made.sha256)
+        with self._lock:
+            if known in self._known:
+                self._known.move_to_end(known)
+                return self._known[known]
+        with self._workspace.temporary_folder() as folder:
+            path = folder / WEIGHTS_ARTIFACT
+            path.write_bytes(self._header(made))
+            os.truncate(path, made.size)  # the tensors, which nothing here reads
+            described = describe_taught(str(path), WEIGHTS_ARTIFACT)
+        nouns = [lesson.noun for lesson in described.lessons]
+        described = dataclasses.replace(described, title=nouns[-1] if nouns else described.title)
+        with self._lock:
+            self._known[known] = described
+            if len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+        return described
+
+    def _header(self, made: Artifact) -> bytes:
+        """Read the header of safetensors, and no more."""
+        length = b"".join(self._store.stream(made.key, 0, 8))
+        end = min(8 + int.from_bytes(length, "little"), made.size)
+        return length + b"".join(self._store.stream(made.key, 8, end))

@@ -1,0 +1,4 @@
+/** A client of Meshdeform, which reshapes 3D assets with a prompt. */
+export { Client } from "./client.js";
+export { MeshdeformError } from "./errors.js";
+export * from "./types.js";

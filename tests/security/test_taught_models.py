@@ -1,0 +1,148 @@
+"""Weights that a job has taught belong to the key that made them: no other one uses, lists or learns of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from meshdeform.client import Client
+from meshdeform.errors import (
+    AssetFormatError,
+    ConflictError,
+    MeshdeformError,
+    NotFoundError,
+    ParameterError,
+    StoredFileError,
+    VocabularyError,
+)
+from meshdeform.record.repository import JobRecord
+from meshdeform.runs import start_run
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from tests.in_process import children_in_process
+from tests.integration.conftest import DEADLINE_S, serving
+from tests.taught import shorten_lessons, write_small_weights
+from tests.worker_world import working
+from worker.engine import PriorCache
+
+LESSON: dict[str, Any] = {"noun": "a teapot", "model": "small.safetensors", "steps": 1}
+QUICK = {"preset": "preview", "steps": 1, "orientation": "keep"}
+
+
+@pytest.fixture
+def settings(tmp_path: Path, redis_url: str) -> Settings:
+    (tmp_path / "models").mkdir()
+    write_small_weights(tmp_path / "models" / "small.safetensors")
+    return Settings(
+        data_dir=tmp_path, redis_url=redis_url, queue="test-taught", auth="on", models=str(tmp_path / "models")
+    )
+
+
+@pytest.fixture
+def clients(settings: Settings) -> Iterator[tuple[Client, Client]]:
+    """The clients of two keys at one service."""
+    record = JobRecord(settings.resolved_database_url)
+    keys = [record.keys.create(name)[1] for name in ("one", "two")]
+    record.close()
+    with (
+        children_in_process(),
+        serving(settings) as url,
+        Client(url, api_key=keys[0]) as one,
+        Client(url, api_key=keys[1]) as two,
+    ):
+        yield one, two
+
+
+def refusal(client: Client, ball: Path, model: str) -> tuple[str, str, str, Any]:
+    with pytest.raises(MeshdeformError) as caught:
+        client.submit(ball, "a teapot", params={"model": model})
+    error = caught.value
+    return error.code, error.detail.replace(model[4:], "ID"), error.advice_text, error.extra.get("errors")
+
+
+def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
+    clients: tuple[Client, Client], settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shorten_lessons(monkeypatch)
+    one, two = clients
+    ball, priors = tmp_path / "ball.glb", PriorCache()
+    trimesh.creation.icosphere(1).export(ball)
+    absent = "job:job_01kg9zqk2xf3v8c5m7n9p1r4t6"
+    waiting = one.teach("a teapot", ball, params=LESSON)
+    with pytest.raises(ConflictError, match="is queued"):
+        one.submit(ball, "a teapot", params={"model": f"job:{waiting.id}"})
+    with working(settings, start_run, lambda model: priors.get(model, device="cpu")):
+        taught = one.wait(waiting, timeout_s=DEADLINE_S)
+        assert (str(taught.state), taught.error) == ("succeeded", None)
+        model = f"job:{taught.id}"
+
+        # What the other key gets is what it gets for a job that never was.
+        assert refusal(two, ball, model)[0] == "parameter_invalid"
+        assert json.dumps(refusal(two, ball, model)).replace(taught.id, "ID") == json.dumps(
+            refusal(two, ball, absent)
+        ).replace(absent[4:], "ID")
+        with pytest.raises(ParameterError, match="no job"):
+            two.submit(
+                ball,
+                "a teapot",
+                params={"model": "weights"},
+                files={"weights": {"job_id": taught.id, "artifact": "weights.safetensors"}},
+            )
+        with pytest.raises(NotFoundError):
+            two.download(taught.id, "weights.safetensors", tmp_path / "stolen.safetensors")
+        assert model not in [each.id for each in two.models().models]
+        (mine,) = [each for each in one.models().models if each.id == model]
+        assert (mine.title, mine.available, [lesson.noun for lesson in mine.lessons]) == ("teapot", True, ["teapot"])
+        assert mine.vocabulary is not None
+        assert "teapot" in mine.vocabulary.nouns
+        assert str(tmp_path) not in mine.model_dump_json()
+
+        with pytest.raises(VocabularyError, match="'giraffe'"):
+            one.submit(ball, "a giraffe", params={"model": model})
+        with pytest.raises(ParameterError, match="knows 'teapot' already"):
+            one.submit(kind="prior_teach", files={"meshes": ball}, params={**LESSON, "model": model})
+        assert one.validate(
+            kind="prior_teach", files={"meshes": ball}, params={**LESSON, "noun": "a goblet", "model": model}
+        )
+        used = one.deform(ball, "a tall teapot", params={**QUICK, "model": model}, timeout_s=DEADLINE_S)
+        report = json.loads(used.read("report.json"))
+        assert (report["guidance"]["id"], str(tmp_path) in json.dumps(report)) == (model, False)
+        with pytest.raises(ParameterError, match="no such artifact"):
+            one.submit(ball, "a teapot", params={"model": f"job:{used.job.id}"})
+        one.delete(taught)
+        code, detail, _, errors = refusal(one, ball, model)
+        assert (code, detail, errors[0]["loc"]) == ("parameter_invalid", "There is no job ID.", ["params", "model"])
+        assert model not in [each.id for each in one.models().models]
+        assert "weights" in one.get(used.job.id).files  # jobs that were accepted keep what they need
+    assert refusal(two, ball, model)[0] == "parameter_invalid"
+
+
+def test_weights_that_are_damaged_or_from_elsewhere_are_refused(
+    clients: tuple[Client, Client], settings: Settings, tmp_path: Path
+) -> None:
+    one, _ = clients
+    ball = tmp_path / "ball.glb"
+    trimesh.creation.icosphere(1).export(ball)
+    good = (tmp_path / "models" / "small.safetensors").read_bytes()
+    header = json.dumps({"unet.weight": {"dtype": "F16", "shape": [2], "data_offsets": [0, 4]}}).encode()
+    for data in (good[:-7], b"\x80\x04K\x01.", len(header).to_bytes(8, "little") + header + bytes(4)):
+        (tmp_path / "sent.safetensors").write_bytes(data)
+        with pytest.raises(AssetFormatError) as caught:
+            one.submit(ball, "a vase", params={"model": "weights"}, files={"weights": tmp_path / "sent.safetensors"})
+        assert str(tmp_path) not in f"{caught.value.detail}{caught.value.advice_text}"
+    (tmp_path / "sent.safetensors").write_bytes(good)
+    files = {"weights": tmp_path / "sent.safetensors"}
+    with pytest.raises(ParameterError, match=r"was sent, but params\.model does not use it"):
+        one.submit(ball, "a vase", files=files)
+    job = one.submit(ball, "a vase", params={"model": "weights"}, files=files)
+    # The worker compares the bytes with the hash that was recorded.
+    stored = ObjectStore(settings.resolved_storage_url)
+    key = f"assets/{job.files['weights'].sha256}"
+    stored.put(key, good[:-1] + bytes([good[-1] ^ 1]), "application/octet-stream")
+    with working(settings, start_run), pytest.raises(StoredFileError, match="differs from what was stored"):
+        one.wait(job, timeout_s=DEADLINE_S)

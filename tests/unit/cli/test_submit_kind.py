@@ -1,0 +1,34 @@
+"""`meshdeform submit --kind`: what other kinds of job take, refused before a service is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a mushroom", "--kind", "surface_fit"], "has no prompt"),
+        (["--kind", "surface_fit", "--usd"], "--usd"),
+        (["--kind", "surface_fit", "--preset", "preview"], "preset"),
+        (["--kind", "surface_fit", "--set", "base_faces=1"], "base_faces"),
+        (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads no others"),
+        (["--kind", "family_synthesize"], "collection=FILE"),
+        (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
+        (["--kind", "unfold"], "surface_fit"),
+    ],
+)
+def test_what_a_kind_does_not_take_is_refused_by_name(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.obj").write_text("v 0 0 0\n")
+    monkeypatch.setattr("meshdeform.cli.submit.connect", lambda *_: pytest.fail("the service was asked"))
+    result = CliRunner().invoke(app, ["submit", "ball.obj", *arguments], terminal_width=200)
+    assert result.exit_code in (2, 3)
+    assert said in result.output

@@ -1,0 +1,151 @@
+"""Jobs of kind `prior_teach`: a lesson from a ZIP, resumed, and what is refused."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from meshdeform.assets import Limits
+from meshdeform.assets.lesson_archive import MAX_MESHES, inspect_lesson, open_lesson
+from meshdeform.errors import AssetError, CheckpointError, MeshdeformError, ModelError, ParameterError
+from meshdeform.priors.builtin.taught import known_words
+from meshdeform.priors.builtin.teaching.lesson import new_noun
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request, start_run
+from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.runs.lesson_files import labelled
+from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
+from meshdeform.settings import Settings
+from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights
+
+BALL = trimesh.creation.icosphere(1).export(file_type="glb")
+CUBE = trimesh.creation.box((1, 1, 1)).export(file_type="obj").encode()
+
+
+def packed(**files: bytes) -> bytes:
+    """Return a ZIP; double underscores are slashes, and the last single one is a dot."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(".".join(name.replace("__", "/").rsplit("_", 1)), data)
+    return made.getvalue()
+
+
+def begin(weights: bytes, *, checkpoint: bytes | None = None, **params: Any) -> JobRun:
+    params = {"noun": "a teapot", "model": "weights", "steps": 3, **params}
+    request = JobRequest.model_validate({"kind": "prior_teach", "params": params})
+    files = {
+        "meshes": InputFile(packed(pots__round_glb=BALL, pots__tall__box_obj=CUBE), "pots.zip"),
+        "weights": InputFile(weights, "weights.safetensors"),
+    }
+    return start_run(RunInput(request, files, checkpoint=checkpoint))
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    shorten_lessons(monkeypatch)
+
+
+def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp_path: Path) -> None:
+    weights = write_small_weights(tmp_path / "small.safetensors").read_bytes()
+    run = begin(weights, synonyms=["kettle"], licence="CC0-1.0")
+    assert (run.step, run.total_steps) == (0, 3)
+    state = b""
+    for done in run:
+        state = run.checkpoint() if done.step == 1 else state
+    made = run.finish()
+    assert set(done.losses) == {"total", "held_out_new", "held_out_old"}
+    assert list(made) == [artifact.name for artifact in PRIOR_TEACH.artifacts]
+    assert made["preview.png"].data.startswith(b"\x89PNG")
+    assert inspect_lesson_mesh(run) == len(trimesh.creation.icosphere(1).faces)
+
+    resumed = begin(weights, checkpoint=state, synonyms=["kettle"], licence="CC0-1.0")
+    assert resumed.step == 1
+    assert [done.step for done in resumed] == [2, 3]
+    assert resumed.finish()["weights.safetensors"].data == made["weights.safetensors"].data
+    with pytest.raises(CheckpointError, match="another lesson"):
+        begin(weights, checkpoint=state, seed=1)
+
+    mine = tmp_path / "mine.safetensors"
+    mine.write_bytes(made["weights.safetensors"].data)
+    assert known_words(str(mine)).synonyms["kettle"] == "teapot"
+    report = json.loads(made["report.json"].data)
+    assert [(mesh["name"], mesh["attributes"]) for mesh in report["meshes"]] == [
+        ("pots/round.glb", []),
+        ("pots/tall/box.obj", ["tall"]),
+    ]
+    assert set(report["old_nouns"]) == {"bowl", "heart", "vase"}
+
+
+def inspect_lesson_mesh(run: JobRun) -> int:
+    return len(trimesh.load(io.BytesIO(run.snapshot().data), file_type="glb", force="mesh").faces)
+
+
+def test_folders_name_attributes_and_the_one_around_everything_need_not() -> None:
+    new = new_noun("a teapot", THREE_NOUNS)
+
+    def labels(*names: str) -> list[str]:
+        return [" ".join(map(str, found)) for found in labelled(names, new).values()]
+
+    assert labels("a.glb", "tall/b.glb", "long-neck/c.glb") == ["", "tall", "long neck"]
+    assert labels("pots/a.glb", "pots/tall/b.glb") == ["", "tall"]
+    assert labels("tall/a.glb", "tall/b.glb") == ["tall", "tall"]
+    with pytest.raises(ParameterError, match="'misc' does not name attributes"):
+        labels("a.glb", "misc/b.glb")
+
+
+_BOMB = packed(big_glb=b"0" * 2_000_000)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (packed(readme_txt=b"no mesh"), "holds no mesh"),
+        (packed(), "holds no mesh"),
+        (packed(a_obj=b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), r"a.obj: 1 faces are too few"),
+        (packed(a_glb=b"glTF"), r"a.glb: "),
+        (packed(**{f"m{number}_obj": CUBE for number in range(MAX_MESHES + 1)}), "holds 201 meshes; .* at most 200"),
+        (packed(**{"..__evil_glb": BALL}), "names a file outside itself"),
+        (_BOMB, "unpacks to 2000000 bytes"),
+        (_BOMB[:60], "cannot be read"),
+    ],
+    ids=["no mesh", "empty", "one face", "broken", "too many", "outside", "bomb", "cut"],
+)
+def test_a_zip_that_cannot_be_learned_from_is_refused(data: bytes, words: str) -> None:
+    with pytest.raises(AssetError, match=words):
+        inspect_lesson(data, Limits(max_bytes=1_000_000, max_archive_files=1000))
+
+
+def test_a_file_that_is_no_zip_is_the_only_mesh() -> None:
+    assert open_lesson(BALL, "models\\ball.glb", Limits()) == {"ball.glb": BALL}
+
+
+@pytest.mark.parametrize(
+    ("document", "kind", "words"),
+    [
+        ({"noun": "a vase"}, ParameterError, "knows 'vase' already.*params.replace"),
+        ({"noun": "tall"}, ParameterError, "another role"),
+        ({"noun": "x" * 60}, ParameterError, "no noun that can be taught"),
+        ({"model": "stabilityai/sd"}, ParameterError, "cannot be taught"),
+        ({"model": "other.safetensors"}, ModelError, "no taught weights 'other.safetensors'.*Use one of: builtin"),
+        ({"model": "weights"}, ParameterError, "the part `weights` is missing"),
+        ({"model": "job:job_01kg9zqk2xf3v8c5m7n9p1r4t6"}, ParameterError, "Download weights.safetensors of the job"),
+        ({"prompt": "a teapot"}, ParameterError, "has no prompt"),
+        ({"output": {"morph": True}}, ParameterError, "`output` is for jobs that deform"),
+    ],
+)
+def test_a_lesson_that_cannot_be_held_is_refused_at_the_door(
+    document: dict[str, Any], kind: type[MeshdeformError], words: str
+) -> None:
+    members = {name: document.pop(name) for name in ("prompt", "output") if name in document}
+    request = JobRequest.model_validate({"kind": "prior_teach", "params": {"noun": "a teapot", **document}, **members})
+    with pytest.raises(kind) as caught:
+        check_request(request, Settings(), files=["meshes"])
+    assert re.search(words, f"{caught.value.detail} {caught.value.advice_text}")
