@@ -392,6 +392,7 @@ export class ControlPanel {
   }
 
   focusProblem() {
+    if (this.further.fault) return this.further.focusProblem();
     /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("summary"))?.focus();
   }
 }
