@@ -47,10 +47,12 @@ def framed(mesh: TriangleMesh) -> TriangleMesh:
     return Frame.around(mesh.verts).place(mesh)
 
 
-def view_of(mesh: TriangleMesh, azimuth: float) -> SilhouetteView:
-    cameras = fixed_cameras(azimuth, 0.0, 20.0, views=1, fitting_radius=1.05 * float(mesh.verts.norm(dim=1).max()))
+def view_of(mesh: TriangleMesh, azimuth: float, elevation: float) -> SilhouetteView:
+    cameras = fixed_cameras(
+        azimuth, elevation, 20.0, views=1, fitting_radius=1.05 * float(mesh.verts.norm(dim=1).max())
+    )
     covered = CoverageRenderer(mesh.faces, len(mesh.verts), SIDE).render(mesh.verts.float(), cameras)[0]
-    return SilhouetteView(np.asarray(covered.numpy() > 0.5), azimuth)
+    return SilhouetteView(np.asarray(covered.numpy() > 0.5), azimuth, elevation)
 
 
 def load(path: Path) -> TriangleMesh:
@@ -61,10 +63,12 @@ def load(path: Path) -> TriangleMesh:
 def fitted(name: str, goal: TriangleMesh, arguments: argparse.Namespace) -> list[np.ndarray]:
     """Fit a sphere, print its row, and return the pictures of its views: too much in red, missing in blue."""
     rest = framed(icosphere(4))
-    views = [view_of(framed(goal), azimuth) for azimuth in arguments.azimuths]
+    elevations = arguments.elevations or [0.0] * len(arguments.azimuths)
+    places = list(zip(arguments.azimuths, elevations, strict=True))
+    views = [view_of(framed(goal), *place) for place in places]
     changes = dict(each.split("=", 1) for each in arguments.set)
     changes = {key: json.loads(value) if value[:1] in "[{-0123456789" else value for key, value in changes.items()}
-    listed = [{"azimuth": azimuth} for azimuth in arguments.azimuths]
+    listed = [{"azimuth": azimuth, "elevation": elevation} for azimuth, elevation in places]
     given = {"guidance": "silhouettes", "silhouettes": listed, "preset": "balanced", **changes}
     params = resolve(DeformParams.model_validate(given))
     term = SilhouetteTerm(views)
@@ -95,6 +99,7 @@ def main() -> None:
     parser.add_argument(
         "--azimuths", type=lambda text: [float(each) for each in text.split(",")], default="0,45,90,135"
     )
+    parser.add_argument("--elevations", type=lambda text: [*map(float, text.split(","))], help="default: 0")
     parser.add_argument("--at", type=lambda text: [int(each) for each in text.split(",")], default="50,100,150,200")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--picture", type=Path)

@@ -24,7 +24,7 @@ from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame
 from service.http.tracing import TracingMiddleware
-from service.jobs import creation_routes
+from service.jobs import creation_routes, link_routes
 from service.jobs import routes as job_routes
 from service.openapi import describe
 from service.operations import health_routes, limits_routes, metrics_routes, models_routes
@@ -69,6 +69,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     refusals = problem_responses(UnauthorizedError, LimitError)
     app.include_router(job_routes.router, responses=refusals)
     app.include_router(creation_routes.router, responses=refusals)
+    app.include_router(link_routes.router, responses=refusals)
     app.include_router(event_routes.router, responses=refusals)
     app.include_router(checkpoint_routes.router, responses=refusals)
     app.include_router(artifact_routes.router, responses=refusals)

@@ -192,7 +192,7 @@ class SignedUrl(_Document):
     """A URL that needs no API key."""
 
     url: str = Field(
-        description="URL of the bytes, absolute or a path of this server. Anyone who has it can read them.",
+        description="The URL, absolute or a path of this server. Anyone who has it can read what it is for.",
         examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb?expires=1769864400&signature=3b1f"],
     )
     expires_at: datetime = Field(description="When it expires, UTC.", examples=["2026-01-31T13:00:00Z"])

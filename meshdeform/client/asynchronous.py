@@ -381,6 +381,10 @@ class AsyncClient(AsyncFileMethods):
         """Return a URL of an artifact that needs no API key."""
         return await self._driver.run(reading.signed_url(job, name, self._policy))
 
+    async def job_link(self, job: JobLike) -> SignedUrl:
+        """Return a link to a job's page: whoever has it can watch this job and read its files until it expires."""
+        return await self._driver.run(reading.job_link(job, self._policy))
+
     async def limits(self) -> Limits:
         """Return the service's limits on requests."""
         return await self._driver.run(reading.limits(self._policy))

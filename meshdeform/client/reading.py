@@ -36,6 +36,7 @@ __all__ = [
     "deleted",
     "got",
     "identity",
+    "job_link",
     "limits",
     "listed",
     "listing",
@@ -116,6 +117,12 @@ def checkpoints(job: JobLike, policy: Policy) -> Operation[list[CheckpointView]]
 def signed_url(job: JobLike, name: str, policy: Policy) -> Operation[SignedUrl]:
     """Return a URL of an artifact that needs no key."""
     answer = yield from answered(Call("POST", job_path(job, "artifacts", name, "url")), policy)
+    return read(SignedUrl, answer.json(), answer.url)
+
+
+def job_link(job: JobLike, policy: Policy) -> Operation[SignedUrl]:
+    """Return a link to a job's page that needs no key."""
+    answer = yield from answered(Call("POST", job_path(job, "url")), policy)
     return read(SignedUrl, answer.json(), answer.url)
 
 

@@ -379,6 +379,10 @@ class Client(FileMethods):
         """Return a URL of an artifact that needs no API key."""
         return self._driver.run(reading.signed_url(job, name, self._policy))
 
+    def job_link(self, job: JobLike) -> SignedUrl:
+        """Return a link to a job's page: whoever has it can watch this job and read its files until it expires."""
+        return self._driver.run(reading.job_link(job, self._policy))
+
     def limits(self) -> Limits:
         """Return the service's limits on requests."""
         return self._driver.run(reading.limits(self._policy))

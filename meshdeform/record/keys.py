@@ -188,6 +188,12 @@ class KeyRing:
         with self._database.read() as connection:
             return connection.execute(query).first() is not None
 
+    def is_active(self, key_id: str) -> bool:
+        """Return whether a key exists and has not been revoked."""
+        query = sa.select(api_keys.c.id).where(api_keys.c.id == key_id, api_keys.c.revoked_at.is_(None))
+        with self._database.read() as connection:
+            return connection.execute(query).first() is not None
+
     def _record_use(self, key: ApiKey) -> None:
         if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < _USE_RECORDED_EVERY:
             return

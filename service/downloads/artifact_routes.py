@@ -37,6 +37,7 @@ from service.downloads.responses import (
 from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
@@ -68,18 +69,18 @@ _Name = Annotated[
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_artifacts(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
     """All artifacts appear together when the job succeeds, and never change; others can be made later.
 
     Only a generated target is there before: when the fit begins.
     """
-    found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, principal.owner_id)]
+    found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, viewer.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 
 
 async def _at_strength(
     app: AppStateDep,
-    owner: ReaderDep,
+    reader: ReaderDep,
     id: JobId,  # noqa: A002
     name: _Name,
     strength: Annotated[
@@ -98,8 +99,10 @@ async def _at_strength(
     """Return an artifact at another strength; None if the stored one is wanted."""
     if strength is None or strength == 1:
         return None
-    artifact = await to_thread.run_sync(_find, app, id, owner, name)
-    job = await to_thread.run_sync(app.record.get, id, owner)
+    if reader.owner_id is None:
+        raise ForbiddenError("The link shows what is stored.", advice="Other strengths need an API key.")
+    artifact = await to_thread.run_sync(_find, app, id, reader.owner_id, name)
+    job = await to_thread.run_sync(app.record.get, id, reader.owner_id)
     key, found = await app.strengths.get(app, job, artifact, strength)
     stem, dot, ending = _file_name(job, artifact).rpartition(".")
     saved_as = f"{stem}-strength{round(100 * strength)}{dot}{ending}"
@@ -124,7 +127,7 @@ async def _at_strength(
 def get_artifact(
     request: Request,
     app: AppStateDep,
-    owner: ReaderDep,
+    reader: ReaderDep,
     id: JobId,  # noqa: A002
     name: _Name,
     conditions: ConditionsDep,
@@ -133,10 +136,10 @@ def get_artifact(
     """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
     if at_strength is not None:
         return download(request, app, at_strength, conditions)
-    artifact = _find(app, id, owner, name)
-    saved_as = _file_name(app.record.get(id, owner), artifact)
+    artifact = _find(app, id, reader.owner_id, name)
+    saved_as = _file_name(app.record.get(id, reader.owner_id), artifact)
     found = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, app, found, conditions, signed=owner is None)
+    return download(request, app, found, conditions, signed=reader.owner_id is None and not reader.link)
 
 
 @router.post(

@@ -12,8 +12,8 @@ from meshdeform.errors import NotFoundError
 from meshdeform.record.models import CheckpointRef
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
-from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
@@ -34,9 +34,9 @@ _Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**3
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
-def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
     """Available in any state of the job. Only the newest checkpoints are kept; older ones are deleted."""
-    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, principal.owner_id)]
+    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, viewer.owner_id)]
     return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
 
 
@@ -51,13 +51,13 @@ def list_checkpoints(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Re
 def get_checkpoint_mesh(
     request: Request,
     app: AppStateDep,
-    principal: PrincipalDep,
+    viewer: ViewerDep,
     id: JobId,  # noqa: A002
     step: _Step,
     conditions: ConditionsDep,
 ) -> Response:
     """The asset with its shape at that step, also while the job is running. Streamed like an artifact."""
-    checkpoints = _checkpoints(app, id, principal.owner_id)
+    checkpoints = _checkpoints(app, id, viewer.owner_id)
     for found in checkpoints:
         if found.step == step and found.mesh_key is not None:
             assert found.mesh_size is not None
@@ -72,7 +72,7 @@ def get_checkpoint_mesh(
     )
 
 
-def _checkpoints(app: AppState, job_id: str, owner: str) -> list[CheckpointRef]:
+def _checkpoints(app: AppState, job_id: str, owner: str | None) -> list[CheckpointRef]:
     """Return one checkpoint for each step, in order; where two attempts stored the same step, the newer attempt's."""
     app.record.get(job_id, owner)
     found: dict[int, CheckpointRef] = {}

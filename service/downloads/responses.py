@@ -21,8 +21,8 @@ from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import CALLER_ERRORS
-from service.http.auth import principal
 from service.http.errors import problem_responses
+from service.http.links import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.ranges import matches, requested_range
 from service.state import AppState, AppStateDep
 
@@ -38,8 +38,6 @@ __all__ = [
 ]
 
 _CHUNK = 256 * 1024
-_KEY_NAME = "signed-urls"
-_LONGEST_S = 7 * 86_400  # the longest lifetime that S3 accepts for a signed URL
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
 _TAG = '"9f86d081884c7d65..."'
 _HEADERS = {
@@ -223,28 +221,28 @@ def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
         The artifact's path on this server.
     artifact : Artifact
     """
-    lifetime_s = min(int(app.settings.signed_url_ttl_s), _LONGEST_S)
+    seconds = lifetime_s(app)
     # Computed before signing, so that the signature is valid for at least as long as the answer says.
-    until = int(time.time()) + lifetime_s
-    url = app.store.presign_get(artifact.key, lifetime_s)
+    until = int(time.time()) + seconds
+    url = app.store.presign_get(artifact.key, seconds)
     if url is None:
-        url = f"{path}?{sign_path('GET', path, until, app.record.secret(_KEY_NAME))}"
+        url = f"{path}?{sign_path('GET', path, until, app.record.secret(SIGNING_KEY))}"
     return SignedUrl(url=url, expires_at=datetime.fromtimestamp(until, UTC))
 
 
-async def _reader(request: Request, app: AppStateDep) -> str | None:
-    """Return the owner whose files the request may read, or None if the URL is signed for this very path."""
+async def _reader(request: Request, app: AppStateDep) -> Viewer:
+    """Return who reads an artifact: a caller with its key, the holder of a link, or of a URL for this very path."""
     query = request.url.query
     if "signature" not in request.query_params and "expires" not in request.query_params:
-        return (await principal(request, None)).owner_id
-    secret = await to_thread.run_sync(app.record.secret, _KEY_NAME)
+        return await viewer(request, app, None)
+    secret = await to_thread.run_sync(app.record.secret, SIGNING_KEY)
     # A signature for GET also allows HEAD.
     verify_path("GET", request.scope["path"], query, secret)
-    return None
+    return Viewer(None)
 
 
-ReaderDep = Annotated[str | None, Depends(_reader)]
-"""The owner whose files may be read. None: any owner's, because the path is signed."""
+ReaderDep = Annotated[Viewer, Depends(_reader)]
+"""Who reads an artifact. Its owner is None for links and signed paths, which count whoever owns the job."""
 
 
 def _parameter(name: str, description: str, example: str) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from meshdeform.record.models import Job, StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
 from service.http.auth import PrincipalDep
+from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
@@ -79,12 +80,12 @@ def get_file(
 def get_asset(
     request: Request,
     app: AppStateDep,
-    principal: PrincipalDep,
+    viewer: ViewerDep,
     id: JobId,  # noqa: A002 - the name in the path
     conditions: ConditionsDep,
 ) -> Response:
     """The first of the job's files, which is the asset to deform."""
-    return _download(request, app, app.record.get(id, principal.owner_id).source, conditions)
+    return _download(request, app, app.record.get(id, viewer.owner_id).source, conditions)
 
 
 @router.head("/target", include_in_schema=False)

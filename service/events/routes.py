@@ -22,8 +22,9 @@ from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
 from service.events.broker import JobWaiters
 from service.events.waiting import Prefer, applied, preferred_wait, wait_here
-from service.http.auth import Gate, PrincipalDep
+from service.http.auth import Gate
 from service.http.errors import problem_responses
+from service.http.links import ViewerDep, still_opens
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
@@ -88,7 +89,7 @@ class _EventStream(StreamingResponse):
 async def get_events(
     request: Request,
     app: AppStateDep,
-    principal: PrincipalDep,
+    viewer: ViewerDep,
     id: JobId,  # noqa: A002 - the path's own word
     after: Annotated[
         int, Query(description="Number of the last event that you received.", ge=0, le=_MAX_SEQ, examples=[0])
@@ -118,7 +119,7 @@ async def get_events(
     prefer: Prefer = None,  # noqa: ARG001 - read from the request, which may contain it more than once
 ) -> Response:
     """A stream ends with the job's final event. For JSON, `Prefer: wait=N` waits for events if there are none yet."""
-    waiters, owner = app.waiters, principal.owner_id
+    waiters, owner = app.waiters, viewer.owner_id
     after = after if last_event_id is None else last_event_id
     if format_ == "json" or (format_ is None and not _wants_stream(request)):
         return await _page(request, app, id, owner, after, limit)
@@ -128,11 +129,16 @@ async def get_events(
         # Browsers reconnect after the end of a stream, until they get this.
         return Response(status_code=204, headers=_HEADERS)
     gate: Gate = request.app.state.gate
-    return _EventStream(waiters, owner, _stream(app, id, after, found, lambda: gate.is_still_valid(request)))
+
+    def may_continue() -> Awaitable[bool]:
+        return still_opens(app, id, viewer.link) if viewer.link else gate.is_still_valid(request)
+
+    return _EventStream(waiters, viewer.slot, _stream(app, id, after, found, may_continue))
 
 
-async def _page(request: Request, app: AppState, job_id: str, owner: str, after: int, limit: int) -> Response:
-    wait_s = preferred_wait(request)
+async def _page(request: Request, app: AppState, job_id: str, owner: str | None, after: int, limit: int) -> Response:
+    # A link holds no connection of the owner's.
+    wait_s = None if owner is None else preferred_wait(request)
     found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
     if not found and wait_s is not None:
         with suppress(LimitError):

@@ -22,7 +22,10 @@ from meshdeform.settings import Settings
 from service.http.middleware import add_header
 from service.http.rate import Buckets, Rate, RateLimiter, Verdict
 
-__all__ = ["Gate", "Principal", "PrincipalDep", "principal"]
+__all__ = ["BEARER", "LINK_PREFIX", "Gate", "Principal", "PrincipalDep", "principal", "sent_key"]
+
+LINK_PREFIX = "link."
+"""What the token of a link to a job begins with (`service.http.links`), and no API key."""
 
 _KNOWN_FOR_S = 5.0
 """How long a revoked key may still be accepted."""
@@ -93,10 +96,12 @@ class Gate:
         UnavailableError
             The record does not respond.
         """
-        text = _sent_key(request)
+        text = sent_key(request)
         if text is None:
             self._check_without_key(request)
             return Principal()
+        if text.startswith(LINK_PREFIX):
+            raise UnauthorizedError("A link to a job opens only what shows that job.", advice="Send an API key.")
         key = await self._verified(text, _peer(request))
         await self._count(request, key)
         return Principal(
@@ -109,7 +114,7 @@ class Gate:
 
     async def is_still_valid(self, request: Request) -> bool:
         """Return whether the key of an admitted request is still valid, for requests that last. Counts nothing."""
-        text = _sent_key(request)
+        text = sent_key(request)
         if text is None:
             return True
         try:
@@ -184,7 +189,7 @@ class Gate:
             raise _limit(f"This API key is limited to {per_minute} requests per minute{at_once}.", verdict)
 
 
-_BEARER = HTTPBearer(
+BEARER = HTTPBearer(
     scheme_name="apiKey",
     description="An API key from `meshdeform keys create`. Not required if the API listens only on loopback.",
     auto_error=False,
@@ -192,7 +197,7 @@ _BEARER = HTTPBearer(
 
 
 async def principal(
-    request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)]
+    request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Depends(BEARER)]
 ) -> Principal:
     """Authenticate the request and return its caller; see `Gate.admit`."""
     gate: Gate = request.app.state.gate
@@ -202,7 +207,8 @@ async def principal(
 PrincipalDep = Annotated[Principal, Depends(principal)]
 
 
-def _sent_key(request: Request) -> str | None:
+def sent_key(request: Request) -> str | None:
+    """Return the bearer token of a request, or None if it has none."""
     scheme, _, text = request.headers.get("authorization", "").partition(" ")
     return text.strip() if scheme.lower() == "bearer" else None
 

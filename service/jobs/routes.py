@@ -22,6 +22,7 @@ from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WA
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
+from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.http.ranges import matches
 from service.state import AppStateDep
@@ -121,7 +122,7 @@ def list_jobs(
 async def get_job(
     request: Request,
     app: AppStateDep,
-    principal: PrincipalDep,
+    viewer: ViewerDep,
     id: JobId,  # noqa: A002 - the name in the path
     if_none_match: Annotated[
         str | None,
@@ -130,11 +131,16 @@ async def get_job(
     prefer: Prefer = None,  # noqa: ARG001 - declared for OpenAPI; read from the request, since the header may be repeated
 ) -> Response:
     """If `If-None-Match` holds the current `ETag`, the answer is 304 without a body."""
-    wait_s = preferred_wait(request)
-    if wait_s is None:
-        job = await to_thread.run_sync(app.record.get, id, principal.owner_id)
+    # A link holds no connection of the owner's.
+    wait_s = None if viewer.link else preferred_wait(request)
+    if wait_s is None or viewer.owner_id is None:
+        job = await to_thread.run_sync(app.record.get, id, viewer.owner_id)
     else:
-        job = await settled(app, id, principal.owner_id, wait_s, request=request)
+        job = await settled(app, id, viewer.owner_id, wait_s, request=request)
+    if viewer.link:
+        # Labels and other jobs are no part of what the owner has shown.
+        document = JobView.of(job).model_copy(update={"metadata": {}, "origin": None})
+        return JSONResponse(document.as_json(), headers={**job_headers(job), "Cache-Control": "no-store"})
     headers = {**job_headers(job), **applied(wait_s)}
     if matches(if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)

@@ -158,6 +158,37 @@ def test_a_server_that_wants_a_key_is_given_one(
         assert httpx.get(link).raise_for_status().content == stored.content
         assert httpx.get(link.replace("signature=", "signature=0")).status_code == 403
         assert httpx.get(link.partition("?")[0]).status_code == 401
+        # A link to the whole job: in a browser that has never had a key.
+        page.get_by_role("button", name="Share", exact=True).click()
+        until_noted(
+            page, "Link copied. It shows this job with its files, also the asset as you sent it, needs no key and"
+        )
+        link = page.evaluate("navigator.clipboard.readText()")
+        assert link.startswith(f"{home}/#/shared/{job_id}/link.")
+        assert key not in link
+        with watched(browser, home, request, tmp_path) as (visitor, visits):
+            visits.allow(r"status of 401 ")
+            visitor.goto(link)
+            expect(badge(visitor)).to_have_text("Succeeded")
+            expect(visitor.locator(".job-head")).to_contain_text("You see this job by a link.")
+            for name, content in (("result.glb", stored.content), ("sphere.obj", small_sphere.read_bytes())):
+                with visitor.expect_download() as download:
+                    visitor.get_by_role("button", name=f"Download {name}").click()
+                download.value.save_as(tmp_path / "shared")
+                assert (tmp_path / "shared").read_bytes() == content
+            expect(visitor.locator(".stage-picture img")).to_be_visible()  # preview.png, read by the link
+            # Nothing that would change the job, nor the way to others.
+            expect(visitor.get_by_role("group", name="Actions").get_by_role("button")).to_have_text(["Download result"])
+            expect(visitor.get_by_role("button", name=re.compile("^(Make|Copy|Delete|Share)"))).to_have_count(0)
+            expect(visitor.get_by_role("navigation")).to_have_count(0)
+            assert visits.posted() == []
+            visitor.goto(link[:-1] + ("0" if link[-1] != "0" else "1"))
+            problem = visitor.get_by_role("alert")
+            expect(problem).to_contain_text("The link does not open this job.")
+            expect(problem).to_contain_text("Ask whoever sent it for a new one.")
+            expect(visitor.get_by_role("dialog")).to_have_count(0)  # no key mends it
+            visitor.goto("/#/jobs")
+            expect(visitor.get_by_role("dialog", name="API key")).to_be_visible()
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()

@@ -112,6 +112,13 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     assert len((tmp_path / "result.stl").read_bytes()) == 84 + 50 * 320
     assert json.loads((tmp_path / "report.json").read_text())["params"]["steps"] == 12
 
+    # Whoever is sent the link sees both shapes, and what changes nothing works.
+    page.goto(service.http.post(f"/v1/jobs/{job_id}/url").json()["url"])
+    expect(page.get_by_label("Morph", exact=True)).to_be_visible()
+    expect(after.locator(".viewer-tag")).to_have_text("After")
+    assert difference(picture(before), until_drawn(after)) > 0.02
+    expect(page.get_by_role("button", name="Make and download")).to_have_count(0)
+
 
 def _pixels(picture: Image.Image, frame: int) -> NDArray[np.int16]:
     """A frame of an animated picture."""
@@ -146,6 +153,33 @@ def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) 
     answer.value.finished()
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
+
+
+@pytest.mark.without_3d
+def test_a_large_file_is_uploaded_once_and_the_form_says_how_far(
+    page: Page, watch: Watch, service: Service, small_sphere: Path, tmp_path: Path
+) -> None:
+    large = tmp_path / "large.obj"
+    large.write_bytes(b"#" * (5 << 18) + b"\n" + small_sphere.read_bytes())
+    held: list[Route] = []
+    page.route("**/v1/uploads/*/content*", lambda route: held.append(route))
+    open_form(page)
+    page.get_by_label("Prompt", exact=True).fill("a vase")
+    set_steps(page, 4)
+    with page.expect_request("**/v1/uploads/*/content*"):
+        choose(page, large)
+    expect(page.locator("#estimate")).to_have_text("Uploading, 0%")
+    held[0].continue_()
+    expect(page.locator("#estimate")).to_contain_text("4 steps")
+    job = service.finished(start(page))
+    assert (job["state"], job["asset"]["filename"], job["asset"]["size"]) == (
+        "succeeded",
+        "large.obj",
+        large.stat().st_size,
+    )
+    # The check, the check before the start and the job: all by the same upload.
+    assert watch.sent.count("POST /v1/uploads") == len(held) == 1
+    assert watch.posted() == ["POST /v1/jobs"]
 
 
 @pytest.mark.long  # test_page_trouble.py cuts the line

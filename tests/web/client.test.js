@@ -177,6 +177,21 @@ test("a large file goes with its job where uploads go to another host and that i
   await assert.rejects(client.upload(file), { code: "upload_elsewhere" });
 });
 
+test("an upload tells what the service has: from before, and after every piece", async () => {
+  const size = (8 << 20) + 3;
+  const made = { id: "upl_1", state: "waiting", resumable: true, offset: 3, url: "/v1/uploads/upl_1/content?signature=x", method: "PUT", headers: {} };
+  const { client, asked } = scripted([answer(made), answer({}), answer({ ...made, state: "complete" })], { apiKey: "the-key" });
+  /** @type {number[]} */
+  const told = [];
+  assert.equal((await client.upload(new Uint8Array(size), { onProgress: (bytes) => told.push(bytes) })).state, "complete");
+  assert.deepEqual(told, [3, size]);
+  assert.deepEqual(asked.map(({ method, url, key }) => [method, url.slice(BASE.length), key]), [
+    ["POST", "v1/uploads", "Bearer the-key"],
+    ["PUT", "v1/uploads/upl_1/content?signature=x", null],
+    ["POST", "v1/uploads/upl_1/complete", "Bearer the-key"],
+  ]);
+});
+
 const STREAM = 'retry: 2000\n\nid: 1\nevent: queued\ndata: {"seq":1,"type":"queued"}\n\n: nothing new\n\nid: 2\nevent: progress\ndata: {"seq":2,\ndata: "type":"progress"}\n\n';
 const FOUND = [2000, { seq: 1, type: "queued" }, { seq: 2, type: "progress" }];
 

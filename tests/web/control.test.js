@@ -158,3 +158,17 @@ test("an OBJ without faces, or with one that refers to nothing, is not numbered"
   assert.equal(readObjFaces("v 0 0 0\n"), null);
   assert.equal(readObjFaces("v 0 0 0\nf 1 2 3\n"), null);
 });
+
+test("what a pointer changed is taken back as if it had not been", () => {
+  const history = new History(noControl());
+  const first = { ...noControl(), symmetry: "x" };
+  history.add(first);
+  const back = history.mark();
+  history.add({ ...first, falloff: "0.2" });
+  history.add({ ...first, falloff: "0.3" });
+  assert.deepEqual(back(), first);
+  assert.equal(history.past.length, 1);
+  history.add(first);
+  assert.equal(history.past.length, 1, "nothing to undo came from it");
+  assert.deepEqual(history.undo(), noControl());
+});

@@ -220,6 +220,12 @@ export class Client {
     return { ...found, url: this.url(found.url) };
   }
 
+  /** Return a link to a job's page: whoever has it can watch this job and read its files, without a key, until it expires. */
+  async jobLink(job: JobLike, signal?: AbortSignal): Promise<SignedUrl> {
+    const found = await this.#transport.json<SignedUrl>(path(job, "url"), { method: "POST", signal });
+    return { ...found, url: this.url(found.url) };
+  }
+
   async models(signal?: AbortSignal): Promise<Models> {
     return this.#transport.json<Models>("v1/models", { signal });
   }

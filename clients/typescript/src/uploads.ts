@@ -8,7 +8,7 @@ const PIECE_BYTES = 8 << 20;
 export interface UploadOptions {
   filename?: string;
   signal?: AbortSignal;
-  /** Called with the number of bytes that the service has. */
+  /** Called with the number of bytes that the service has, first with those that it has from before. */
   onProgress?: (bytes: number) => void;
   /** A file with the same key continues where it stopped, also in another process. */
   idempotencyKey?: string;
@@ -40,6 +40,7 @@ export async function upload(transport: Transport, file: Blob, filename: string,
 async function pieces(transport: Transport, file: Blob, made: Upload, { signal, onProgress }: UploadOptions): Promise<void> {
   const patience = transport.patience();
   let offset = made.offset;
+  onProgress?.(offset);
   while (offset < file.size) {
     const end = Math.min(offset + PIECE_BYTES, file.size);
     const headers = { ...made.headers, "Content-Range": `bytes ${offset}-${end - 1}/${file.size}` };

@@ -26,6 +26,8 @@ export class Asset {
     this.format = formatOf(name);
     /** What is sent: the file, or its upload. @type {Promise<any> | null} */
     this._sent = null;
+    /** Called with the share of the file that has been uploaded. @type {(share: number) => void} */
+    this.onProgress = () => {};
   }
 
   bytes() {
@@ -60,7 +62,7 @@ export class Asset {
 
   /** @returns {Promise<any>} The upload; the file if this browser or server does not support uploads. */
   _uploaded() {
-    this._sent ??= client.upload(this._file()).catch((error) => {
+    this._sent ??= client.upload(this._file(), { onProgress: (bytes) => this.onProgress(bytes / this.size) }).catch((error) => {
       if (error instanceof MeshdeformError && NO_UPLOAD.includes(error.code)) return this._file();
       this._sent = null;
       throw error;
@@ -77,7 +79,6 @@ export class Asset {
  * @returns {Promise<Asset>}
  */
 export async function exampleAsset(name, signal) {
-  const response = await fetch(client.url(`web/examples/${name}`), { signal });
-  if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+  const response = await client.request(`web/examples/${name}`, { signal });
   return new Asset(await response.blob(), name.split("/").pop() ?? name);
 }

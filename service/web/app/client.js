@@ -1,7 +1,7 @@
 // @ts-check
 /** The client of the service that this page comes from, with what the page says and asks meanwhile. */
 import { Client, MeshdeformError } from "../client/index.js";
-import { askForKey, currentKey } from "./key.js";
+import { askUnlessLinked, credential } from "./link.js";
 
 export { MeshdeformError };
 
@@ -11,8 +11,8 @@ const LONGEST_WAIT_S = 120;
 export const client = new Client({
   // The page's own folder, so that it works below a prefix too. The tests in Node.js have no page.
   ...(globalThis.document ? { baseUrl: new URL(".", document.baseURI) } : {}),
-  apiKey: currentKey,
-  onUnauthorized: askForKey,
+  apiKey: credential,
+  onUnauthorized: askUnlessLinked,
   // The page's policy keeps it from other hosts, such as a bucket.
   directUploads: false,
   timeoutMs: 600_000,

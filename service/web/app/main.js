@@ -10,12 +10,14 @@ import { ExampleView, showExamples } from "./examples/view.js";
 import { JobView } from "./job/view.js";
 import { ListView } from "./jobs/list.js";
 import { currentKey, forgetKey } from "./key.js";
+import { currentLink, holdLink } from "./link.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
 import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 const tools = /** @type {HTMLElement} */ (document.getElementById("tools"));
+const theme = themeSwitch();
 let scope = new Scope();
 let first = true;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
@@ -25,9 +27,13 @@ function show() {
   const route = parseRoute(location.hash);
   scope.dispose();
   scope = new Scope();
+  holdLink(route.name === "shared" ? route.link : "");
+  showTools();
   document.title = "Meshdeform";
   const root = h("div", { class: `view view-${route.name}` });
   fill(main, root);
+  // Who came by a link has no other jobs here, and makes none.
+  for (const nav of document.querySelectorAll("nav")) nav.hidden = route.name === "shared";
   for (const link of document.querySelectorAll("nav a")) {
     const here = link.getAttribute("data-view") === (SECTIONS[route.name] ?? "jobs");
     if (here) link.setAttribute("aria-current", "page");
@@ -40,6 +46,7 @@ function show() {
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
+  else if (route.name === "shared") new JobView(root, scope, route.id);
   else fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));
   if (first) {
     first = false;
@@ -48,19 +55,17 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {
-  const key = currentKey()
+  const key = currentKey() && !currentLink()
     ? button("Forget the API key", () => (forgetKey(), void forgetDrafts(), toast("API key and drafts removed from this browser")), { icon: "key", quiet: true, class: "button-quiet" })
     : null;
   fill(tools, key, theme);
 }
 
-const theme = themeSwitch();
 mountAnnouncer(document.body);
-showTools();
 document.addEventListener("keychange", showTools);
 window.addEventListener("hashchange", show);
 // `#main` would be an address of a view.

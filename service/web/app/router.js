@@ -5,6 +5,7 @@
  * @typedef {{name: "create", from: string | null, example?: string}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
+ *   | {name: "shared", id: string, link: string}
  *   | {name: "group", id: string}
  *   | {name: "examples"}
  *   | {name: "example", id: string}
@@ -17,6 +18,7 @@ export const STATES = ["queued", "running", "canceling", "succeeded", "failed", 
 export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
 const EXAMPLE_ID = /^[a-z0-9-]{1,40}$/;
+const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
 /**
@@ -40,6 +42,9 @@ export function parseRoute(hash) {
   }
   if (parts[0] === "jobs" && parts.length === 2 && JOB_ID.test(parts[1])) {
     return { name: "job", id: parts[1] };
+  }
+  if (parts[0] === "shared" && parts.length === 3 && JOB_ID.test(parts[1]) && LINK.test(parts[2])) {
+    return { name: "shared", id: parts[1], link: parts[2] };
   }
   if (parts[0] === "groups" && parts.length === 2 && GROUP_ID.test(parts[1])) {
     return { name: "group", id: parts[1] };
@@ -65,6 +70,8 @@ export function routeHash(route) {
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
       return `#/jobs/${route.id}`;
+    case "shared":
+      return `#/shared/${route.id}/${route.link}`;
     case "group":
       return `#/groups/${route.id}`;
     case "examples":

@@ -167,6 +167,11 @@ export class Client {
         const found = await this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}/url`), { method: "POST", signal });
         return { ...found, url: this.url(found.url) };
     }
+    /** Return a link to a job's page: whoever has it can watch this job and read its files, without a key, until it expires. */
+    async jobLink(job, signal) {
+        const found = await this.#transport.json(path(job, "url"), { method: "POST", signal });
+        return { ...found, url: this.url(found.url) };
+    }
     async models(signal) {
         return this.#transport.json("v1/models", { signal });
     }

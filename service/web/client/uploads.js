@@ -30,6 +30,7 @@ export async function upload(transport, file, filename, options) {
 async function pieces(transport, file, made, { signal, onProgress }) {
     const patience = transport.patience();
     let offset = made.offset;
+    onProgress?.(offset);
     while (offset < file.size) {
         const end = Math.min(offset + PIECE_BYTES, file.size);
         const headers = { ...made.headers, "Content-Range": `bytes ${offset}-${end - 1}/${file.size}` };

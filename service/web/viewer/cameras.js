@@ -85,6 +85,7 @@ export class CameraRig {
 
   reset() {
     this.touched = false;
+    this.#stop();
     const target = frameBox(this.camera, this.box, defaultDirection());
     this.#settle(target);
   }
@@ -96,13 +97,18 @@ export class CameraRig {
     if (!this.touched) this.reset();
   }
 
-  /** @param {Vector3} target */
-  #settle(target) {
+  /** Let what still swings come to rest, before the camera is put anywhere: the controls would add it to that. */
+  #stop() {
     const damping = this.controls.enableDamping;
-    this.controls.enableDamping = false; // what still swings must not go on
-    this.controls.target.copy(target);
+    this.controls.enableDamping = false;
     this.controls.update();
     this.controls.enableDamping = damping;
+  }
+
+  /** @param {Vector3} target */
+  #settle(target) {
+    this.controls.target.copy(target);
+    this.#stop();
     this.changed();
   }
 
@@ -120,12 +126,14 @@ export class CameraRig {
 
   set state({ position, target }) {
     this.touched = true;
+    this.#stop();
     this.camera.position.fromArray(position);
     this.#settle(new Vector3().fromArray(target));
   }
 
   /** @param {number} azimuth @param {number} elevation radians */
   rotate(azimuth, elevation) {
+    this.#stop();
     const offset = this.camera.position.clone().sub(this.controls.target);
     const spherical = new Spherical().setFromVector3(offset);
     spherical.theta -= azimuth;
@@ -135,6 +143,7 @@ export class CameraRig {
 
   /** @param {number} factor */
   zoom(factor) {
+    this.#stop();
     const offset = this.camera.position.clone().sub(this.controls.target);
     const { minDistance, maxDistance } = this.controls;
     offset.setLength(MathUtils.clamp(offset.length() * factor, minDistance, maxDistance));
@@ -143,6 +152,7 @@ export class CameraRig {
 
   /** @param {number} x @param {number} y share of the picture's height */
   pan(x, y) {
+    this.#stop();
     const offset = this.camera.position.clone().sub(this.controls.target);
     const height = 2 * offset.length() * Math.tan(MathUtils.degToRad(this.camera.fov) / 2);
     const right = new Vector3().setFromMatrixColumn(this.camera.matrix, 0).multiplyScalar(-x * height);

@@ -5,6 +5,7 @@ import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
+import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
@@ -261,7 +262,9 @@ export class CreateView {
       return;
     }
     // What is quick needs no word.
-    const slow = setTimeout(() => turn === this.checks && (this.estimate.textContent = "Checking…"), 400);
+    const say = (/** @type {string} */ text) => turn === this.checks && (this.estimate.textContent = text);
+    const slow = setTimeout(say, 400, "Checking…");
+    asset.onProgress = (share) => (clearTimeout(slow), say(share < 1 ? `Uploading, ${percent(share)}` : "Checking…"));
     try {
       const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
       const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));

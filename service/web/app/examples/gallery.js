@@ -21,9 +21,7 @@ import { routeHash } from "../router.js";
  * @returns {Promise<Example[]>}
  */
 export async function gallery(signal) {
-  const response = await fetch(client.url("web/examples/gallery.json"), { signal });
-  if (!response.ok) throw new Error(`The server answered ${response.status}.`);
-  return (await response.json()).examples;
+  return (await client.json("web/examples/gallery.json", { signal })).examples;
 }
 
 /** @param {Example} example */

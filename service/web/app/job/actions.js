@@ -10,12 +10,13 @@ import { button, fill, h } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
 import { count, roughly } from "../format.js";
 import { isTerminal } from "../history.js";
+import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { checkpointEvery, refinement } from "../params.js";
 import { described } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
-import { copyText, download } from "./files.js";
+import { copyLink, copyText, download } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 // A refinement that takes longer is asked about first.
@@ -53,6 +54,10 @@ export class JobActions {
     const focused = this.element.contains(document.activeElement);
     const over = isTerminal(state);
     const deforms = isDeformation(this.job);
+    if (currentLink()) {
+      fill(this.element, state === "succeeded" && deforms ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null);
+      return;
+    }
     const better = state === "succeeded" && deforms ? refinement(this.job) : null;
     fill(
       this.element,
@@ -63,6 +68,9 @@ export class JobActions {
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       over && deforms ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
+      button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
+        icon: "link", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
+      }),
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );

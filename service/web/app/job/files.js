@@ -4,6 +4,7 @@ import { announce, toast } from "../announce.js";
 import { client, isAbort } from "../client.js";
 import { h } from "../dom.js";
 import { currentKey } from "../key.js";
+import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { described } from "../problem-box.js";
 
@@ -21,7 +22,7 @@ const NAMED_BYTES = 256 << 20;
  */
 export async function download(path, name, size, signable, scope) {
   try {
-    if (size <= NAMED_BYTES || (currentKey() && !signable)) {
+    if (size <= NAMED_BYTES || currentLink() || (currentKey() && !signable)) {
       const response = await client.request(path, { signal: scope.signal });
       return saveBytes(await response.blob(), name);
     }
@@ -52,16 +53,17 @@ export async function downloadMade(job, name, scope) {
 }
 
 /**
- * Copy an address of an artifact that needs no key, and say how long it works.
+ * Copy an address of an artifact or a job that needs no key, and say how long it works.
  *
  * @param {string} path
  * @param {import("../scope.js").Scope} scope
+ * @param {string} [opens] What it opens, where that is more than what was asked for.
  */
-export async function copyLink(path, scope) {
+export async function copyLink(path, scope, opens = "") {
   try {
     const { url, expires_at } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
-    await copyText(client.url(url), `Link copied. It needs no key and works until ${until}`);
+    await copyText(client.url(url), `Link copied. It ${opens}needs no key and works until ${until}`);
   } catch (error) {
     if (!isAbort(error)) toast(`No link. ${described(error).detail || described(error).title}`);
   }

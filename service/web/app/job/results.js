@@ -2,6 +2,7 @@
 /** What a job produced: its quality in words, its files, its settings, its log. */
 import { button, h, icon } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
+import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { copyCurl, copyLink, download, downloadMade } from "./files.js";
@@ -53,6 +54,8 @@ export function qualityPanel(report) {
  */
 export function filesPanel(job, artifacts, scope) {
   const order = Object.keys(FILES);
+  // Who came by a link reads what there is.
+  const shared = currentLink() !== "";
   const sorted = [...artifacts].sort((a, b) => rank(order, a.name) - rank(order, b.name));
   const row = (/** @type {string} */ name, /** @type {string} */ saved, /** @type {string} */ text, /** @type {number} */ size, /** @type {string} */ path, /** @type {boolean} */ signed) =>
     h(
@@ -62,8 +65,8 @@ export function filesPanel(job, artifacts, scope) {
       h(
         "div",
         { class: "row" },
-        signed ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
-        button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
+        signed && !shared ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
+        shared ? null : button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
         button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
     );
@@ -86,8 +89,8 @@ export function filesPanel(job, artifacts, scope) {
       sorted.map((found) =>
         row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
-      job.state === "succeeded" && isDeformation(job) ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
-      row(job.asset.filename, job.asset.filename, "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
+      job.state === "succeeded" && isDeformation(job) && !shared ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
+      row(job.asset.filename, job.asset.filename, shared ? "The asset as it was sent" : "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),
     ),
   );
 }

@@ -6,6 +6,7 @@ import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
+import { currentLink } from "../link.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
@@ -57,7 +58,7 @@ export class JobView {
         this.job = await client.get(this.id, this.scope.signal);
       } catch (error) {
         if (isAbort(error) || this.scope.over) return;
-        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
+        fill(this.root, h("h1", { class: "visually-hidden" }, "Job"), currentLink() ? problemBox(linkProblem(error)) : problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
         again = temporary(error) && (await this.scope.sleep(3000));
       }
     }
@@ -84,7 +85,9 @@ export class JobView {
       h(
         "header",
         { class: "job-head" },
-        h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
+        currentLink()
+          ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
+          : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "meta" }, this.badge, meta(job)),
         this.actions.element,
@@ -117,7 +120,7 @@ export class JobView {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       const gone = error instanceof MeshdeformError && error.status === 404;
-      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : error));
+      if (this.error) fill(this.error, problemBox(gone ? { title: "This job was deleted", detail: "", advice: "" } : linkProblem(error)));
       if (gone) announce("This job was deleted");
     }
   }
@@ -183,7 +186,7 @@ export class JobView {
       if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
-      if (this.error && succeeded) fill(this.error, problemBox(error));
+      if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
   }
@@ -198,6 +201,12 @@ export class JobView {
       if (!isAbort(error)) console.warn(error);
     }
   }
+}
+
+/** What is wrong with a link, in place of what a key would be told; any other error stays. @param {unknown} error */
+function linkProblem(error) {
+  if (!currentLink() || !(error instanceof MeshdeformError) || error.status !== 401) return error;
+  return { title: error.message, detail: "", advice: error.advice };
 }
 
 /** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */

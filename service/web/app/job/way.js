@@ -4,6 +4,7 @@
  * and exactly the one at which the slider stops. Where the server makes none, straight lines remain.
  */
 import { isAbort, MeshdeformError } from "../client.js";
+import { currentLink } from "../link.js";
 
 const ALONG = [50, 25, 75];
 const BEYOND = [150, 125];
@@ -21,7 +22,7 @@ export class Way {
     this.cache = cache;
     this.box = box;
     this.onChange = onChange;
-    this.on = true; // the server makes shapes
+    this.on = !currentLink(); // the server makes shapes, but not for a link
     /** @type {Map<number, Promise<ArrayBuffer | null>>} Under way. */
     this.asked = new Map();
     /** @type {Set<number>} Shapes that the view has. */

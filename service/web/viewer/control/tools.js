@@ -1,9 +1,10 @@
 // @ts-check
 /**
  * Point at an asset: paint its faces, drag the sides of a box, pick a part, take a point somewhere else. What a tool
- * takes hold of does not turn the camera; beside it, the pointer turns it as ever.
+ * takes hold of does not turn the camera; beside it, the pointer turns it as ever. Two fingers turn and zoom wherever
+ * they are: what the first of them changed is taken back.
  */
-import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, Raycaster, Triangle, Vector2, Vector3 } from "../../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, Raycaster, TOUCH, Triangle, Vector2, Vector3 } from "../../vendor/three/three.module.js";
 import { Overlay, sides } from "./overlay.js";
 import { Neighbours } from "./selecting.js";
 
@@ -22,12 +23,17 @@ import { Neighbours } from "./selecting.js";
  * @property {(handle: number, to: Place) => void} moved
  * @property {(handle: number) => void} chosen
  * @property {(place: Place) => void} pointed where a point was clicked
+ * @property {() => void} begun a pointer took hold of something
  * @property {() => void} done the pointer let go of what it changed
+ * @property {() => void} dropped what has changed since `begun` was not meant
  */
+
+/** @typedef {{ move?: (moved: PointerEvent) => void, click?: () => void }} Drag `click`: let go where it began */
 
 const GRIP = { mouse: 14, other: 26 }; // pixels
 const STRIDE = 8; // pixels between two dabs of a brush
 const MOST_DABS = 16; // for one movement of the pointer
+const STILL = 12; // pixels that a click may move
 
 export class ControlTools {
   /**
@@ -53,11 +59,17 @@ export class ControlTools {
     this.handles = [];
     this.target = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ side: DoubleSide }));
     this.caster = new Raycaster();
+    /** Where the fingers on the view are now, by their pointers. @type {Map<number, PointerEvent>} */
+    this.fingers = new Map();
+    /** Ends the drag under way as if it had not begun. @type {(() => void) | null} */
+    this.drop = null;
     this.stop = new AbortController();
     const options = { signal: this.stop.signal, capture: true };
     this.canvas.addEventListener("pointerdown", (event) => this.#take(event), options);
     this.canvas.addEventListener("pointermove", (event) => this.#hover(event), options);
     this.canvas.addEventListener("pointerleave", () => this.#brushAt(null), options);
+    addEventListener("pointermove", (event) => this.fingers.has(event.pointerId) && this.fingers.set(event.pointerId, event), options);
+    for (const type of ["pointerup", "pointercancel"]) addEventListener(type, (event) => this.fingers.delete(/** @type {PointerEvent} */ (event).pointerId), options);
   }
 
   /** @param {import("./surface.js").NumberedSurface | null} surface of what is loaded */
@@ -90,6 +102,8 @@ export class ControlTools {
     this.tool = tool;
     // A finger that paints must not scroll the page.
     this.canvas.style.touchAction = tool === "turn" ? "pan-y" : "none";
+    // Where one finger paints, two have to do all that one does otherwise.
+    this.viewer.rig.controls.touches.TWO = tool === "turn" ? TOUCH.DOLLY_PAN : TOUCH.DOLLY_ROTATE;
     this.canvas.style.cursor = "";
     this.#brushAt(null);
   }
@@ -172,27 +186,56 @@ export class ControlTools {
 
   /** @param {PointerEvent} event */
   #take(event) {
+    if (!event.isTrusted) return; // `#handOver` sent it
+    const others = [...this.fingers.values()];
+    if (event.pointerType === "touch") this.fingers.set(event.pointerId, event);
     if (this.tool === "turn" || event.button !== 0) return;
+    if (event.pointerType === "touch" && others.length) return this.#handOver(others);
+    this.listeners.begun();
     const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event), point: () => this.#point(event) }[this.tool]();
     if (!drag) return;
     event.stopImmediatePropagation();
     event.preventDefault();
     this.viewer.surface.container.focus({ preventScroll: true });
     const dragging = new AbortController();
-    this.stop.signal.addEventListener("abort", () => dragging.abort(), { once: true });
+    const end = () => {
+      dragging.abort();
+      this.drop = null;
+    };
+    this.drop = () => {
+      end();
+      this.#brushAt(null);
+      this.listeners.dropped();
+    };
+    this.stop.signal.addEventListener("abort", end, { once: true });
     const options = { signal: dragging.signal };
     const mine = (/** @type {PointerEvent} */ other) => other.pointerId === event.pointerId;
-    addEventListener("pointermove", (moved) => mine(moved) && drag(moved), options);
-    for (const type of /** @type {const} */ (["pointerup", "pointercancel"])) {
-      addEventListener(type, (ended) => {
-        if (!mine(ended)) return;
-        dragging.abort();
-        this.listeners.done();
-      }, options);
+    addEventListener("pointermove", (moved) => mine(moved) && drag.move?.(moved), options);
+    addEventListener("pointercancel", (ended) => mine(ended) && this.drop?.(), options);
+    addEventListener("pointerup", (ended) => {
+      if (!mine(ended)) return;
+      end();
+      if (Math.hypot(ended.clientX - event.clientX, ended.clientY - event.clientY) <= STILL) drag.click?.();
+      this.listeners.done();
+    }, options);
+  }
+
+  /**
+   * Let the camera have the fingers that a tool has held; the one that came last is on its way there.
+   *
+   * @param {PointerEvent[]} fingers
+   */
+  #handOver(fingers) {
+    if (!this.drop) return;
+    this.drop();
+    for (const { pointerId, pointerType, isPrimary, clientX, clientY } of fingers) {
+      // With its window, or the browser would not count how far the page is scrolled.
+      const options = { view: window, pointerId, pointerType, isPrimary, clientX, clientY, button: 0, buttons: 1, bubbles: true, cancelable: true };
+      this.canvas.dispatchEvent(new PointerEvent("pointerdown", options));
     }
   }
 
-  /** @param {PointerEvent} event */
+  /** @param {PointerEvent} event @returns {Drag | null} */
   #paint(event) {
     const { surface } = this;
     const first = this.#hit(event);
@@ -202,7 +245,7 @@ export class ControlTools {
     this.#brushAt(first);
     this.listeners.painted(dab(first));
     let [x, y] = [event.clientX, event.clientY];
-    return (/** @type {PointerEvent} */ moved) => {
+    const move = (/** @type {PointerEvent} */ moved) => {
       const count = Math.min(MOST_DABS, Math.max(1, Math.round(Math.hypot(moved.clientX - x, moved.clientY - y) / STRIDE)));
       /** @type {Set<number>} */
       const faces = new Set();
@@ -215,9 +258,10 @@ export class ControlTools {
       this.#brushAt(last);
       if (faces.size) this.listeners.painted([...faces]);
     };
+    return { move };
   }
 
-  /** @param {PointerEvent} event */
+  /** @param {PointerEvent} event @returns {Drag | null} */
   #dragSide(event) {
     const { box } = this;
     const side = box ? this.#grip(event, sides(box)) : -1;
@@ -225,7 +269,7 @@ export class ControlTools {
     const [axis, end] = [side >> 1, side & 1 ? /** @type {const} */ ("max") : /** @type {const} */ ("min")];
     const grip = new Vector3().fromArray(sides(box)[side]);
     const along = new Vector3().setComponent(axis, 1);
-    return (/** @type {PointerEvent} */ moved) => {
+    const move = (/** @type {PointerEvent} */ moved) => {
       const { origin, direction } = this.#aim(moved);
       // The point of the side's axis that is nearest to the pointer's ray.
       const between = grip.clone().sub(origin);
@@ -237,24 +281,23 @@ export class ControlTools {
       next[end][axis] = end === "min" ? Math.min(value, box.max[axis]) : Math.max(value, box.min[axis]);
       this.listeners.boxed(next);
     };
+    return { move };
   }
 
-  /** @param {PointerEvent} event */
+  /** @param {PointerEvent} event @returns {Drag | null} */
   #pick(event) {
+    const { surface } = this;
     const hit = this.#hit(event);
-    if (!hit || !this.surface) return null;
-    this.listeners.picked(this.surface.partOf(hit.face));
-    return () => {};
+    return hit && surface && { click: () => this.listeners.picked(surface.partOf(hit.face)) };
   }
 
-  /** @param {PointerEvent} event */
+  /** @param {PointerEvent} event @returns {Drag | null} */
   #point(event) {
     const hit = this.#hit(event);
-    if (hit) this.listeners.pointed(hit.place);
-    return hit && (() => {});
+    return hit && { click: () => this.listeners.pointed(hit.place) };
   }
 
-  /** @param {PointerEvent} event */
+  /** @param {PointerEvent} event @returns {Drag | null} */
   #dragHandle(event) {
     let handle = this.#grip(event, this.handles.map(({ to }) => to));
     if (handle >= 0) this.listeners.chosen(handle);
@@ -266,10 +309,11 @@ export class ControlTools {
     const start = new Vector3().fromArray(this.handles[handle].to);
     const plane = new Plane().setFromNormalAndCoplanarPoint(this.viewer.rig.camera.getWorldDirection(new Vector3()), start);
     const from = this.#aim(event).intersectPlane(plane, new Vector3()) ?? start;
-    return (/** @type {PointerEvent} */ moved) => {
+    const move = (/** @type {PointerEvent} */ moved) => {
       const now = this.#aim(moved).intersectPlane(plane, new Vector3());
       if (now) this.listeners.moved(handle, start.clone().add(now).sub(from).toArray());
     };
+    return { move };
   }
 
   dispose() {

@@ -218,6 +218,16 @@ export class History {
     return JSON.parse(text);
   }
 
+  /** @returns {() => Control} Goes back to the state of now, and forgets the steps until then. */
+  mark() {
+    const [past, now] = [[...this.past], this.now];
+    return () => {
+      this.past = past;
+      this.now = now;
+      return JSON.parse(now);
+    };
+  }
+
   /** Begin anew. @param {Control} control */
   reset(control) {
     this.past = [];

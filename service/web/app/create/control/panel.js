@@ -2,18 +2,18 @@
 /** What stays, what goes where and how large the result may be: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
-import { segmented } from "../../job/stage-controls.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES, AXES } from "./model.js";
 import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
 import { handleRow, lengthRow, regionRow } from "./rows.js";
-import { brushSlider, HINTS, named, partOptions, TOOLS } from "./tool-words.js";
+import { named, partOptions } from "./parts.js";
+import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
-/** @typedef {import("./tool-words.js").Named} Named */
-/** @typedef {import("./tool-words.js").Parts} Parts */
+/** @typedef {import("./parts.js").Named} Named */
+/** @typedef {import("./parts.js").Parts} Parts */
 
 /** @type {Parts} */
 const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
@@ -28,6 +28,7 @@ export class ControlPanel {
     this.onChange = onChange;
     this.control = noControl();
     this.history = new History(this.control);
+    this.back = this.history.mark();
     /** Name and size of the file that the regions and handles are for. */
     this.of = "";
     /** That which is shown. */
@@ -39,6 +40,7 @@ export class ControlPanel {
     this.tool = "turn";
     this.action = "keep";
     this.erasing = false;
+    this.picking = "node";
     this.subdivided = false;
     /** The region whose box is in the view, and the handle that was touched last. */
     this.boxed = -1;
@@ -62,22 +64,10 @@ export class ControlPanel {
         this.changed();
       }),
     );
-    this.actions = h("div", null);
-    this.toolbar = this._toolbar();
+    this.bar = new Toolbar(this);
+    this.toolbar = this.bar.element;
     this.element = this._fold();
     this._show();
-  }
-
-  _toolbar() {
-    this.toolChoice = segmented("Tool", TOOLS, "turn", (tool) => this.use(/** @type {Tool} */ (tool)));
-    this.strokes = segmented("Brush", [["add", "Add"], ["erase", "Erase"]], "add", (stroke) => (this.erasing = stroke === "erase"));
-    this.by = segmented("Parts by", [["node", "Nodes"], ["material", "Materials"]], "node", (by) => (this.picking = by));
-    this.picking = "node";
-    this.hint = h("p", { class: "small muted tool-hint", "aria-live": "polite" });
-    this.brushRow = h("div", { class: "row tool-row" }, this.strokes, brushSlider((share) => (this.view.brush = share)));
-    const undo = button("Undo", () => this.undo(), { icon: "retry", quiet: true, class: "button-quiet", title: "Undo (Ctrl+Z)" });
-    this.undoTool = undo;
-    return h("div", { class: "control-tools", hidden: true, role: "group", "aria-label": "Control in the view" }, h("div", { class: "row tool-row" }, this.toolChoice, undo), h("div", { class: "row tool-row" }, this.actions, this.by), this.brushRow, this.hint);
   }
 
   _fold() {
@@ -179,9 +169,7 @@ export class ControlPanel {
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
-    const at = TOOLS.findIndex(([name]) => name === tool);
-    const input = this.toolChoice?.querySelectorAll("input")[at];
-    if (input) input.checked = true;
+    this.bar.take(tool);
     const same = (/** @type {any} */ region) => region?.box && (isPromptAction(this.action) ? region.action === this.action : !isPromptAction(region.action));
     if (tool === "box" && !same(this.control.regions[this.boxed])) {
       this.boxed = this.control.regions.findLastIndex(same);
@@ -257,13 +245,29 @@ export class ControlPanel {
     const control = this.history.undo();
     if (!control) return;
     keepWords(this.control.prompts, control.prompts);
-    this.control = control;
     this.history.amend(control);
-    this.boxed = this.chosen = -1;
+    this.boxed = -1;
+    this._take(control);
+    announce("Undone");
+  }
+
+  /** A pointer took hold of something in the view. */
+  begun() {
+    this.back = this.history.mark();
+  }
+
+  /** What it has changed since then was not meant. */
+  dropped() {
+    this._take(this.back());
+  }
+
+  /** @param {Control} control */
+  _take(control) {
+    this.control = control;
+    this.chosen = -1;
     this._aimElsewhere();
     this._show();
     this.onChange();
-    announce("Undone");
   }
 
   _clear() {
@@ -329,10 +333,7 @@ export class ControlPanel {
     this.rows = [...rows, ...own.slice(own.length - handles.length)];
     fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
     this.further.show((id) => rows.filter((_, at) => regions[at].action === promptAction(id)).map(({ element }) => element));
-    fill(this.actions, segmented("New regions", this.purposes, this.action, (action) => {
-      this.action = action;
-      this.further.press();
-    }));
+    this.bar.offer(this.purposes, this.action);
     for (const row of this.lengths) row.update(true);
     this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
@@ -343,16 +344,10 @@ export class ControlPanel {
     const { regions } = this.control;
     const { tool } = this;
     this.count.textContent = isEmpty(this.control) ? "" : "· in use";
-    this.undoButton.disabled = this.undoTool.disabled = !this.history.past.length;
+    this.undoButton.disabled = !this.history.past.length;
     this.clearButton.disabled = isEmpty(this.control) && !withoutPrompts(regions).length;
     if (this.falloffRow) this.falloffRow.hidden = !regions.length;
-    this.actions.hidden = !["paint", "box", "part"].includes(tool);
-    if (this.by) this.by.hidden = tool !== "part";
-    if (this.brushRow) this.brushRow.hidden = tool !== "paint";
-    if (this.hint) {
-      this.hint.textContent = this.view.numbered || tool === "turn" ? HINTS[tool] : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
-      this.hint.hidden = !this.hint.textContent;
-    }
+    this.bar.show(tool, this.view.numbered, !this.undoButton.disabled);
     this._place();
     const further = this.further?.fault ?? "";
     const problem = controlProblem({ ...this.control, prompts: [] }, this.subdivided) || this.view.problem;

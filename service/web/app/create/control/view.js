@@ -90,7 +90,9 @@ export class ControlView {
         this.panel.chosen = handle;
         this.draw();
       },
+      begun: () => this.panel.begun(),
       done: () => this.pointing || this.panel.changed(),
+      dropped: () => this.pointing || this.panel.dropped(),
       pointed: (place) => this.pointing?.(rounded(place, this.size)),
     });
     this.tools.brush = this._brush;
