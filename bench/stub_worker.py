@@ -22,7 +22,7 @@ from typing import Any
 
 from redis import Redis
 
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
@@ -89,7 +89,7 @@ class _Worker(threading.Thread):
         """Work until the process ends."""
         settings = self._settings
         identity = WorkerIdentity(new_worker_id(), settings.queue, "cpu")
-        record = JobRecord(settings.resolved_database_url, connections=1)
+        record = _opened(settings, 1)
         queue = JobQueue(settings.redis_url, settings.queue)
         made = engine(settings)
         context = WorkerContext(
@@ -109,7 +109,7 @@ class _Worker(threading.Thread):
             with contextlib.suppress(MeshdeformError):
                 record.leases.idle(identity)
 
-        supervising = JobRecord(settings.resolved_database_url, connections=0)
+        supervising = _opened(settings, 0)
         with Reconciler(supervising, queue, settings.max_attempts, settings.lease_s):
             listener = _ThreadedWorker(
                 settings.queue,
@@ -119,6 +119,14 @@ class _Worker(threading.Thread):
                 on_stop=lambda: None,
             )
             listener.work(logging_level="ERROR")
+
+
+def _opened(settings: Settings, connections: int) -> JobRecord:
+    """Return the record once it answers, as a supervisor does."""
+    while True:
+        with contextlib.suppress(UnavailableError):
+            return JobRecord(settings.resolved_database_url, connections)
+        time.sleep(1.0)
 
 
 def _run_threads(count: int) -> None:

@@ -13,6 +13,7 @@ which only wait (`bench.stub_worker`). Printed, for each number of workers:
   of the newest progress in the record
 * short jobs of one step: statements for each, jobs claimed per second, and how many jobs of an owner who has posted a
   thousand start before each job of another one who posts ten after that
+* with the phase `api`: what an idle API process asks
 
 `--top 10` lists the statements that PostgreSQL ran most often.
 """
@@ -41,7 +42,7 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
-from tests.servers import PgBouncer, PostgresServer, RedisServer
+from tests.servers import PgBouncer, PostgresServer, RedisServer, free_port
 
 _OWN = "bench_own"
 """An alias in the statements of this program, which are not counted."""
@@ -53,7 +54,7 @@ _OPTIONS = {
     "log_min_messages": "fatal",
 }
 _MANY, _FEW = 1000, 10
-_DEADLINE_S = 400.0
+_DEADLINE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -246,29 +247,44 @@ def busy(servers: Servers, count: int, window_s: float, step_s: float, steps: in
     until(lambda: servers.own("SELECT count(*) FROM jobs WHERE state IN ('running', 'canceling')")[0][0] == 0)
 
 
-def short(servers: Servers, many: int) -> None:
-    """Print what short jobs cost, and whether one owner delays another."""
+def short(servers: Servers, count: int, threads: int, many: int) -> None:
+    """Print what short jobs cost, and whether one owner delays another. They are posted before the workers start."""
     for _ in range(many):
         servers.post("many", 0.0, 1)
     first = servers.count()
-    few = {servers.post("few", 0.0, 1) for _ in range(_FEW)}
-    at_post = servers.own("SELECT count(*) FROM jobs WHERE owner_id = 'many' AND started_at IS NOT NULL")[0][0]
-    until(lambda: servers.own("SELECT count(*) FROM jobs WHERE state IN ('queued', 'running')")[0][0] == 0)
-    last = servers.count()
-    rows = servers.own(
-        "SELECT id, owner_id, started_at FROM jobs WHERE owner_id IN ('many', 'few') ORDER BY started_at"
-    )
+    with workers(servers, count, threads):
+        until(lambda: servers.own("SELECT count(*) FROM jobs WHERE started_at IS NOT NULL")[0][0] >= many // 4)
+        few = {servers.post("few", 0.0, 1) for _ in range(_FEW)}
+        at_post = servers.own("SELECT count(*) FROM jobs WHERE owner_id = 'many' AND started_at IS NOT NULL")[0][0]
+        until(lambda: servers.own("SELECT count(*) FROM jobs WHERE state IN ('queued', 'running')")[0][0] == 0)
+        last = servers.count()
+    ours = "owner_id IN ('many', 'few') ORDER BY started_at"
+    rows = servers.own(f"SELECT id, owner_id, started_at FROM jobs WHERE {ours}")
     started = [row[0] in few for row in rows]
-    before = [started[:place].count(False) - at_post for place, mine in enumerate(started) if mine]
-    span_s = (rows[-1][2] - rows[0][2]).total_seconds()
-    each = (last.statements - first.statements) / (many + _FEW - at_post)
+    before = [max(0, started[:place].count(False) - at_post) for place, mine in enumerate(started) if mine]
+    each = (last.statements - first.statements) / len(rows)
+    cpu_ms = (last.cpu_s - first.cpu_s) / len(rows) * 1000
     print(
-        f"  short  {many + _FEW} jobs, {each:.1f} statements each,"
-        f" {(many + _FEW) / span_s:.1f} claimed per second; starts of the other owner's jobs before each of the {_FEW}"
-        f" posted last: {before}"
+        f"  short  {len(rows)} jobs, each {each:.1f} statements and {cpu_ms:.1f} ms of PostgreSQL's CPU;"
+        f" {len(rows) / (rows[-1][2] - rows[0][2]).total_seconds():.1f} claimed per second;"
+        f" starts of the other owner's jobs before each of the {_FEW} posted later: {before}"
     )
     with servers.record.database.write() as connection:
         connection.exec_driver_sql(f"DELETE FROM jobs /* {_OWN} */")
+
+
+def api(servers: Servers, window_s: float) -> None:
+    """Print what an API process without requests asks; it leads, since there is no other candidate."""
+    command = [sys.executable, "-m", "meshdeform", "api", "--port", str(free_port())]
+    child = subprocess.Popen(command, env=servers.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until(lambda: servers.own("SELECT count(*) FROM leaders")[0][0] == 2)
+        time.sleep(12.0)
+        postgres, redis = servers.connections()
+        print(f"API  connections {postgres} + {redis}  per second: {rates(servers, 1, window_s)}")
+    finally:
+        child.terminate()
+        child.wait()
 
 
 def main() -> None:
@@ -287,20 +303,30 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as ends:
         servers = Servers(Path(folder), pooler=chosen.pooler)
         ends.callback(servers.close)
+        if "api" in chosen.phases:
+            servers.reset()
+            api(servers, chosen.window)
+            servers.top(chosen.top)
+            chosen.phases.remove("api")
         for count in chosen.workers:
             print(f"{count} workers" + (" behind PgBouncer" if chosen.pooler else ""), flush=True)
-            with workers(servers, count, chosen.threads):
-                time.sleep(12.0)  # until every worker waits for a message
-                for phase in chosen.phases:
-                    servers.reset()
-                    if phase == "idle":
-                        idle(servers, count, chosen.window)
-                    elif phase == "busy":
-                        busy(servers, count, chosen.window, chosen.step, chosen.steps)
-                    else:
-                        short(servers, chosen.jobs)
-                    servers.top(chosen.top)
-                    sys.stdout.flush()
+            asked = [phase for phase in chosen.phases if phase != "short"]
+            if asked:
+                with workers(servers, count, chosen.threads):
+                    time.sleep(12.0)  # until every worker waits for a message
+                    for phase in asked:
+                        servers.reset()
+                        if phase == "idle":
+                            idle(servers, count, chosen.window)
+                        else:
+                            busy(servers, count, chosen.window, chosen.step, chosen.steps)
+                        servers.top(chosen.top)
+                        sys.stdout.flush()
+            if "short" in chosen.phases:
+                servers.reset()
+                short(servers, count, chosen.threads, chosen.jobs)
+                servers.top(chosen.top)
+                sys.stdout.flush()
 
 
 if __name__ == "__main__":

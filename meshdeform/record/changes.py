@@ -7,16 +7,17 @@ from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sa
+from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 
 from meshdeform.errors import NotFoundError, StaleAttemptError
 from meshdeform.record import rows
 from meshdeform.record.counters import Counters
 from meshdeform.record.database import Database
 from meshdeform.record.deliveries import write_deliveries
-from meshdeform.record.models import EventType, Job, JobState
+from meshdeform.record.models import EventType, Job, JobState, Progress
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
 
-__all__ = ["Change", "Row", "changing", "find_job", "hold", "stale"]
+__all__ = ["Change", "Row", "changing", "find_job", "hold", "stale", "with_progress_event"]
 
 Row = sa.Row[Any]
 
@@ -103,6 +104,28 @@ class Change:
         if lost:
             prefixes = [{"prefix": f"jobs/{row.id}/{attempt}/"} for attempt in sorted(lost)]
             self.connection.execute(sa.insert(discarded), prefixes)
+
+
+def with_progress_event(database: Database, change: sa.Update, progress: Progress) -> sa.Select[Any]:
+    """Return the one statement of PostgreSQL that changes a job and writes its progress event, as `Change.update` does.
+
+    It returns the job's state. No webhook asks for these events.
+    """
+    mine = (jobs.c.id, jobs.c.event_seq, jobs.c.attempt, jobs.c.fraction, jobs.c.state)
+    changed = change.values(event_seq=jobs.c.event_seq + 1).returning(*mine).cte("changed")
+    # The fraction is the only part that the record may know better.
+    known = sa.cast(progress.model_dump(mode="json"), JSONB)
+    place = sa.literal(["fraction"], ARRAY(sa.Text))
+    values: dict[sa.Column[Any], Any] = {
+        events.c.job_id: changed.c.id,
+        events.c.seq: changed.c.event_seq,
+        events.c.type: sa.literal(EventType.PROGRESS),
+        events.c.at: database.now(),
+        events.c.attempt: changed.c.attempt,
+        events.c.data: sa.cast(sa.func.jsonb_set(known, place, sa.func.to_jsonb(changed.c.fraction)), sa.JSON),
+    }
+    told = sa.insert(events).from_select(list(values), sa.select(*values.values())).cte("told")
+    return sa.select(changed.c.state).add_cte(told)
 
 
 @contextmanager

@@ -30,7 +30,7 @@ RECORD_FILE = "meshdeform.sqlite"
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
 MAX_CONNECTIONS = 15
-"""Connections of an API process to PostgreSQL at most; docs/operations.md has the sum."""
+"""Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
 _KEPT_OPEN = 5
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _MIGRATIONS = Path(__file__).parent / "migrations"
@@ -49,7 +49,7 @@ class Database:
     url : str
         An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
     connections : int
-        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, each is opened for one use.
+        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after `let_go`.
 
     Raises
     ------
@@ -59,6 +59,7 @@ class Database:
 
     def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
         self._engine = make_engine(url, connections)
+        self._lets_go = connections == 0
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
             if self.is_sqlite:
@@ -71,6 +72,11 @@ class Database:
     def close(self) -> None:
         """Close every connection."""
         self._engine.dispose()
+
+    def let_go(self) -> None:
+        """Close the unused connections of a process that seldom needs any (`connections` = 0)."""
+        if self._lets_go:
+            self._engine.dispose()
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
@@ -130,6 +136,10 @@ class Database:
         return postgresql.insert(table)
 
     def _migrate(self) -> None:
+        with self.read() as connection:
+            # Usually. Many processes that start at once must not wait for each other's lock.
+            if compatible(_version(connection)):
+                return
         with self.write() as connection:
             # The lock ends with the transaction. DDL is transactional in both databases.
             if not self.is_sqlite:
@@ -191,8 +201,7 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
 
 def _pool(connections: int) -> dict[str, Any]:
     """Return the options of SQLAlchemy's pool for so many connections."""
-    if not connections:
-        return {"poolclass": sa.NullPool}
+    connections = max(connections, 1)
     kept = min(connections, _KEPT_OPEN)
     return {"pool_size": kept, "max_overflow": connections - kept}
 
@@ -276,7 +285,7 @@ def _answers() -> Iterator[None]:
         if _sql_state(error) == _UNKNOWN_STATEMENT:
             raise UnavailableError(
                 "The record is behind a connection pooler that shares connections between statements.",
-                advice="Set pool_mode = transaction or session in PgBouncer (docs/operations.md).",
+                advice="Set pool_mode = transaction or session in PgBouncer (docs/scaling.md).",
             ) from error
         if not error.connection_invalidated and _sql_state(error)[:2] not in _AWAY:
             raise

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import DeviceMemoryError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, Row, changing, hold, stale
+from meshdeform.record.changes import Change, Row, changing, hold, stale, with_progress_event
 from meshdeform.record.database import Database
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
 from meshdeform.record.quota import measure
@@ -157,19 +157,9 @@ class Leases:
     def save_progress(
         self, job_id: str, attempt: int, progress: Progress, *, as_event: bool = True, lease_s: float | None = None
     ) -> JobState:
-        """Store progress and return the job's state, which may be `canceling`.
+        """Store progress, and write an event if `as_event`; return the job's state, which may be `canceling`.
 
-        The fraction never decreases, even across attempts.
-
-        Parameters
-        ----------
-        job_id : str
-        attempt : int
-        progress : Progress
-        as_event : bool
-            Whether to write an event.
-        lease_s : float, optional
-            Renew the lease too, for so many seconds.
+        The fraction never decreases, even across attempts. With `lease_s`, the lease is renewed for so many seconds.
         """
         # The databases have no common function: SQLite has max(), PostgreSQL greatest().
         furthest = sa.case((jobs.c.fraction > progress.fraction, jobs.c.fraction), else_=progress.fraction)
@@ -183,13 +173,15 @@ class Leases:
         }
         if lease_s is not None:
             values["lease_expires_at"] = self._database.now(lease_s)
-        if as_event:
+        if as_event and self._database.is_sqlite:
             return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, _progress_of).state)
+        # What workers do most, and so one statement.
+        change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(version=jobs.c.version + 1, **values)
+        statement = (
+            with_progress_event(self._database, change, progress) if as_event else change.returning(jobs.c.state)
+        )
         with self._database.write_once() as connection:
-            # The common case, and so one statement.
-            change = sa.update(jobs).where(rows.fenced(job_id, attempt))
-            change = change.values(version=jobs.c.version + 1, **values).returning(jobs.c.state)
-            state = connection.execute(change).scalar_one_or_none()
+            state = connection.execute(statement).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)
         return JobState(state)

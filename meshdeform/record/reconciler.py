@@ -179,6 +179,8 @@ class Reconciler:
         self._each(lambda: self._look(candidate))
         if candidate.leads:
             duties()
+        else:
+            self._record.database.let_go()
 
     def _look(self, candidate: Candidate) -> None:
         watching = candidate is self._repairing

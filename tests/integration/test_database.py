@@ -23,10 +23,10 @@ from tests.integration.conftest import DEADLINE_S, new_job
 
 
 def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: str) -> None:
+    record = JobRecord(postgres_url)  # the first, since migrations import much within their transaction
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(postgresql, "_IDLE_IN_TRANSACTION_S", 0.3)
         sleeper = JobRecord(postgres_url)
-    record = JobRecord(postgres_url)
     try:
         job = new_job(record)
         claimed = record.leases.claim(job.id, "the sleeper", -1.0)
@@ -35,7 +35,8 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
         errors: list[BaseException] = []
 
         def sleep() -> None:
-            # Stopped between two statements, with the job's row locked. On a busy machine the session may end before it gets there.
+            # Stopped between two statements, with the job's row locked. On a busy machine the session may end before it
+            # gets there.
             while not held.is_set():
                 try:
                     with sleeper.database.write() as connection:

@@ -116,6 +116,12 @@ const PHASES = /** @type {Record<string, string>} */ ({
   done: "Done",
 });
 
+const LESSON_PHASES = /** @type {Record<string, string>} */ ({
+  preparing: "Drawing the pictures",
+  optimizing: "Learning",
+  writing: "Measuring what was learned",
+});
+
 /**
  * The goals of a job in words: its prompts, its stages, or the target that a model makes; empty: a target mesh.
  *
@@ -144,6 +150,7 @@ export function jobTitle(job) {
   const goal = goalWords(job);
   const kind = job.kind ?? "text_deform";
   if (goal) return goal;
+  if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
   if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
   return job.files?.target || job.target ? "To a target mesh" : "To pictures";
 }
@@ -151,8 +158,10 @@ export function jobTitle(job) {
 /**
  * @param {string} phase
  * @param {{number: number, count: number, name: string} | null} [stage]
+ * @param {string} [kind] Of the job.
  */
-export function phaseWords(phase, stage) {
+export function phaseWords(phase, stage, kind) {
+  if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
   if (stage && phase === "optimizing") return `Stage ${stage.number} of ${stage.count}: ${stage.name}`;
   return PHASES[phase] ?? (phase ? phase[0].toUpperCase() + phase.slice(1) : "");
 }

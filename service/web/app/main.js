@@ -13,6 +13,7 @@ import { currentKey, forgetKey } from "./key.js";
 import { currentLink, holdLink } from "./link.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
+import { TeachView } from "./teach/view.js";
 import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -21,7 +22,7 @@ const theme = themeSwitch();
 let scope = new Scope();
 let first = true;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", examples: "examples", example: "examples" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", examples: "examples", example: "examples", teach: "teach" });
 
 function show() {
   const route = parseRoute(location.hash);
@@ -39,10 +40,11 @@ function show() {
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null));
+  if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
   else if (route.name === "examples") showExamples(root, scope);
   else if (route.name === "compare") new CompareView(root, scope, route.ids);
   else if (route.name === "example") new ExampleView(root, scope, route.id);
+  else if (route.name === "teach") new TeachView(root, scope);
   else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
   else if (route.name === "group") new ListView(root, scope, { group: route.id });
   else if (route.name === "job") new JobView(root, scope, route.id);
@@ -55,7 +57,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", examples: "Examples", example: "Example", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

@@ -2,7 +2,8 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null, example?: string}
+ * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
+ *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
  *   | {name: "shared", id: string, link: string}
@@ -18,6 +19,7 @@ export const STATES = ["queued", "running", "canceling", "succeeded", "failed", 
 export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
 const EXAMPLE_ID = /^[a-z0-9-]{1,40}$/;
+const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
@@ -34,8 +36,11 @@ export function parseRoute(hash) {
   if (parts.length === 0) {
     const from = params.get("from");
     const example = params.get("example") ?? "";
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}) };
+    const model = params.get("model");
+    const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
+    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
   }
+  if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
     const state = params.get("state");
     return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null, search: (params.get("q") ?? "").slice(0, MAX_SEARCH) };
@@ -65,7 +70,9 @@ export function parseRoute(hash) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, example: route.example })}`;
+      return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
+    case "teach":
+      return "#/teach";
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":

@@ -27,7 +27,7 @@ export async function originOf(from, signal) {
   if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
   const job = await client.get(from, signal);
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
-  const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset");
+  const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
   const files = parts.map(async ([part, { filename }]) => {
     return [part, new Asset(await client.file(from, part, signal), filename)];
   });

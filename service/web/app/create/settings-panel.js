@@ -183,6 +183,12 @@ export class SettingsPanel {
     this._modelChanged();
   }
 
+  /** Choose a model, if the server offers it. @param {string} id */
+  choose(id) {
+    if (this.catalogue.models.some((model) => model.id === id && model.available)) this.model.value = id;
+    this._modelChanged();
+  }
+
   _modelChanged() {
     const model = this.catalogue.models.find((found) => found.id === this.model.value) ?? null;
     this.onModel(model);

@@ -21,6 +21,7 @@ import { FrontControl } from "./front-control.js";
 import { originOf } from "./origins.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { beginWith } from "./taught.js";
 
 /** @typedef {import("../assets.js").Asset} Asset */
 
@@ -29,10 +30,12 @@ export class CreateView {
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with, or an example (`exampleOrigin`).
+   * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, wanted = {}) {
     this.scope = scope;
     this.from = from;
+    this.wanted = wanted;
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -120,6 +123,7 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
+    beginWith(this.wanted, this.settings, this.prompt);
     this.begun = true;
     this._changed();
   }

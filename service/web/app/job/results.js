@@ -25,6 +25,7 @@ const FILES = /** @type {Record<string, string>} */ ({
   "descriptors.npz": "Descriptors of the assets",
   "family.safetensors": "Templates, and the model of their shapes",
   "labelled.zip": "The assets with their parts",
+  "weights.safetensors": "The model with its new word",
   "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
 });

@@ -16,6 +16,7 @@ import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
+import { isLesson, lessonPanel } from "./lesson.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
@@ -175,7 +176,7 @@ export class JobView {
       this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
-        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.stage?.front(this.report?.orientation);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));

@@ -35,14 +35,18 @@ const STRIDE = 8; // pixels between two dabs of a brush
 const MOST_DABS = 16; // for one movement of the pointer
 const STILL = 12; // pixels that a click may move
 
+const nothing = () => {};
+/** @type {Listeners} */
+const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, begun: nothing, done: nothing, dropped: nothing };
+
 export class ControlTools {
   /**
    * @param {import("../viewer.js").MeshViewer} viewer
-   * @param {Listeners} listeners
+   * @param {Partial<Listeners>} listeners those of the tools that are used
    */
   constructor(viewer, listeners) {
     this.viewer = viewer;
-    this.listeners = listeners;
+    this.listeners = { ...DEAF, ...listeners };
     this.canvas = viewer.surface.canvas;
     this.overlay = new Overlay(viewer.stage.scene);
     /** @type {Tool} */

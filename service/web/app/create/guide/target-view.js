@@ -80,8 +80,7 @@ export class TargetView {
     const { box, own } = this;
     const [{ ControlTools }, { numberedSurface }] = await Promise.all([import("../../../viewer/control/tools.js"), import("../../../viewer/control/surface.js")]);
     if (!box?.viewer?.root || !own || own.over || this.tools) return;
-    const none = () => {};
-    this.tools = new ControlTools(box.viewer, { painted: none, boxed: none, picked: none, held: () => 0, moved: none, chosen: none, done: none, pointed: (place) => this._pointed("target", rounded(place, this.size)) });
+    this.tools = new ControlTools(box.viewer, { pointed: (place) => this._pointed("target", rounded(place, this.size)) });
     const { tools } = this;
     own.add(() => tools.dispose());
     tools.setSurface(numberedSurface(box.viewer.root));

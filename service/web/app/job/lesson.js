@@ -1,0 +1,50 @@
+// @ts-check
+/** What a lesson has taught, in words, and the way to use it. */
+import { h, icon } from "../dom.js";
+import { currentLink } from "../link.js";
+import { routeHash } from "../router.js";
+import { withArticle } from "../vocabulary.js";
+
+/** @param {any} job */
+export function isLesson(job) {
+  return job.kind === "prior_teach";
+}
+
+/**
+ * What the report of a lesson says, in sentences.
+ *
+ * @param {any} report
+ * @returns {{tone: "good" | "warn" | "plain", text: string, note: string}[]}
+ */
+export function lessonFindings(report) {
+  const { new: learned, old_before: before, old_after: after } = report.retrieval;
+  const word = withArticle(report.noun);
+  return [
+    { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
+    { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words are still known`, note: `Before the lesson: ${before.hits}` },
+    { tone: "plain", text: `The weights of step ${report.steps.best} are kept`, note: report.stopped_early ? `Stopped after ${report.steps.done} steps, as more did not help` : `${report.steps.done} steps` },
+    ...report.warnings.map((/** @type {string} */ text) => ({ tone: /** @type {const} */ ("warn"), text, note: "" })),
+  ];
+}
+
+const GLYPHS = { good: "check", warn: "warn", plain: "info" };
+
+/**
+ * @param {any} job
+ * @param {any} report
+ */
+export function lessonPanel(job, report) {
+  const prompt = withArticle(report.noun);
+  return h(
+    "section",
+    { class: "panel", "aria-labelledby": "lesson-title" },
+    h("div", { class: "panel-head" }, h("h2", { id: "lesson-title" }, "What it learned")),
+    h(
+      "ul",
+      { class: "findings" },
+      lessonFindings(report).map(({ tone, text, note }) => h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), note ? h("span", { class: "small muted" }, note) : null))),
+    ),
+    // Who came by a link makes no jobs.
+    currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
+  );
+}
