@@ -111,6 +111,21 @@ def test_what_the_documents_show_fits_the_types(repository: Path, tmp_path: Path
     assert done.returncode == 0, done.stdout
 
 
+def test_the_documents_name_every_method_and_option(repository: Path) -> None:
+    sources = repository / "clients/typescript/src"
+    methods = re.findall(r"^  (?:async )?\*?(\w+)(?:<[^>]*>)?\([^\n]*\{$", (sources / "client.ts").read_text(), re.M)
+    options = re.search(r"^export interface Options \{(.*?)^\}", (sources / "transport.ts").read_text(), re.M | re.S)
+    assert options is not None
+    names = {*methods, *re.findall(r"^  (\w+)\?:", options[1], re.M)} - {"constructor"}
+    assert {"submit", "jobs", "watch", "json", "onRetry", "fetch"} <= names
+    for page in ("docs/typescript.md", "clients/typescript/README.md"):
+        text = (repository / page).read_text()
+        blocks = re.findall(r"^```ts\n.*?^```", text, re.M | re.S)
+        marked = re.findall(r"`[^`\n]+`", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
+        words = set(re.findall(r"\w+", " ".join([*blocks, *marked])))
+        assert names - words == set(), page
+
+
 def test_what_the_package_holds_is_named_in_it(repository: Path) -> None:
     package = json.loads((repository / "clients/typescript/package.json").read_text())
     assert package.get("dependencies") is None

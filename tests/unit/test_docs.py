@@ -176,8 +176,9 @@ def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:
     assert shown
     for text in shown:
         JobRequest.model_validate_json(text)
-    for block in snippets(repository / "docs/parameters.md", "json"):
-        JobRequest.model_validate_json(block)
+    for page in ("parameters", "control"):
+        for block in snippets(repository / f"docs/{page}.md", "json"):
+            JobRequest.model_validate_json(block)
 
 
 def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:

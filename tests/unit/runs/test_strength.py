@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -53,6 +54,15 @@ def test_a_strength_bends_by_that_share_and_says_so() -> None:
     assert half.provenance == {"seed": 7, "strength": 0.5}
     exaggerated = load_asset(with_strength(source, result, 1.5, compact=True))
     np.testing.assert_allclose(exaggerated.surface.positions, bent(source.surface.positions, 180.0), atol=0.05)
+
+
+def test_every_greater_strength_is_farther_from_the_source() -> None:
+    source, result = made()
+    path = AssetPath(source, load_asset(result).surface.positions)
+    shapes = [path.at(share).positions for share in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)]
+    distances = [float(np.square(shape - source.surface.positions).sum()) for shape in shapes]
+    assert distances[0] == 0
+    assert all(near < far for near, far in pairwise(distances))
 
 
 def test_a_subdivided_run_and_one_that_left_out_nodes() -> None:
