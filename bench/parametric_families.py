@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_solids import Floats, Solid, box, hexahedron, ring, tube
 from meshdeform.assets import Primitive, build_glb
+from meshdeform.sketch.solids import Floats, Solid, box, hexahedron, plate, ring, tube
 
 __all__ = ["CLASSES", "PARTS", "Member", "family", "labels_document", "packed"]
 
@@ -138,18 +138,18 @@ def _airplane(member: Member, draw: Draw) -> None:
     place = length * draw(0.1, 0.25)
     low = 0.5 * r if kind == "propeller" and draw(0, 1) < 0.5 else -0.3 * r
     for x, side in ((-1, "l"), (1, "r")):
-        wing = _fin((x * 0.7 * r, low, place), (x * span[kind], low + rise, place - sweep[kind]), root, tip, 0.02)
+        wing = plate((x * 0.7 * r, low, place), (x * span[kind], low + rise, place - sweep[kind]), root, tip, 0.02)
         member.add(f"wing_{side}", "wing", wing)
     v_tail, tail = kind == "uav", -length + 0.1 * length
     reach, chord = length * draw(0.3, 0.4), length * draw(0.18, 0.25)
     for x, side in ((-1, "l"), (1, "r")):
         up = reach * 0.8 if v_tail else 0.0
-        fin = _fin((x * 0.2 * r, 0.1 * r, tail + chord), (x * reach, up + 0.1 * r, tail + 0.3 * chord), chord,
+        fin = plate((x * 0.2 * r, 0.1 * r, tail + chord), (x * reach, up + 0.1 * r, tail + 0.3 * chord), chord,
                    0.5 * chord, 0.015)  # fmt: skip
         member.add(f"tail_{side}", "tail", fin)
     if not v_tail:
         top = length * draw(0.3, 0.42)
-        fin = _fin((0, 0.3 * r, tail + chord), (0, 0.3 * r + top, tail + 0.2 * chord), chord, 0.5 * chord, 0.015)
+        fin = plate((0, 0.3 * r, tail + chord), (0, 0.3 * r + top, tail + 0.2 * chord), chord, 0.5 * chord, 0.015)
         member.add("fin", "tail", fin)
     if kind == "jet":
         e, at = draw(0.045, 0.06), draw(0.3, 0.45)
@@ -162,20 +162,6 @@ def _airplane(member: Member, draw: Draw) -> None:
         for x, side in ((-1, "l"), (1, "r")):
             path = [(x * 0.02, 0, at), (x * blade, 0, at)]
             member.add(f"blade_{side}_{kind}", "engine", tube(path, [(0.012, 0.03)] * 2))
-
-
-def _fin(root: Sequence[float], tip: Sequence[float], chord: float, end: float, thick: float) -> Solid:
-    """Return a wing or fin between two leading edges; it reaches backwards (-Z)."""
-    a, b = np.array(root, float), np.array(tip, float)
-    back, out = np.array([0, 0, -1.0]), b - a
-    flat = np.cross(back, out)
-    flat *= thick / np.linalg.norm(flat)
-    inner = [a - flat, a + flat, a + flat * 0.3 + chord * back, a - flat * 0.3 + chord * back]
-    outer = [b - flat * 0.5, b + flat * 0.5, b + flat * 0.2 + end * back, b - flat * 0.2 + end * back]
-    solid = hexahedron([*inner, *outer], 5)
-    volume = np.einsum("ij,ij->i", solid.verts[solid.faces[:, 0]],
-                       np.cross(solid.verts[solid.faces[:, 1]], solid.verts[solid.faces[:, 2]])).sum()  # fmt: skip
-    return solid if volume > 0 else Solid(solid.verts, solid.faces[:, ::-1])
 
 
 def _bicycle(member: Member, draw: Draw) -> None:

@@ -237,7 +237,9 @@ class PgBouncer:
             f"auth_type = trust\nauth_file = {users}\npool_mode = transaction\nmax_client_conn = 5000\n"
             f"default_pool_size = {connections}\nserver_round_robin = 1\n"
         )
-        self._command = [*_unprivileged(), program, str(settings)]
+        # Each client is an open file.
+        raised = ["sh", "-c", 'ulimit -n "$(ulimit -Hn)"; exec "$0" "$1"', program]
+        self._command = [*_unprivileged(), *raised, str(settings)]
         if os.geteuid() == 0:
             user = pwd.getpwnam(self._command[2])
             for path in (folder, users, settings):

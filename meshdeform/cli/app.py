@@ -32,6 +32,7 @@ from meshdeform.cli.mcp import mcp
 from meshdeform.cli.models import models
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, serve, worker
+from meshdeform.cli.sketch import sketch
 from meshdeform.cli.submit import submit
 from meshdeform.cli.surface_fit import surface_fit
 from meshdeform.cli.teach import teach
@@ -121,6 +122,7 @@ app.command(rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
 app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
+app.command(rich_help_panel=_MACHINE)(sketch)
 app.command(rich_help_panel=_MACHINE)(teach)
 app.command("eval", rich_help_panel=_MACHINE)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)

@@ -30,8 +30,17 @@ class Goals:
     files: dict[str, Path] = field(default_factory=dict)
 
 
-def parse_goals(target: Path | None, prompt: str | None, model: str | None, stages: Sequence[str] | None) -> Goals:
-    """Return the goals for `--target`, `--target-prompt`, `--target-model` and `--stage`.
+def parse_goals(
+    target: Path | None,
+    prompt: str | None,
+    model: str | None,
+    stages: Sequence[str] | None,
+    sketch: Path | None = None,
+    output: Path | None = None,
+) -> Goals:
+    """Return the goals for `--target`, `--target-prompt`, `--target-model`, `--stage` and `--sketch`.
+
+    The target of a drawing is the file `OUTPUT.target.glb`, which is still to be made.
 
     Raises
     ------
@@ -41,12 +50,15 @@ def parse_goals(target: Path | None, prompt: str | None, model: str | None, stag
     if (prompt is None) != (model is None):
         needs, other = ("--target-model", "--target-prompt") if model is None else ("--target-prompt", "--target-model")
         raise typer.BadParameter(f"{other} also needs {needs}", param_hint=other)
-    given = {"--target": target, "--target-prompt": prompt, "--stage": stages or None}
+    given = {"--target": target, "--target-prompt": prompt, "--stage": stages or None, "--sketch": sketch}
     used = [name for name, value in given.items() if value is not None]
     if len(used) > 1:
         raise typer.BadParameter(f"{used[0]} and {used[1]} exclude each other", param_hint=used[1])
     if stages:
         return _staged(stages)
+    if sketch is not None:
+        assert output is not None
+        return Goals({"guidance": "target"}, {"target": output.with_suffix(".target.glb")})
     if prompt is not None:
         return Goals({"target": {"prompt": prompt, "model": model}})
     return Goals({"guidance": "target"}, {"target": target}) if target is not None else Goals()

@@ -39,6 +39,7 @@ from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.prompts import parse_also, prompt_lines
 from meshdeform.cli.request import find_taught, make_request, merge_params, parse_exclude, parse_morph_path
 from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
+from meshdeform.cli.sketch import write_sketched_target
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
 
@@ -136,6 +137,14 @@ def run(
     target: Annotated[
         Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
     ] = None,
+    sketch: Annotated[
+        Path | None,
+        _file(
+            "A line drawing (PNG, JPEG or WebP) whose first guess is the target, as in meshdeform sketch.",
+            _METHOD,
+            exists=True,
+        ),
+    ] = None,
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
     also: AlsoOption = None,
@@ -169,7 +178,7 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
-    goals = parse_goals(target, target_prompt, target_model, stage)
+    goals = parse_goals(target, target_prompt, target_model, stage, sketch, output)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
@@ -229,12 +238,16 @@ def run(
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
+    sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None
     outputs = Outputs(**paths, checkpoint=checkpoint)
     job = LocalJob(asset, request, settings, outputs, targets=goals.files, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:
             write_animation(asset, output, animate, settings)
+    if sketched is not None:
+        summary["targets"].append(str(goals.files["target"]))
+    summary["sketch"] = sketched
     summary["animation"] = str(animate) if animate else None
     if as_json:
         emit(summary)
@@ -243,6 +256,8 @@ def run(
         return
     names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
     names["animation"] = "Animation"
+    if sketched is not None:
+        typer.echo(f"{'Drawing':<10} {sketched}: {goals.files['target']}")
     for name, title in names.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")

@@ -11,6 +11,7 @@
     │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension that we cannot decode
     │   ├── AssetNotFiniteError        422  asset_not_finite       NaN or infinite positions
     │   ├── AssetEmptyError            422  asset_no_triangles     nothing to deform
+    │   ├── DrawingError               422  not_a_drawing          a picture that is not a line drawing
     │   └── SilhouetteError            422  silhouette_unusable    a picture without a plain background, or an object
     ├── RequestError                   422  request_invalid        the request document
     │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
@@ -78,6 +79,7 @@ from meshdeform.errors.inputs import (
     AssetTruncatedError,
     AssetUnsupportedError,
     ChecksumError,
+    DrawingError,
     IdempotencyMismatchError,
     ModelError,
     ParameterError,
@@ -113,6 +115,7 @@ __all__ = [
     "ConflictError",
     "DependencyError",
     "DeviceMemoryError",
+    "DrawingError",
     "ForbiddenError",
     "IdempotencyBusyError",
     "IdempotencyMismatchError",

@@ -15,6 +15,7 @@ __all__ = [
     "AssetTruncatedError",
     "AssetUnsupportedError",
     "ChecksumError",
+    "DrawingError",
     "IdempotencyMismatchError",
     "ModelError",
     "ParameterError",
@@ -83,6 +84,13 @@ class AssetEmptyError(AssetError):
 
     code = "asset_no_triangles"
     advice = "Points and lines cannot be deformed; send a mesh with triangles."
+
+
+class DrawingError(AssetError):
+    """A picture is not a line drawing."""
+
+    code = "not_a_drawing"
+    advice = "Draw the outlines of one thing with dark lines on an even, bright page."
 
 
 class SilhouetteError(AssetError):

@@ -35,7 +35,8 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
         errors: list[BaseException] = []
 
         def sleep() -> None:
-            # Stopped between two statements, with the job's row locked. On a busy machine the session may end before it gets there.
+            # Stopped between two statements, with the job's row locked. On a busy machine the session may end before it
+            # gets there.
             while not held.is_set():
                 try:
                     with sleeper.database.write() as connection:

@@ -19,9 +19,10 @@ from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import sign_path
+from service.events import routes as event_routes
 from service.http.links import SIGNING_KEY
 from tests.cases import each_case
-from tests.integration.conftest import Api
+from tests.integration.conftest import DEADLINE_S, Api
 from tests.integration.http_calls import check_problem
 from tests.integration.test_downloads import closed_server
 
@@ -186,6 +187,22 @@ def test_it_ends_with_its_time_its_key_and_its_job(shared: Shared) -> None:
     assert status(60) == (401, "The link was withdrawn: the API key that made it was revoked.")
     with Client(shared.api.url, api_key=shared.token) as client, pytest.raises(UnauthorizedError, match="withdrawn"):
         client.get(shared.job)
+
+
+def test_a_stream_ends_with_the_link(shared: Shared, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_routes, "_SILENCE_S", 0.1)
+    request = JobRequest.model_validate(REQUEST)
+    file = next(iter(shared.api.record.get(shared.job).files.values()))
+    job = shared.api.record.create(NewJob(request, {"asset": file}, owner_id="mine")).id
+    url = shared.api.http.post(f"/v1/jobs/{job}/url", headers=shared.key).json()["url"]
+    headers = {"Authorization": f"Bearer {url.rpartition('/')[2]}", "Accept": "text/event-stream"}
+    with shared.api.http.stream("GET", f"/v1/jobs/{job}/events", headers=headers, timeout=DEADLINE_S) as stream:
+        lines = stream.iter_lines()
+        while next(lines) != ": keep-alive":
+            pass
+        shared.api.record.keys.revoke(shared.key_id)
+        assert not [line for line in lines if line.startswith("event: ")]
+    check_problem(shared.api.http.get(f"/v1/jobs/{job}/events", headers=headers), 401, "unauthorized")
 
 
 def test_a_deleted_job_is_gone_for_the_link_too(shared: Shared) -> None:

@@ -17,6 +17,7 @@ from meshdeform.errors import (
     MeshdeformError,
     NotFoundError,
     ParameterError,
+    RequestError,
     StoredFileError,
     VocabularyError,
 )
@@ -31,7 +32,7 @@ from tests.worker_world import working
 from worker.engine import PriorCache
 
 LESSON: dict[str, Any] = {"noun": "a teapot", "model": "small.safetensors", "steps": 1}
-QUICK = {"preset": "preview", "steps": 1, "orientation": "keep"}
+QUICK = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1, "orientation": "keep"}
 
 
 @pytest.fixture
@@ -118,7 +119,17 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
         code, detail, _, errors = refusal(one, ball, model)
         assert (code, detail, errors[0]["loc"]) == ("parameter_invalid", "There is no job ID.", ["params", "model"])
         assert model not in [each.id for each in one.models().models]
-        assert "weights" in one.get(used.job.id).files  # jobs that were accepted keep what they need
+        # Jobs that were accepted keep what they need, and so do their branches.
+        branch = one.branch(used.job, 1, "a teapot", params={**QUICK, "model": model})
+        assert branch.files["weights"] == one.get(used.job.id).files["weights"]
+        one.wait(branch, timeout_s=DEADLINE_S)
+        with pytest.raises(VocabularyError, match="'giraffe'"):
+            one.branch(used.job, 1, "a giraffe", params={"model": model})
+        with pytest.raises(ParameterError, match="no job"):
+            one.branch(used.job, 1, "a teapot", params={"model": absent})
+        assert "weights" not in one.branch(used.job, 1, "a giraffe", params={**QUICK, "model": "builtin"}).files
+        with pytest.raises(RequestError, match="after `job:` stands the id of a job"):
+            one.submit(ball, "a teapot", params={"model": "job:../x"})
     assert refusal(two, ball, model)[0] == "parameter_invalid"
 
 

@@ -66,9 +66,23 @@ __all__ = [
 VOCABULARY = BUILTIN_WORDS.tokens
 """Tokens of the weights in the package, in the order of their numbers."""
 
-_ADVICE = (
-    "All words: meshdeform models builtin, or GET /v1/models. Free text needs a Stable Diffusion model (params.model)."
-)
+_FREE_TEXT = "Free text needs a Stable Diffusion model (params.model)."
+_OWN_WORDS = 5
+
+
+def _advice(known: Words) -> str:
+    """Return where all words are listed; of taught weights, name those of their own as well."""
+    if known == BUILTIN_WORDS:
+        return f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
+    own = [noun for noun in known.nouns if noun not in NOUNS]
+    taught = ""
+    if own:
+        more = ", and others" if len(own) > _OWN_WORDS else ""
+        # The last ones were taught last.
+        taught = f"It was taught: {', '.join(reversed(own[-_OWN_WORDS:]))}{more}. "
+    return (
+        f"{taught}All words of these weights: meshdeform models FILE, with their file, or GET /v1/models. {_FREE_TEXT}"
+    )
 
 
 _Parts = list[tuple[str, list[str]]]
@@ -93,7 +107,7 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_ADVICE}",
+            advice=f"{offer} {_advice(self.known)}",
             unknown=unknown,
             suggestions=found.prompts,
             corrections=found.corrections,
@@ -160,7 +174,7 @@ def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> 
         unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
     except VocabularyError as error:
         extra = {**error.extra, "suggestions": [], "nearest": {}}
-        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_ADVICE, **extra) from error
+        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_advice(known), **extra) from error
     if unwanted == wanted:
         raise PromptError(
             f"The negative prompt {negative!r} means the same as the prompt {prompt!r}.",

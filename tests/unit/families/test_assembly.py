@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.family_solids import tube
 from meshdeform.families.boundary import boundary_defects, without_strays
 from meshdeform.families.embedded import Embedding, Pull, axis_fit
+from meshdeform.sketch.solids import tube
 
 
 @pytest.fixture(scope="module")

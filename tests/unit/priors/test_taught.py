@@ -14,11 +14,11 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from meshdeform.errors import AssetEmptyError, MeshdeformError, ModelError, ParameterError
+from meshdeform.errors import AssetEmptyError, MeshdeformError, ModelError, ParameterError, VocabularyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import check_model, load_prior
 from meshdeform.priors.builtin import taught
-from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.taught import Lesson, known_words, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching import measure
 from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_noun
@@ -177,6 +177,19 @@ def test_a_prior_with_taught_words_reads_its_own_words_only(tmp_path: Path) -> N
         prior.encode_texts("a giraffe")
     assert known_words(str(path)) == THREE_NOUNS
     assert known_words("builtin") is BUILTIN_WORDS
+
+
+@pytest.mark.parametrize("negative", ["", "a giraffe"])
+def test_a_refusal_names_the_words_that_were_taught_and_where_all_are_listed(negative: str) -> None:
+    known = new_noun("tea pot", THREE_NOUNS).words
+    with pytest.raises(VocabularyError) as caught:
+        parse_negative(negative, "a tea pot", known) if negative else parse("a giraffe", known)
+    assert "It was taught: tea-pot." in caught.value.advice_text
+    assert "meshdeform models FILE" in caught.value.advice_text
+    assert "models builtin" not in caught.value.advice_text
+    with pytest.raises(VocabularyError) as caught:
+        parse("a quixotic zeitgeist")
+    assert "All words: meshdeform models builtin" in caught.value.advice_text
 
 
 class _Oracle(torch.nn.Module):

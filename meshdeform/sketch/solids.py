@@ -1,4 +1,4 @@
-"""Solids of which the parametric families are made. The number and order of vertices never depends on the sizes.
+"""Make the solids of which parametric families consist. The number and order of vertices never depends on the sizes.
 
 So a place on one member (a solid, a triangle and barycentric coordinates) has an exact counterpart on every other
 member that has a solid of that name.
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Solid", "box", "hexahedron", "ring", "tube"]
+__all__ = ["Floats", "Solid", "box", "hexahedron", "lathe", "plate", "ring", "tube"]
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +26,7 @@ class Solid:
     faces: NDArray[np.int64]
 
 
+@cache
 def _grid(rows: int, columns: int, *, around: bool = False) -> NDArray[np.int64]:
     """Return the triangles of a grid of vertices, row by row; `around` closes each row."""
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns if around else columns - 1), indexing="ij")
@@ -97,3 +99,63 @@ def ring(centre: Sequence[float], radius: float, thickness: float, width: float,
     verts = np.stack([out * np.cos(a), out * np.sin(a), width * np.sin(b)], -1).reshape(-1, 3) + np.asarray(centre)
     grid = _grid(cuts + 1, 6, around=True) % (cuts * 6)
     return Solid(verts, grid[:, ::-1])
+
+
+def lathe(profile: Sequence[Sequence[float]], sides: int = 32) -> Solid:
+    """Turn a profile around +Y; the body is closed.
+
+    Parameters
+    ----------
+    profile : (N, 2) floats
+        Radius and height of each point, from the lower end of the axis outwards, upwards and back to the axis. The
+        first and the last radius are 0, the others are greater.
+    sides : int
+        Number of vertices around the axis.
+    """
+    points = np.asarray(profile, float)
+    angle = np.arange(sides) * 2 * np.pi / sides
+    around = np.stack([np.sin(angle), np.cos(angle)], 1)
+    inner = points[1:-1]
+    circles = np.stack(
+        [
+            inner[:, None, 0] * around[None, :, 0],
+            np.broadcast_to(inner[:, None, 1], (len(inner), sides)),
+            inner[:, None, 0] * around[None, :, 1],
+        ],
+        -1,
+    )
+    ends = np.array([[0.0, points[0, 1], 0.0], [0.0, points[-1, 1], 0.0]])
+    rows = len(inner)
+    j = np.arange(sides)
+    after = (j + 1) % sides
+    start, end, last = rows * sides, rows * sides + 1, (rows - 1) * sides
+    faces = [
+        _grid(rows, sides, around=True),
+        np.stack([np.full(sides, start), after, j], 1),
+        np.stack([np.full(sides, end), last + j, last + after], 1),
+    ]
+    return Solid(np.concatenate([circles.reshape(-1, 3), ends]), np.concatenate(faces))
+
+
+def plate(root: Sequence[float], tip: Sequence[float], chord: float, end: float, thickness: float) -> Solid:
+    """Return a wing or fin between two leading edges; it reaches backwards (-Z).
+
+    Parameters
+    ----------
+    root, tip : (3,) floats
+        Leading edge at the body and at the tip.
+    chord, end : float
+        Length of the section at the body and at the tip.
+    thickness : float
+        Half thickness at the body; the tip has half of it.
+    """
+    a, b = np.array(root, float), np.array(tip, float)
+    back = np.array([0.0, 0.0, -1.0])
+    flat = np.cross(back, b - a)
+    flat *= thickness / np.linalg.norm(flat)
+    inner = [a - flat, a + flat, a + flat * 0.3 + chord * back, a - flat * 0.3 + chord * back]
+    outer = [b - flat * 0.5, b + flat * 0.5, b + flat * 0.2 + end * back, b - flat * 0.2 + end * back]
+    solid = hexahedron(np.array([*inner, *outer]).tolist(), 5)
+    corners = solid.verts[solid.faces]
+    volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return solid if volume > 0 else Solid(solid.verts, solid.faces[:, ::-1])

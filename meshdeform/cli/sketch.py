@@ -1,0 +1,186 @@
+"""`meshdeform sketch`: make meshes of a line drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from meshdeform.cli.environment import require
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.options import ForceOption, JsonOption
+from meshdeform.cli.output import emit
+from meshdeform.errors import ParameterError, UnavailableError
+
+if TYPE_CHECKING:
+    from meshdeform.sketch.guesses import Guess
+
+__all__ = ["sketch", "write_sketched_target"]
+
+
+@clean_errors
+def sketch(
+    drawing: Annotated[
+        Path | None,
+        typer.Argument(
+            help="The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.",
+            exists=True,
+            dir_okay=False,
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The GLB of the first guess. Default: DRAWING.glb here.", show_default=False
+        ),
+    ] = None,
+    family: Annotated[
+        str, typer.Option(help="What the drawing shows, such as chair: no other family is considered.")
+    ] = "",
+    change: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.", show_default=False
+        ),
+    ] = None,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="List the families with their parameters, and end.")
+    ] = False,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Guess what DRAWING shows, and write the first three guesses as meshes and as one picture.
+
+    meshdeform sketch chair.png -o chair.glb --set legs=column
+    """
+    require("torch", "deform")
+    from meshdeform.sketch.guesses import UNSURE
+
+    if parameters:
+        _list(as_json=as_json)
+        return
+    found = _guesses(drawing, family, _changes(change or []))
+    output = output or Path(f"{drawing.stem if drawing else family}.glb")
+    if output.suffix.lower() != ".glb":
+        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
+    paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(found) + 1))]
+    picture = output.with_suffix(".png")
+    if drawing is not None and picture.exists() and picture.samefile(drawing):
+        picture = output.with_suffix(".guesses.png")
+    for path in (*paths, picture):
+        if path.exists() and not force:
+            raise ParameterError(f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force.")
+    _write(found, paths, picture)
+    unsure = found[0].probability < UNSURE
+    if as_json:
+        guesses = [
+            {"family": each.family, "probability": each.probability, "parameters": each.values, "file": str(path)}
+            for each, path in zip(found, paths, strict=True)
+        ]
+        emit({"guesses": guesses, "unsure": unsure, "picture": str(picture)})
+        return
+    for each, path in zip(found, paths, strict=True):
+        typer.echo(f"{path}: {_words(each)}")
+    typer.echo(f"{picture}: all of them")
+    if unsure:
+        typer.echo("The first guess is unsure. If it is wrong, name what you drew with --family.", err=True)
+
+
+def write_sketched_target(drawing: Path, path: Path) -> str:
+    """Write the first guess of a drawing as a GLB, and return it in words.
+
+    Raises
+    ------
+    DrawingError
+        The picture is no line drawing.
+    UnavailableError
+        The file cannot be written.
+    """
+    from meshdeform.support.atomic_files import write_files
+
+    found = _guesses(drawing, "", {})[0]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_files({path: found.glb()})
+    except OSError as error:
+        raise UnavailableError(
+            f"The target cannot be written: {error}.", advice="Choose another path with -o."
+        ) from error
+    return _words(found)
+
+
+def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:
+    """Return the guesses of a drawing, the first one with the changes; without a drawing, a member of the family."""
+    from meshdeform.sketch.families import family_of
+    from meshdeform.sketch.guesses import Guess, guess
+
+    if drawing is None:
+        if not family:
+            raise ParameterError(
+                "There is neither a drawing nor a family.", advice="Name a picture, or a family with --family."
+            )
+        return [Guess(family, 1.0, family_of(family).checked(changes))]
+    first, *others = guess(drawing.read_bytes(), family=family)
+    values = family_of(first.family).checked({**first.values, **changes})
+    return [Guess(first.family, first.probability, values), *others]
+
+
+def _changes(texts: Sequence[str]) -> dict[str, str]:
+    """Return NAME=VALUE texts as a dict."""
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--set")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:
+    """Write the meshes and the picture of them, all or none."""
+    from meshdeform.assets import Limits, load_asset
+    from meshdeform.runs.family_picture import assets_png
+    from meshdeform.support.atomic_files import write_files
+
+    files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
+    assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]
+    titles = [f"{each.family} {each.probability:.0%}" for each in guesses]
+    files[picture] = assets_png(assets, titles)
+    try:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        write_files(files)
+    except OSError as error:
+        raise UnavailableError(
+            f"The meshes cannot be written: {error}.", advice="Choose another place with -o."
+        ) from error
+
+
+def _words(guess: Guess) -> str:
+    values = ", ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
+                       for name, value in guess.values.items())  # fmt: skip
+    return f"{guess.family} ({guess.probability:.0%}): {values}"
+
+
+def _list(*, as_json: bool) -> None:
+    """Print the families with their parameters, ranges and defaults."""
+    from meshdeform.sketch.families import FAMILIES
+
+    if as_json:
+        known: dict[str, Any] = {
+            family.name: {
+                **{n.name: {"minimum": n.low, "maximum": n.high, "default": n.default} for n in family.numbers},
+                **{c.name: {"options": list(c.options), "default": c.default} for c in family.choices},
+            }
+            for family in FAMILIES.values()
+        }
+        emit({"families": known})
+        return
+    for family in FAMILIES.values():
+        typer.echo(family.name)
+        for number in family.numbers:
+            typer.echo(f"  {number.name:<16} {number.low:g} to {number.high:g}, default {number.default:g}")
+        for choice in family.choices:
+            typer.echo(f"  {choice.name:<16} {', '.join(choice.options)}; default {choice.default}")

@@ -1,0 +1,98 @@
+"""Guess what a drawing shows: families with their parameters, and so meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+
+from meshdeform.assets import Primitive, build_glb
+from meshdeform.sketch.drawing import read_drawing
+from meshdeform.sketch.families import FAMILIES, Value, family_of
+from meshdeform.sketch.network import SketchNetwork, load_network
+
+__all__ = ["UNSURE", "Guess", "guess", "member_glb"]
+
+UNSURE = 0.6
+"""Probability of the first guess below which it is called unsure."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One reading of a drawing.
+
+    Attributes
+    ----------
+    family : str
+    probability : float
+        That the drawing shows this family and none of the others.
+    values : dict of str to (float or str)
+        All parameters of the family.
+    """
+
+    family: str
+    probability: float
+    values: dict[str, Value]
+
+    def glb(self) -> bytes:
+        """Return the mesh as `member_glb` does."""
+        return member_glb(self.family, self.values)
+
+
+def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None) -> list[Guess]:
+    """Return what a drawing may show, the likeliest first.
+
+    Parameters
+    ----------
+    data : bytes
+        A PNG, JPEG or WebP with dark lines on a bright page, or the reverse.
+    family : str
+        The only family to consider. Default: all, of which the first three are returned.
+    network : SketchNetwork, optional
+        Default: the one of the package.
+
+    Raises
+    ------
+    DrawingError
+        The picture is no line drawing.
+    ParameterError
+        There is no such family.
+    ModelError
+        The package's weights are missing or damaged.
+    """
+    if family:
+        family_of(family)
+    picture = torch.from_numpy(read_drawing(data))[None, None]
+    with torch.no_grad():
+        look = (network or load_network())(picture)
+    probabilities = look.family[0].softmax(0).tolist()
+    names = list(FAMILIES)
+    order = sorted(range(len(names)), key=lambda index: -probabilities[index])
+    wanted = [index for index in order if not family or names[index] == family][:3]
+    found = []
+    for index in wanted:
+        name = names[index]
+        options = [int(logits[0].argmax()) for logits in look.choices[name]]
+        values = FAMILIES[name].values(look.numbers[name][0].double().numpy(), options)
+        found.append(Guess(name, round(probabilities[index], 4), values))
+    return found
+
+
+def member_glb(family: str, values: Mapping[str, object]) -> bytes:
+    """Return a member of a family as a GLB, with one node for each of its closed solids.
+
+    Parameters
+    ----------
+    family : str
+    values : mapping
+        Parameters by name; those left out have their default.
+
+    Raises
+    ------
+    ParameterError
+        A name is unknown, or a value is out of range.
+    """
+    solids = family_of(family).solids(values)
+    parts = [Primitive(s.verts, s.faces, name=name, material=family) for name, s in solids.items()]
+    return build_glb(parts)

@@ -1,0 +1,125 @@
+"""Look at a drawing: one convolutional trunk, a head for the family, and two heads for each family's parameters.
+
+The heads are those of Huang et al. 2017 (appendix B of the thesis): one linear output for each continuous parameter,
+and one softmax for each discrete one. Their two AlexNets on 227 x 227 pixels are one small trunk on 64 x 64 here, which
+all families share.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from meshdeform.errors import ModelError
+from meshdeform.sketch.drawing import SIDE
+from meshdeform.sketch.families import FAMILIES
+from meshdeform.support.atomic_files import write_files
+
+__all__ = ["WEIGHTS", "Look", "SketchNetwork", "load_network", "parameters_hash", "write_network"]
+
+WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
+"""The weights that are part of the package."""
+_WIDTHS = ((16, 2), (32, 2), (48, 1), (64, 2), (64, 1), (96, 2))
+"""Channels and stride of each convolution."""
+_FEATURES = 192
+_ADVICE = (
+    "Install meshdeform again (the weights are part of the package), or train: python -m meshdeform.sketch.training."
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the network sees in B drawings.
+
+    Attributes
+    ----------
+    family : (B, families)
+        Logits.
+    numbers : mapping of str to (B, N)
+        Of each family, its continuous parameters as shares of their ranges.
+    choices : mapping of str to list of (B, options)
+        Of each family, logits of its discrete parameters.
+    """
+
+    family: Tensor
+    numbers: Mapping[str, Tensor]
+    choices: Mapping[str, list[Tensor]]
+
+
+class SketchNetwork(nn.Module):
+    """The network; its input is (B, 1, SIDE, SIDE) float32, 1 where there is ink."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        before = 1
+        for index, (width, stride) in enumerate(_WIDTHS):
+            kernel = 5 if index == 0 else 3
+            layers += [
+                nn.Conv2d(before, width, kernel, stride, kernel // 2, bias=False),
+                nn.BatchNorm2d(width),
+                nn.ReLU(inplace=True),
+            ]
+            before = width
+        side = SIDE // 2 ** sum(stride == 2 for _, stride in _WIDTHS)
+        self.trunk = nn.Sequential(
+            *layers, nn.Flatten(), nn.Dropout(0.2), nn.Linear(before * side * side, _FEATURES), nn.ReLU(inplace=True)
+        )
+        self.family = nn.Linear(_FEATURES, len(FAMILIES))
+        self.numbers = nn.ModuleDict({name: nn.Linear(_FEATURES, len(f.numbers)) for name, f in FAMILIES.items()})
+        self.choices = nn.ModuleDict(
+            {name: nn.Linear(_FEATURES, sum(len(c.options) for c in f.choices)) for name, f in FAMILIES.items()}
+        )
+
+    def forward(self, pictures: Tensor) -> Look:
+        """Look at drawings (B, 1, SIDE, SIDE)."""
+        features = self.trunk(pictures)
+        choices = {
+            name: list(self.choices[name](features).split([len(c.options) for c in family.choices], 1))
+            for name, family in FAMILIES.items()
+        }
+        numbers = {name: head(features) + 0.5 for name, head in self.numbers.items()}
+        return Look(self.family(features), numbers, choices)
+
+
+def parameters_hash() -> str:
+    """Return a hash of all families with their parameters; weights of others would be misread."""
+    about = [f"{f.name}:{f.numbers}:{f.choices}" for f in FAMILIES.values()]
+    return hashlib.sha256("\n".join(about).encode()).hexdigest()[:16]
+
+
+def write_network(path: Path, network: SketchNetwork, about: Mapping[str, str]) -> None:
+    """Write weights in half precision as safetensors, with `about` and the families' hash as metadata."""
+    state = {name: t.half() if t.is_floating_point() else t for name, t in network.state_dict().items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = save({name: t.contiguous() for name, t in state.items()}, {**about, "families": parameters_hash()})
+    write_files({path: data})
+
+
+@cache
+def load_network(path: Path = WEIGHTS) -> SketchNetwork:
+    """Return the network with the weights of a file, ready to look; a file is read once.
+
+    Raises
+    ------
+    ModelError
+        The file is missing or damaged, or it is of other families.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            families = (file.metadata() or {}).get("families")
+            state = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+    except (OSError, SafetensorError) as error:
+        raise ModelError(f"The sketch network's weights {path.name} cannot be read.", advice=_ADVICE) from error
+    if families != parameters_hash():
+        raise ModelError(f"The sketch network's weights {path.name} are of other families.", advice=_ADVICE)
+    network = SketchNetwork()
+    network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in state.items()})
+    return network.eval().requires_grad_(False)

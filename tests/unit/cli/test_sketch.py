@@ -1,0 +1,104 @@
+"""`meshdeform sketch` and `meshdeform run --sketch`."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from meshdeform.assets import Limits, build_glb, load_asset
+from meshdeform.assets.build import Primitive
+from meshdeform.cli.app import app
+from meshdeform.sketch.families import FAMILIES
+from meshdeform.sketch.lines import View, joined, visible_lines
+from meshdeform.sketch.strokes import draw
+
+run = CliRunner().invoke
+
+
+@pytest.fixture(autouse=True)
+def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drawing of a vase in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    lines = visible_lines(joined(FAMILIES["vase"].solids({})), View(0, 20, 25))
+    draw(lines, np.random.default_rng(0), size=300).save("vase.png")
+
+
+def test_a_drawing_becomes_three_meshes_and_a_picture() -> None:
+    found = run(app, ["sketch", "vase.png", "-o", "out/made.glb", "--set", "lip=0.2", "--set", "handles=two", "--json"])
+    assert found.exit_code == 0, found.output
+    said = json.loads(found.stdout)
+    assert said["guesses"][0]["family"] == "vase"
+    assert said["guesses"][0]["parameters"] | {"lip": 0.2, "handles": "two"} == said["guesses"][0]["parameters"]
+    assert not said["unsure"]
+    for each in said["guesses"]:
+        assert (
+            len(load_asset(Path(each["file"]).read_bytes(), each["file"], Limits.unlimited()).surface.triangles) > 100
+        )
+    with Image.open("out/made.png") as sheet:
+        assert sheet.width == 480
+    again = run(app, ["sketch", "vase.png", "-o", "out/made.glb"])
+    assert again.exit_code == 3
+    assert "--force" in again.stderr
+
+
+def test_the_drawing_is_never_overwritten() -> None:
+    before = Path("vase.png").read_bytes()
+    found = run(app, ["sketch", "vase.png", "--force"])
+    assert found.exit_code == 0, found.output
+    assert Path("vase.png").read_bytes() == before
+    assert Path("vase.guesses.png").exists()
+    assert "vase (" in found.stdout
+
+
+def test_parameters_alone_make_a_mesh_and_are_listed() -> None:
+    assert run(app, ["sketch", "--family", "table", "--set", "legs=column", "-o", "table.glb"]).exit_code == 0
+    nodes = load_asset(Path("table.glb").read_bytes(), "table.glb", Limits.unlimited()).surface
+    assert len(nodes.triangles) > 100
+    listed = json.loads(run(app, ["sketch", "--parameters", "--json"]).stdout)["families"]
+    assert listed["table"]["height"] == {"minimum": 0.3, "maximum": 0.9, "default": 0.6}
+    assert "leg_thickness" in run(app, ["sketch", "--parameters"]).stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["empty.png"], 3, "empty"),
+        (["vase.png", "--family", "dragon"], 3, "no family"),
+        (["vase.png", "--set", "lip=9"], 3, "lip"),
+        (["vase.png", "--set", "lip"], 2, "NAME=VALUE"),
+        (["vase.png", "-o", "vase.obj"], 2, ".glb"),
+        ([], 3, "neither"),
+        (["--family", "dragon"], 3, "no family"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said(arguments: list[str], code: int, said: str) -> None:
+    Image.new("L", (200, 200), 255).save("empty.png")
+    found = run(app, ["sketch", *arguments])
+    assert found.exit_code == code, found.output
+    assert said in found.stderr
+    assert not list(Path().glob("*.glb"))
+
+
+def test_an_asset_takes_the_drawn_shape() -> None:
+    solid = joined(FAMILIES["goblet"].solids({}))
+    Path("asset.glb").write_bytes(build_glb([Primitive(solid.verts, solid.faces)]))
+    found = run(app, ["run", "asset.glb", "--sketch", "vase.png", "-o", "made.glb", "--steps", "2", "--json"])
+    assert found.exit_code == 0, found.output
+    said = json.loads(found.stdout)
+    assert said["sketch"].startswith("vase (")
+    assert said["targets"] == ["made.target.glb"]
+    assert said["fit"] is not None
+    Image.new("L", (200, 200), 255).save("empty.png")
+    empty = run(app, ["run", "asset.glb", "--sketch", "empty.png", "-o", "other.glb", "--json"])
+    assert empty.exit_code == 3
+    assert json.loads(empty.stderr.splitlines()[-1])["code"] == "not_a_drawing"
+    both = run(app, ["run", "asset.glb", "--sketch", "vase.png", "--target", "asset.glb"])
+    assert both.exit_code == 2
+    buffer = io.StringIO(both.stderr)
+    assert "exclude each other" in buffer.read()

@@ -1,0 +1,87 @@
+"""Guesses of drawings with the weights of the package, and the training that makes such weights."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import ModelError, ParameterError
+from meshdeform.sketch.families import FAMILIES
+from meshdeform.sketch.guesses import guess
+from meshdeform.sketch.lines import View, joined, visible_lines
+from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network, write_network
+from meshdeform.sketch.strokes import draw
+from meshdeform.sketch.training import main, make_drawings, train
+
+
+def drawing(family: str, seed: int, **values: object) -> bytes:
+    random = np.random.default_rng(seed)
+    mesh = joined(FAMILIES[family].solids(values))
+    buffer = io.BytesIO()
+    draw(visible_lines(mesh, View(random.uniform(-50, 50), 20, 25)), random, size=256).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def test_defaults_of_all_families_are_recognised() -> None:
+    right = sum(guess(drawing(name, seed))[0].family == name for name in FAMILIES for seed in range(3))
+    assert right >= 16  # of 18
+
+
+def test_numbers_follow_the_drawing() -> None:
+    for family, name in (("vase", "belly"), ("airplane", "span"), ("table", "height"), ("chair", "back_height")):
+        about = next(number for number in FAMILIES[family].numbers if number.name == name)
+        small, large = (
+            np.mean([float(guess(drawing(family, s, **{name: at}), family=family)[0].values[name]) for s in (1, 2)])
+            for at in (about.low, about.high)
+        )
+        assert large - small > 0.25 * (about.high - about.low), (family, name)
+
+
+def test_three_guesses_are_meshes_of_different_families() -> None:
+    found = guess(drawing("goblet", 4))
+    assert len({each.family for each in found}) == 3
+    assert [each.probability for each in found] == sorted((each.probability for each in found), reverse=True)
+    for each in found:
+        FAMILIES[each.family].checked(each.values)
+        surface = load_asset(each.glb(), "shape.glb", Limits.unlimited()).surface
+        assert len(surface.triangles) == sum(len(s.faces) for s in FAMILIES[each.family].solids(each.values).values())
+    assert [each.family for each in guess(drawing("goblet", 4), family="lamp")] == ["lamp"]
+    with pytest.raises(ParameterError, match="no family"):
+        guess(drawing("goblet", 4), family="dragon")
+
+
+def test_weights_are_small_and_damaged_ones_are_refused(tmp_path: Path) -> None:
+    assert WEIGHTS.stat().st_size < 10_000_000
+    damaged = tmp_path / "damaged.safetensors"
+    damaged.write_bytes(WEIGHTS.read_bytes()[:5000])
+    with pytest.raises(ModelError, match="cannot be read"):
+        load_network(damaged)
+
+
+def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("meshdeform.sketch.network.parameters_hash", lambda: "another")
+        write_network(tmp_path / "other.safetensors", SketchNetwork(), {})
+    with pytest.raises(ModelError, match="other families"):
+        load_network(tmp_path / "other.safetensors")
+
+
+def test_training_learns_and_repeats() -> None:
+    drawings = make_drawings(12, 5)
+    lines: list[str] = []
+    first, second = (train(drawings, 6, 0, lines.append) for _ in range(2))
+    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
+    losses = [float(line.split("family ")[1].split()[0]) for line in lines[:6]]
+    assert losses[-1] < losses[0]
+
+
+def test_the_training_script_writes_weights_that_load(tmp_path: Path) -> None:
+    path, cache = tmp_path / "made.safetensors", tmp_path / "drawings.npz"
+    main(["--drawings", "8", "--epochs", "1", "--cache", str(cache), "-o", str(path)])
+    assert cache.exists()
+    assert isinstance(load_network(path), SketchNetwork)
