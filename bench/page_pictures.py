@@ -1,13 +1,14 @@
 """Take the pictures of the web page for the docs, with a real browser and a real service.
 
-python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png
-                                              and web_control.png
+python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png,
+                                              web_control.png, web_compare.png and web_prompts.png
 python -m bench.page_pictures --job ID --url http://127.0.0.1:8765    from a running service and one of its jobs
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import httpx
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from tests.acceptance.service import serving
@@ -96,6 +98,38 @@ def take_control(browser: Browser, url: str, path: Path) -> None:
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
 
 
+def take_prompts(browser: Browser, url: str, path: Path) -> None:
+    """Save a picture of the form with a second prompt that has a region."""
+    context = browser.new_context(base_url=url, reduced_motion="reduce", viewport={"width": 1200, "height": 940})
+    context.set_default_timeout(2 * DEADLINE_MS)
+    page: Page = context.new_page()
+    page.goto("/")
+    page.set_input_files("#asset-file", ROOT / "service/web/examples/vase.glb")
+    page.get_by_label("Prompt", exact=True).fill("a pear")
+    page.get_by_role("button", name="Add a prompt").click()
+    page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a mushroom")
+    page.get_by_label("Weight of prompt 2").fill("3")
+    page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
+    page.locator("#estimate", has_text="steps").wait_for()
+    page.locator(".further .control-row", has_text="triangles").first.wait_for()
+    page.wait_for_load_state("networkidle")
+    page.screenshot(path=path)
+    context.close()
+    assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
+
+
+def take_comparison(browser: Browser, url: str, path: Path) -> None:
+    """Save a picture of two results of one asset."""
+    jobs = []
+    with httpx.Client(base_url=url, timeout=60) as http:
+        for seed, prompt in enumerate(("a lamp", "a tall thin vase")):
+            request = {"prompt": prompt, "params": {"preset": "preview", "seed": seed}}
+            files = {"asset": ("vase.glb", (ROOT / "service/web/examples/vase.glb").read_bytes())}
+            made = http.post("/v1/jobs", data={"request": json.dumps(request)}, files=files)
+            jobs.append(made.raise_for_status().json()["id"])
+    take(browser, url, path, f"/#/compare/{jobs[0]}/{jobs[1]}", ".compare-table", "Displacement", **JOB)
+
+
 def main() -> None:
     """Take the pictures of the web page."""
     parser = argparse.ArgumentParser(prog="python -m bench.page_pictures", description=main.__doc__)
@@ -121,6 +155,8 @@ def _all(browser: Browser, url: str, job: str, out: Path) -> None:
     take(browser, url, out / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
     take(browser, url, out / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
     take_control(browser, url, out / "web_control.png")
+    take_comparison(browser, url, out / "web_compare.png")
+    take_prompts(browser, url, out / "web_prompts.png")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,11 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_text(re.compile(r"^All \d+ nouns")).click()
     page.get_by_text("Control", exact=True).click()
     for tool in ("Add a box", "Add triangles", "Add a handle"):
-        page.get_by_role("button", name=tool).click()
+        page.locator(".control-panel").get_by_role("button", name=tool).click()
+    page.get_by_role("button", name="Add a prompt").click()
+    page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a rabbit")
+    page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
+    page.evaluate("() => document.activeElement.blur()")
     page.get_by_label("Length along x", exact=True).select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
@@ -83,6 +87,17 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.goto("/#/groups/access")
     page.locator(".contact-sheet .card img").first.wait_for()
     yield "group"
+    page.goto("/#/examples")
+    page.locator(".gallery .card").first.wait_for()
+    yield "examples"
+    page.goto("/#/examples/kept-foot")
+    page.get_by_role("region", name="Quality").wait_for()
+    yield "example"
+    other = finished[:-4] + "0000"  # the same job under another name
+    page.route(f"**/{other}**", lambda route: route.continue_(url=route.request.url.replace(other, finished)))
+    page.goto(f"/#/compare/{finished}/{other}")
+    page.get_by_role("table", name="Result").wait_for()
+    yield "comparison"
 
 
 class PicturedKind(FakeKind):

@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl, promptWords } from "../../service/web/app/create/control/model.js";
 import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
-import { carriedFlags, keptFaces, Neighbours, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
+import { carriedFlags, keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
 
 const ASKED = {
   regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
@@ -31,6 +31,44 @@ test("a job that is asked for again brings its control, and nothing twice", () =
   assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
   const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", [])[0].params;
   assert.deepEqual(params, job.params);
+});
+
+test("further prompts keep their regions through the form, and each is sent as documented", () => {
+  const box = { min: [-1, 0, -1], max: [1, 1, 1] };
+  const prompts = [{ prompt: "a mushroom", weight: 3, regions: [{ box }] }, { prompt: "a pear" }, { prompt: "an owl", regions: [{ node: "Head" }], outside: true }];
+  const params = { regions: [{ node: "Foot", action: "keep" }], prompts };
+  const control = controlOf(params);
+  assert.deepEqual(controlParams(control), params);
+  assert.deepEqual(control.prompts.map(({ where }) => where), ["in", "all", "out"]);
+  assert.deepEqual(controlWords(control), ["Keep: Node Foot"], "a prompt's region keeps nothing");
+  assert.equal(isEmpty(controlOf({ prompts })), true);
+  // As the API returns them.
+  const told = [{ prompt: "a mushroom", weight: 1, outside: false, regions: [{ box, node: null, faces: null }] }];
+  assert.deepEqual(controlParams(controlOf({ prompts: told })).prompts, [{ prompt: "a mushroom", regions: [{ box }] }]);
+  const wish = wishOf({ prompt: "", params: { prompts } }, []);
+  const [document] = documents(wish, null, "", []);
+  assert.deepEqual(document.params.prompts, prompts);
+  assert.equal("prompt" in document, false);
+  assert.deepEqual(wish.kept.params, {});
+  // A target mesh takes no prompt at all.
+  assert.equal("prompts" in documents({ ...wish, guide: { ...wish.guide, target: true } }, null, "", [])[0].params, false);
+});
+
+test("what of further prompts cannot be sent is said, and an empty row asks for nothing", () => {
+  const one = (more, regions = []) => ({ ...noControl(), prompts: [{ id: 4, prompt: "a pear", weight: 1, where: "all", ...more }], regions });
+  const region = { node: "Head", action: "prompt:4" };
+  assert.equal(controlProblem(one({}), false), "");
+  assert.deepEqual(controlParams(one({ prompt: " " })), {});
+  assert.match(controlProblem(one({ where: "in" }), false), /Prompt 2 has no region yet/);
+  assert.match(controlProblem(one({ where: "out" }, [{ faces: [], action: "prompt:4" }]), false), /no region yet/);
+  assert.equal(controlProblem(one({ where: "in" }, [region]), false), "");
+  assert.match(controlProblem(one({ where: "in", prompt: "" }, [region]), false), /a region and no words/);
+  for (const weight of [-1, 101, NaN]) assert.match(controlProblem(one({ weight }), false), /weight of prompt 2/);
+  // Faces that a prompt pulls at: its regions, or all outside of them.
+  const flags = [Uint8Array.from([1, 0, 0]), Uint8Array.from([0, 1, 0])];
+  assert.deepEqual([...pulledFaces([{ outside: false, flags }], 3)], [1, 1, 0]);
+  assert.deepEqual([...pulledFaces([{ outside: true, flags }], 3)], [0, 0, 1]);
+  assert.deepEqual([...pulledFaces([{ outside: true, flags: [flags[0], null] }, { outside: true, flags: [] }], 3)], [0, 0, 0]);
 });
 
 test("triangles are typed as numbers and ranges", () => {

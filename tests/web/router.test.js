@@ -5,7 +5,7 @@ import { parseRoute, permalinkHash, routeHash } from "../../service/web/app/rout
 const JOB = "job_01kg9zqk2xf3v8c5m7n9p1r4t6";
 
 test("every address of a view leads back to itself", () => {
-  for (const hash of ["#/", `#/?from=${JOB}`, "#/jobs", "#/jobs?state=failed", "#/jobs?state=failed&q=duck+100%25", `#/jobs/${JOB}`, `#/shared/${JOB}/link.1769864400.mdk_1.0a`, "#/groups/g1a2b3"]) {
+  for (const hash of ["#/", `#/?from=${JOB}`, "#/jobs", "#/jobs?state=failed", "#/jobs?state=failed&q=duck+100%25", `#/jobs/${JOB}`, `#/shared/${JOB}/link.1769864400.mdk_1.0a`, "#/groups/g1a2b3", "#/examples", "#/examples/kept-foot", "#/?example=lamp", `#/compare/${JOB}/${JOB}2`]) {
     assert.equal(routeHash(parseRoute(hash)), hash);
   }
 });
@@ -14,7 +14,7 @@ test("what is no address leads nowhere, and never into a request", () => {
   assert.deepEqual(parseRoute(""), { name: "create", from: null });
   assert.deepEqual(parseRoute("#/?from=../../etc"), { name: "create", from: null });
   assert.deepEqual(parseRoute("#/jobs?state=odd"), { name: "jobs", state: null, search: "" });
-  for (const hash of ["#/jobs/..%2Fkeys", "#/jobs/job_1/x", "#/groups/a%20b", "#/elsewhere", "#main", `#/shared/${JOB}`, `#/shared/${JOB}/key`, `#/shared/${JOB}/link.a%2F`, `#/shared/${JOB}/link.a/b`]) {
+  for (const hash of ["#/jobs/..%2Fkeys", "#/jobs/job_1/x", "#/groups/a%20b", "#/elsewhere", "#/examples/..%2Fx", "#/compare/job_1", "#/compare/job_1/..%2Fkeys", "#main", `#/shared/${JOB}`, `#/shared/${JOB}/key`, `#/shared/${JOB}/link.a%2F`, `#/shared/${JOB}/link.a/b`]) {
     assert.equal(parseRoute(hash).name, "unknown", hash);
   }
 });

@@ -70,3 +70,15 @@ export class Asset {
     return this._sent;
   }
 }
+
+/**
+ * One of the assets that come with the page. They need no API key.
+ *
+ * @param {string} name Of a file below `web/examples/`.
+ * @param {AbortSignal} signal
+ * @returns {Promise<Asset>}
+ */
+export async function exampleAsset(name, signal) {
+  const response = await client.request(`web/examples/${name}`, { signal });
+  return new Asset(await response.blob(), name.split("/").pop() ?? name);
+}

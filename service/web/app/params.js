@@ -106,8 +106,13 @@ export function integerProblem(text, min, max) {
  * @returns {Record<string, any>[]}
  */
 export function documents(wish, steps, group, fields) {
+  const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
+  const target = wish.guide?.target ?? false;
+  // A target mesh takes the place of all prompts.
+  const prompts = target || !further ? {} : { prompts: further };
+  const goal = wish.prompt.trim() || (target ? "" : (further?.[0].prompt ?? ""));
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), wish.guide?.target ?? false, wish.prompt.trim()), preset: wish.preset };
+  const params = { ...wish.kept.params, ...control, ...prompts, ...guideParams(wish.guide ?? noGuide(), target, goal), preset: wish.preset };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -118,7 +123,7 @@ export function documents(wish, steps, group, fields) {
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
   return Array.from({ length: wish.variations }, (_, index) => ({
-    ...(wish.guide?.target || (params.guidance && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
+    ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
     output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}), ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),

@@ -2,12 +2,15 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null, model?: string, prompt?: string}
+ * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
  *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
  *   | {name: "shared", id: string, link: string}
  *   | {name: "group", id: string}
+ *   | {name: "examples"}
+ *   | {name: "example", id: string}
+ *   | {name: "compare", ids: [string, string]}
  *   | {name: "unknown", path: string}} Route
  */
 
@@ -15,6 +18,7 @@ export const STATES = ["queued", "running", "canceling", "succeeded", "failed", 
 /** As the API has it. */
 export const MAX_SEARCH = 200;
 const JOB_ID = /^job_[0-9a-z]{1,64}$/;
+const EXAMPLE_ID = /^[a-z0-9-]{1,40}$/;
 const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
@@ -31,9 +35,10 @@ export function parseRoute(hash) {
   const params = new URLSearchParams(query);
   if (parts.length === 0) {
     const from = params.get("from");
+    const example = params.get("example") ?? "";
     const model = params.get("model");
     const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...taught };
+    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
   }
   if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
@@ -49,6 +54,11 @@ export function parseRoute(hash) {
   if (parts[0] === "groups" && parts.length === 2 && GROUP_ID.test(parts[1])) {
     return { name: "group", id: parts[1] };
   }
+  if (parts[0] === "examples" && parts.length === 1) return { name: "examples" };
+  if (parts[0] === "examples" && parts.length === 2 && EXAMPLE_ID.test(parts[1])) return { name: "example", id: parts[1] };
+  if (parts[0] === "compare" && parts.length === 3 && JOB_ID.test(parts[1]) && JOB_ID.test(parts[2])) {
+    return { name: "compare", ids: [parts[1], parts[2]] };
+  }
   return { name: "unknown", path: "/" + parts.join("/") };
 }
 
@@ -60,7 +70,7 @@ export function parseRoute(hash) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, model: route.model, prompt: route.prompt })}`;
+      return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "teach":
       return "#/teach";
     case "jobs":
@@ -71,6 +81,12 @@ export function routeHash(route) {
       return `#/shared/${route.id}/${route.link}`;
     case "group":
       return `#/groups/${route.id}`;
+    case "examples":
+      return "#/examples";
+    case "example":
+      return `#/examples/${route.id}`;
+    case "compare":
+      return `#/compare/${route.ids.join("/")}`;
     default:
       return `#${route.path}`;
   }

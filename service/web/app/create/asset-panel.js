@@ -1,8 +1,7 @@
 // @ts-check
 /** The asset of a new job: dropped, chosen, or one of the examples, and shown at once. */
 import { announce } from "../announce.js";
-import { Asset, FORMATS, formatOf } from "../assets.js";
-import { client } from "../client.js";
+import { Asset, exampleAsset, FORMATS, formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
@@ -12,6 +11,7 @@ export const EXAMPLES = [
   { name: "sphere.glb", label: "Sphere" },
   { name: "vase.glb", label: "Painted vase" },
   { name: "cube.glb", label: "Cube" },
+  { name: "animal.glb", label: "Painted animal" },
 ];
 
 export class AssetPanel {
@@ -119,8 +119,7 @@ export class AssetPanel {
   async example(name) {
     const choice = ++this.choices;
     try {
-      const response = await client.request(`web/examples/${name}`, { signal: this.scope.signal });
-      const asset = new Asset(await response.blob(), name);
+      const asset = await exampleAsset(name, this.scope.signal);
       if (choice === this.choices) await this.use(asset);
     } catch (error) {
       if (!this.scope.over && choice === this.choices) this.refuse("The example could not be loaded.", error instanceof Error ? error.message : "");

@@ -1,10 +1,10 @@
 // @ts-check
 /** The form for a new job. */
 import { announce, toast } from "../announce.js";
-import { Asset } from "../assets.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
+import { exampleSection } from "../examples/gallery.js";
 import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
@@ -18,15 +18,18 @@ import { ControlPanel } from "./control/panel.js";
 import { estimateWords } from "./estimate.js";
 import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
+import { originOf } from "./origins.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
 import { beginWith } from "./taught.js";
+
+/** @typedef {import("../assets.js").Asset} Asset */
 
 export class CreateView {
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
-   * @param {string | null} from A job to begin with.
+   * @param {string | null} from A job to begin with, or an example (`exampleOrigin`).
    * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
   constructor(root, scope, from, wanted = {}) {
@@ -73,6 +76,7 @@ export class CreateView {
       { class: "create-form", "aria-label": "New job", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
       this.restored,
       this.prompt.element,
+      this.control.further.element,
       this.guide.element,
       this.problem,
       this.settings.element,
@@ -89,6 +93,7 @@ export class CreateView {
       ),
       h("div", { class: "create" }, this.assets.element, this.form),
       recentJobs(scope),
+      exampleSection(scope),
     );
     this._begin(from);
   }
@@ -166,17 +171,16 @@ export class CreateView {
   }
 
   /**
-   * Use the asset of a job.
+   * Use the asset of a job, or of an example.
    *
-   * @param {string} id
-   * @returns {Promise<import("../params.js").Wish | null>} The job's settings.
+   * @param {string} from
+   * @returns {Promise<import("../params.js").Wish | null>} Its settings.
    */
-  async _assetOf(id) {
+  async _assetOf(from) {
     const before = this.assets.choices;
     try {
-      const job = await client.get(id, this.scope.signal);
-      const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
-      this.others = await this._filesOf(job);
+      const { job, asset, others } = await originOf(from, this.scope.signal);
+      this.others = others;
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);
     } catch (error) {
@@ -185,15 +189,6 @@ export class CreateView {
       await this.assets.example(EXAMPLES[0].name);
       return null;
     }
-  }
-
-  /** @param {any} job @returns {Promise<Record<string, Asset>>} its files besides the asset, by part */
-  async _filesOf(job) {
-    const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
-    const files = parts.map(async ([part, { filename }]) => {
-      return [part, new Asset(await client.file(job, part, this.scope.signal), filename)];
-    });
-    return Object.fromEntries(await Promise.all(files));
   }
 
   /** @param {import("../params.js").Wish} wish @param {Record<string, Asset>} files */
@@ -211,7 +206,7 @@ export class CreateView {
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
-    this.prompt.element.hidden = this.guide.target !== null;
+    this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
   }
@@ -239,6 +234,11 @@ export class CreateView {
     return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
   }
 
+  /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
+  _aimless(wish) {
+    return !wish.prompt && !this.control.further.any && this.guide.isEmpty;
+  }
+
   /** Return whether all settings can be sent; what cannot is marked. */
   _settle() {
     const found = [this.settings.check(), this.control.check(this.settings.subdivide.checked), this.guide.check()];
@@ -260,7 +260,7 @@ export class CreateView {
       this.estimate.textContent = good ? "" : "Correct the marked settings.";
       return;
     }
-    if (!asset || (!wish.prompt && this.guide.isEmpty)) {
+    if (!asset || this._aimless(wish)) {
       this.prompt.refuse(null);
       this.estimate.textContent = wish.prompt ? "" : "Enter a prompt, or pick one.";
       return;
@@ -288,6 +288,7 @@ export class CreateView {
   _good(found, wish) {
     this.steps = found.params.steps;
     this.prompt.refuse(null);
+    this.control.further.accept();
     fill(this.problem);
     this.settings.resolved(found.params);
     this.front.resolve(found.params.orientation);
@@ -302,13 +303,16 @@ export class CreateView {
   _bad(error) {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
-    if (error instanceof MeshdeformError && aboutNegative(error, this.prompt.value)) {
+    const about = isAboutPrompt(error) && error instanceof MeshdeformError;
+    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
+    if (!further) this.control.further.accept();
+    if (!further && about && aboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
-    this.prompt.refuse(isAboutPrompt(error) ? error : null);
-    if (isAboutPrompt(error)) return void fill(this.problem);
+    this.prompt.refuse(about && !further ? error : null);
+    if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
       this.assets.refuse(error.message, error.advice);
       return void fill(this.problem);
@@ -326,7 +330,7 @@ export class CreateView {
     if (this.busy) return;
     const asset = this.assets.asset;
     const wish = this._wish();
-    if (!wish.prompt && this.guide.isEmpty) {
+    if (this._aimless(wish)) {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
       return;
@@ -348,6 +352,7 @@ export class CreateView {
       this._bad(error);
       announce("The job did not start");
       if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
+      else if (this.control.further.refused.size) this.control.further.focusProblem();
     } finally {
       this.busy = false;
       this.start.removeAttribute("aria-disabled");

@@ -3,6 +3,7 @@
 import { toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
+import { compareWith } from "../compare/choose.js";
 import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
@@ -66,6 +67,7 @@ export class JobActions {
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       over && deforms ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
         icon: "link", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
       }),

@@ -1,5 +1,6 @@
 // @ts-check
 /** What a job was asked to keep, to hold and to limit: in words, and over its first view. */
+import { withoutPrompts } from "../create/control/further.js";
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { h } from "../dom.js";
 import { counted } from "../format.js";
@@ -33,7 +34,9 @@ function guideWords({ files = {}, params = {} }) {
  * @param {import("../scope.js").Scope} scope
  */
 export function askedToggle(job, box, scope) {
-  const { regions, handles } = controlOf(job.params ?? {});
+  const control = controlOf(job.params ?? {});
+  const { handles } = control;
+  const regions = withoutPrompts(control.regions);
   if (!regions.length && !handles.length) return null;
   /** @type {import("../../viewer/control/overlay.js").Overlay | null} */
   let overlay = null;

@@ -167,9 +167,17 @@ export class ListView {
     }, {});
     const remove = button(`Delete ${counted(chosen.length, "job")}`, () => this._deleteSelected(), { icon: "trash", class: "button-danger" });
     remove.disabled = !chosen.length;
+    const compare = button("Compare", () => this._compare(), { icon: "grid", title: "Show two selected jobs side by side" });
+    compare.disabled = chosen.length !== 2;
     const focused = this.chosen.contains(document.activeElement);
-    fill(this.chosen, all, remove, h("span", { class: "small muted" }, "Cancel a running job before you delete it."));
+    fill(this.chosen, all, compare, remove, h("span", { class: "small muted" }, "Two jobs can be compared. Cancel a running job before you delete it."));
     if (focused) all.focus();
+  }
+
+  /** Compare the two selected jobs, the older one first. */
+  _compare() {
+    const [a, b] = this._selected().map(({ id }) => id).sort();
+    if (b) location.hash = routeHash({ name: "compare", ids: [a, b] });
   }
 
   _deleteSelected() {

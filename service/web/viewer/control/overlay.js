@@ -15,6 +15,7 @@ import {
 } from "../../vendor/three/three.module.js";
 
 const KEPT = 0x2b6fb3;
+const PULLED = 0x8a4fd0;
 const TOOL = 0xd9622b;
 const POINT = 0.011; // of the diagonal
 const CIRCLE = 48;
@@ -28,8 +29,8 @@ export class Overlay {
   constructor(scene) {
     this.group = new Group();
     scene.add(this.group);
-    this.kept = this.#own(new Mesh(new BufferGeometry(), new MeshBasicMaterial({ color: KEPT, transparent: true, opacity: 0.55, side: DoubleSide, depthWrite: false, toneMapped: false })));
-    this.kept.frustumCulled = false;
+    this.kept = this.#own(tint(KEPT, 0.55));
+    this.pulled = this.#own(tint(PULLED, 0.5));
     this.box = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false })));
     this.brush = this.#own(new LineLoop(circle(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
     this.lines = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
@@ -39,7 +40,7 @@ export class Overlay {
     /** @type {Mesh[]} */
     this.balls = [];
     this.diagonal = 1;
-    for (const one of [this.kept, this.box, this.brush, this.lines]) one.visible = false;
+    for (const one of [this.kept, this.pulled, this.box, this.brush, this.lines]) one.visible = false;
   }
 
   /**
@@ -56,17 +57,29 @@ export class Overlay {
 
   /** @param {import("./surface.js").NumberedSurface | null} surface */
   setSurface(surface) {
-    this.kept.geometry.dispose();
-    this.kept.geometry = new BufferGeometry();
-    this.kept.visible = false;
+    for (const mesh of [this.kept, this.pulled]) {
+      mesh.geometry.dispose();
+      mesh.geometry = new BufferGeometry();
+      mesh.visible = false;
+      if (surface) mesh.geometry.setAttribute("position", new BufferAttribute(surface.shown, 3));
+    }
     if (!surface) return;
-    this.kept.geometry.setAttribute("position", new BufferAttribute(surface.shown, 3));
     this.kept.geometry.computeBoundingBox();
     this.diagonal = this.kept.geometry.boundingBox?.getSize(new Vector3()).length() || 1;
   }
 
-  /** @param {Uint8Array} flags (F) @param {Uint32Array} corners (3F) */
+  /** @param {Uint8Array} flags (F) faces that do not move @param {Uint32Array} corners (3F) */
   setKept(flags, corners) {
+    this.#show(this.kept, flags, corners);
+  }
+
+  /** @param {Uint8Array} flags (F) faces that a prompt with a region pulls at @param {Uint32Array} corners (3F) */
+  setPulled(flags, corners) {
+    this.#show(this.pulled, flags, corners);
+  }
+
+  /** @param {Mesh} mesh @param {Uint8Array} flags (F) @param {Uint32Array} corners (3F) */
+  #show(mesh, flags, corners) {
     const count = flags.reduce((sum, flag) => sum + flag, 0);
     const index = new Uint32Array(3 * count);
     let at = 0;
@@ -75,8 +88,8 @@ export class Overlay {
       index.set(corners.subarray(3 * f, 3 * f + 3), at);
       at += 3;
     });
-    this.kept.geometry.setIndex(new BufferAttribute(index, 1));
-    this.kept.visible = count > 0;
+    mesh.geometry.setIndex(new BufferAttribute(index, 1));
+    mesh.visible = count > 0;
   }
 
   /** @param {Box | null} box @param {Marks[]} handles @param {number} chosen */
@@ -110,12 +123,19 @@ export class Overlay {
 
   dispose() {
     this.group.removeFromParent();
-    for (const { geometry, material } of [this.kept, this.box, this.brush, this.lines]) {
+    for (const { geometry, material } of [this.kept, this.pulled, this.box, this.brush, this.lines]) {
       geometry.dispose();
       material.dispose();
     }
     for (const one of [this.ball, this.solid, this.pale]) one.dispose();
   }
+}
+
+/** A colour over some of the faces. @param {number} color @param {number} opacity */
+function tint(color, opacity) {
+  const mesh = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ color, transparent: true, opacity, side: DoubleSide, depthWrite: false, toneMapped: false }));
+  mesh.frustumCulled = false;
+  return mesh;
 }
 
 /** @param {Box} box @returns {Place[]} the middle of each side: x down, x up, y down ... */

@@ -56,6 +56,21 @@ function insideOf({ box, sphere, capsule }) {
 }
 
 /**
+ * The faces that prompts with regions pull at.
+ * @param {{ outside: boolean, flags: (Uint8Array | null)[] }[]} prompts the flags of each one's regions
+ * @param {number} count of faces
+ * @returns {Uint8Array} (F); a prompt with a region that only the service can tell is left out
+ */
+export function pulledFaces(prompts, count) {
+  const pulled = new Uint8Array(count);
+  for (const { outside, flags } of prompts) {
+    if (!flags.length || flags.includes(null)) continue;
+    for (let f = 0; f < count; f++) if (flags.some((region) => region?.[f]) !== outside) pulled[f] = 1;
+  }
+  return pulled;
+}
+
+/**
  * The faces that do not move: those that a region keeps, and where regions say `only`, all outside of them.
  * @param {{ action?: string, flags: Uint8Array | null }[]} regions
  * @param {number} count of faces

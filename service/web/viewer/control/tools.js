@@ -112,9 +112,12 @@ export class ControlTools {
     this.#brushAt(null);
   }
 
-  /** @param {Uint8Array} kept (F) faces that do not move */
-  showKept(kept) {
-    if (this.surface) this.overlay.setKept(kept, this.surface.corners);
+  /** @param {Uint8Array} kept (F) faces that do not move @param {Uint8Array} pulled (F) those that a prompt with a region pulls at */
+  showKept(kept, pulled) {
+    if (this.surface) {
+      this.overlay.setKept(kept, this.surface.corners);
+      this.overlay.setPulled(pulled, this.surface.corners);
+    }
     this.viewer.invalidate();
   }
 

@@ -6,13 +6,14 @@
  * @typedef {Record<string, any>} Region
  * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
  * @typedef {"keep" | {min?: number | null, max?: number | null}} Limit
- * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, length: Record<string, Limit>}} Control
- *   `falloff` as it was typed; empty: as the service decides.
+ * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, length: Record<string, Limit>,
+ *   prompts: import("./further.js").Further[]}} Control `regions`: those of further prompts, too. `falloff` as it was typed; empty: as the service decides.
  */
 import { counted, figure } from "../../format.js";
+import { furtherOf, furtherParams, furtherProblem, withoutPrompts } from "./further.js";
 
 /** The parameters that the panel edits. */
-export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "length"];
+export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "length", "prompts"];
 export const AXES = ["x", "y", "z"];
 export const SYMMETRIES = /** @type {[string, string][]} */ ([
   ["none", "Not kept"],
@@ -24,12 +25,12 @@ export const SYMMETRIES = /** @type {[string, string][]} */ ([
 
 /** @returns {Control} */
 export function noControl() {
-  return { regions: [], handles: [], symmetry: "none", falloff: "", length: {} };
+  return { regions: [], handles: [], symmetry: "none", falloff: "", length: {}, prompts: [] };
 }
 
-/** @param {Control} control */
+/** Whether nothing is asked but prompts. @param {Control} control */
 export function isEmpty(control) {
-  return !Object.keys(controlParams(control)).length;
+  return !Object.keys(controlParams({ ...control, prompts: [], regions: withoutPrompts(control.regions) })).length;
 }
 
 /**
@@ -38,28 +39,33 @@ export function isEmpty(control) {
  * @param {Control} control
  * @returns {Record<string, any>}
  */
-export function controlParams({ regions, handles, symmetry, falloff, length }) {
+export function controlParams({ regions, handles, symmetry, falloff, length, prompts }) {
   // A box or a painted region that is still empty selects nothing.
-  const chosen = regions.filter((region) => !region.faces || region.faces.length);
+  const chosen = withoutPrompts(regions).filter((region) => !region.faces || region.faces.length);
+  const further = furtherParams(prompts, regions);
+  const local = chosen.length > 0 || further.some((each) => each.regions);
   const limits = Object.entries(length).filter(([, limit]) => limit === "keep" || given(limit.min) || given(limit.max));
   return {
     ...(chosen.length ? { regions: chosen } : {}),
     ...(handles.length ? { handles } : {}),
     ...(symmetry !== "none" ? { symmetry } : {}),
-    ...(chosen.length && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
+    ...(local && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
     ...(limits.length ? { length: Object.fromEntries(limits) } : {}),
+    ...(further.length ? { prompts: further } : {}),
   };
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Control} */
 export function controlOf(params) {
   const length = Object.fromEntries(Object.entries(params.length ?? {}).filter(([, limit]) => limit));
+  const { prompts, regions } = furtherOf(params.prompts ?? []);
   return structuredClone({
-    regions: (params.regions ?? []).map(withoutNulls),
+    regions: [...(params.regions ?? []), ...regions].map(withoutNulls),
     handles: (params.handles ?? []).map(withoutNulls),
     symmetry: params.symmetry ?? "none",
     falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
     length,
+    prompts,
   });
 }
 
@@ -102,7 +108,7 @@ export function promptWords(prompts) {
 }
 
 /**
- * All that is asked, in sentences for a list.
+ * All that is asked, in sentences for a list; `promptWords` says the prompts.
  *
  * @param {Control} control
  * @returns {string[]}
@@ -114,7 +120,7 @@ export function controlWords({ regions, handles, symmetry, length }) {
     return `Length along ${axis}: ${low && high ? `${low} to ${high}` : low ? `at least ${low}` : `at most ${high}`}`;
   });
   return [
-    ...regions.map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
+    ...withoutPrompts(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
     ...handles.map((handle) => `Handle: ${handle.position ? placeWords(handle.position) : `vertex ${handle.vertex}`} to ${placeWords(handle.to)}`),
     ...(symmetry !== "none" ? [`Symmetry: ${(SYMMETRIES.find(([name]) => name === symmetry) ?? [symmetry, symmetry])[1].toLowerCase()}`] : []),
     ...limits,
@@ -165,7 +171,7 @@ export function falloffProblem(text) {
  * @param {Control} control
  * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
  */
-export function controlProblem({ regions, handles, falloff, length }, subdivided) {
+export function controlProblem({ regions, handles, falloff, length, prompts }, subdivided) {
   const painted = regions.some(({ faces }) => faces?.length) || handles.some(({ vertex }) => vertex !== undefined);
   if (subdivided && painted) return "Painted triangles are numbered as in the file: they cannot be used with long edges split first. Use a box or a part.";
   for (const { box } of regions) {
@@ -178,7 +184,7 @@ export function controlProblem({ regions, handles, falloff, length }, subdivided
     if (values.some((value) => Number(value) <= 0 || Number(value) > 1000)) return `The limits along ${axis} must be more than 0 and at most 1,000.`;
     if (values.length === 2 && Number(values[0]) > Number(values[1])) return `The least length along ${axis} is more than the greatest.`;
   }
-  return falloffProblem(falloff);
+  return falloffProblem(falloff) || furtherProblem(prompts, regions);
 }
 
 /** Past states of a document, for Undo. */
@@ -197,6 +203,11 @@ export class History {
     this.past.push(this.now);
     if (this.past.length > 100) this.past.shift();
     this.now = text;
+  }
+
+  /** Take another state as the present one, without a step. @param {Control} control */
+  amend(control) {
+    this.now = JSON.stringify(control);
   }
 
   /** @returns {Control | null} The state before the last step; null where there is none. */

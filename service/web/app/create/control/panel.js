@@ -2,30 +2,22 @@
 /** What stays, what goes where and how large the result may be: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
-import { segmented, slider } from "../../job/stage-controls.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES, AXES } from "./model.js";
+import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
+import { PromptRows } from "./prompt-rows.js";
 import { handleRow, lengthRow, regionRow } from "./rows.js";
+import { named, partOptions } from "./parts.js";
+import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
-/** @typedef {import("../../../viewer/control/tools.js").Box} Box */
-/** @typedef {{index: number, name: string}} Named */
-/** @typedef {{nodes: Named[], materials: Named[], mesh_names: Named[]}} Parts */
+/** @typedef {import("./parts.js").Named} Named */
+/** @typedef {import("./parts.js").Parts} Parts */
 
 /** @type {Parts} */
 const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
 const MOST_REGIONS = 64;
-const TOOLS = /** @type {[Tool, string][]} */ ([["turn", "Turn"], ["paint", "Paint"], ["box", "Box"], ["part", "Part"], ["handle", "Handle"]]);
-const HINTS = /** @type {Record<Tool, string>} */ ({
-  turn: "",
-  paint: "Drag on the asset to paint. Beside it, dragging turns the view.",
-  box: "Drag the points on the sides of the box.",
-  part: "Click a part of the asset.",
-  handle: "Drag a point of the asset to where it shall be.",
-});
-
-const TOUCHED = matchMedia("(any-pointer: coarse)");
 
 export class ControlPanel {
   /**
@@ -48,6 +40,7 @@ export class ControlPanel {
     this.tool = "turn";
     this.action = "keep";
     this.erasing = false;
+    this.picking = "node";
     this.subdivided = false;
     /** The region whose box is in the view, and the handle that was touched last. */
     this.boxed = -1;
@@ -55,6 +48,7 @@ export class ControlPanel {
     /** @type {import("./rows.js").Row[]} */
     this.rows = [];
     this.view = new ControlView(box, this);
+    this.further = new PromptRows(this);
     this.lists = h("div", { class: "control-lists" });
     this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
     this.undoButton = button("Undo", () => this.undo(), { class: "chip chip-small" });
@@ -70,30 +64,10 @@ export class ControlPanel {
         this.changed();
       }),
     );
-    this.toolbar = this._toolbar();
+    this.bar = new Toolbar(this);
+    this.toolbar = this.bar.element;
     this.element = this._fold();
     this._show();
-  }
-
-  _toolbar() {
-    this.toolChoice = segmented("Tool", TOOLS, "turn", (tool) => this.use(/** @type {Tool} */ (tool)));
-    const actions = segmented("New regions", [["keep", "Keep"], ["only", "Only this moves"]], "keep", (action) => (this.action = action));
-    this.strokes = segmented("Brush", [["add", "Add"], ["erase", "Erase"]], "add", (stroke) => (this.erasing = stroke === "erase"));
-    const brush = slider("brush-slider", "Size", 30, () => (this.view.brush = Number(brush.input.value) / 100));
-    brush.input.min = "1";
-    brush.input.value = "5";
-    brush.row.hidden = false;
-    brush.input.addEventListener("input", () => (brush.value.textContent = `${brush.input.value}%`));
-    brush.value.textContent = "5%";
-    brush.input.setAttribute("aria-label", "Size of the brush, percent of the asset's diagonal");
-    this.by = segmented("Parts by", [["node", "Nodes"], ["material", "Materials"]], "node", (by) => (this.picking = by));
-    this.picking = "node";
-    this.hint = h("p", { class: "small muted tool-hint", "aria-live": "polite" });
-    this.actions = actions;
-    this.brushRow = h("div", { class: "row tool-row" }, this.strokes, brush.row);
-    const undo = button("Undo", () => this.undo(), { icon: "retry", quiet: true, class: "button-quiet", title: "Undo (Ctrl+Z)" });
-    this.undoTool = undo;
-    return h("div", { class: "control-tools", hidden: true, role: "group", "aria-label": "Control in the view" }, h("div", { class: "row tool-row" }, this.toolChoice, undo), h("div", { class: "row tool-row" }, this.actions, this.by), this.brushRow, this.hint);
   }
 
   _fold() {
@@ -135,7 +109,7 @@ export class ControlPanel {
       h("div", { class: "field" }, h("label", { class: "field-label", for: "control-symmetry" }, "Symmetry"), this.symmetry),
       h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Lengths"), this.lengths.map(({ element }) => element)),
     );
-    fold.addEventListener("toggle", () => (this.toolbar.hidden = !fold.open || !this.view.possible));
+    fold.addEventListener("toggle", () => this._place());
     return fold;
   }
 
@@ -150,6 +124,7 @@ export class ControlPanel {
     this.control = { ...noControl(), ...structuredClone(found) };
     this.of = of || this.asset;
     this.boxed = this.chosen = -1;
+    this._aimElsewhere();
     this._belong();
     this.history.reset(this.control);
     if (!isEmpty(this.control)) /** @type {HTMLDetailsElement} */ (this.element).open = true;
@@ -185,10 +160,7 @@ export class ControlPanel {
     this.offered = text;
     this.parts = parts;
     const chosen = this.part.value;
-    const options = [["node", "Nodes", parts.nodes], ["material", "Materials", parts.materials]].map(([kind, label, list]) =>
-      h("optgroup", { label: String(label) }, /** @type {Named[]} */ (list).map((part) => h("option", { value: JSON.stringify({ [String(kind)]: named(part, /** @type {Named[]} */ (list)) }) }, part.name || `${kind} ${part.index}`))),
-    );
-    fill(this.part, options);
+    fill(this.part, partOptions(parts));
     if (chosen) this.part.value = chosen;
     if (this.partRow) this.partRow.hidden = parts.nodes.length + parts.materials.length < 1;
     this.view.draw();
@@ -197,15 +169,33 @@ export class ControlPanel {
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
-    const at = TOOLS.findIndex(([name]) => name === tool);
-    const input = this.toolChoice?.querySelectorAll("input")[at];
-    if (input) input.checked = true;
-    if (tool === "box" && !this.control.regions[this.boxed]?.box) {
-      this.boxed = this.control.regions.findLastIndex((region) => region.box);
+    this.bar.take(tool);
+    const same = (/** @type {any} */ region) => region?.box && (isPromptAction(this.action) ? region.action === this.action : !isPromptAction(region.action));
+    if (tool === "box" && !same(this.control.regions[this.boxed])) {
+      this.boxed = this.control.regions.findLastIndex(same);
       if (this.boxed < 0) this.addBox();
     }
     this._show();
     this.view.use(tool);
+  }
+
+  /** What a region can be for: values of its `action`, and words. @returns {[string, string][]} */
+  get purposes() {
+    const { prompts } = this.control;
+    return [["keep", "Keep"], ["only", "Only this moves"], ...prompts.map(({ id }) => /** @type {[string, string]} */ ([promptAction(id), promptName(prompts, id)]))];
+  }
+
+  /** Let new regions be for something. @param {string} action */
+  aim(action) {
+    this.action = action;
+    this._show();
+  }
+
+  /** What new regions are for must be there. */
+  _aimElsewhere() {
+    if (this.purposes.some(([action]) => action === this.action)) return;
+    this.action = "keep";
+    this.use("turn");
   }
 
   addBox() {
@@ -254,6 +244,8 @@ export class ControlPanel {
   undo() {
     const control = this.history.undo();
     if (!control) return;
+    keepWords(this.control.prompts, control.prompts);
+    this.history.amend(control);
     this.boxed = -1;
     this._take(control);
     announce("Undone");
@@ -273,12 +265,15 @@ export class ControlPanel {
   _take(control) {
     this.control = control;
     this.chosen = -1;
+    this._aimElsewhere();
     this._show();
     this.onChange();
   }
 
   _clear() {
-    this.control = noControl();
+    const { prompts, regions } = this.control;
+    this.control = { ...noControl(), prompts, regions: regions.filter(({ action }) => isPromptAction(action)) };
+    this.boxed = this.chosen = -1;
     this.use("turn");
     this._structure();
     announce("Cleared");
@@ -298,8 +293,16 @@ export class ControlPanel {
     this.changed();
   }
 
+  /** Words are other ones: the form is told, and no step remembered. */
+  reworded() {
+    this.history.amend(this.control);
+    this._words();
+    this.onChange();
+  }
+
   /** A value is another one: the step is remembered, and the form told. */
   changed() {
+    this.further.settle();
     this.history.add(this.control);
     this.refresh();
     this.onChange();
@@ -318,13 +321,19 @@ export class ControlPanel {
     const region = (/** @type {any} */ each, /** @type {number} */ at) =>
       regionRow(each, at + 1, {
         changed: () => this.changed(),
+        moved: () => this._structure(),
+        purposes: this.purposes,
         remove: () => this._remove("regions", at),
-        edit: this.view.possible ? () => ((this.boxed = at), this.use("box")) : null,
+        edit: this.view.possible ? () => ((this.boxed = at), (this.action = each.action ?? "keep"), this.use("box")) : null,
         selected: () => this.view.selected(at),
       });
     const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
-    this.rows = [...regions.map(region), ...handles.map(handle)];
-    fill(this.lists, this.rows.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, this.rows.map(({ element }) => element)) : null);
+    const rows = regions.map(region);
+    const own = [...rows.filter((_, at) => !isPromptAction(regions[at].action)), ...handles.map(handle)];
+    this.rows = [...rows, ...own.slice(own.length - handles.length)];
+    fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
+    this.further.show((id) => rows.filter((_, at) => regions[at].action === promptAction(id)).map(({ element }) => element));
+    this.bar.offer(this.purposes, this.action);
     for (const row of this.lengths) row.update(true);
     this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
@@ -335,21 +344,22 @@ export class ControlPanel {
     const { regions } = this.control;
     const { tool } = this;
     this.count.textContent = isEmpty(this.control) ? "" : "· in use";
-    this.undoButton.disabled = this.undoTool.disabled = !this.history.past.length;
-    this.clearButton.disabled = isEmpty(this.control) && !regions.length;
+    this.undoButton.disabled = !this.history.past.length;
+    this.clearButton.disabled = isEmpty(this.control) && !withoutPrompts(regions).length;
     if (this.falloffRow) this.falloffRow.hidden = !regions.length;
-    if (this.actions) this.actions.hidden = !["paint", "box", "part"].includes(tool);
-    if (this.by) this.by.hidden = tool !== "part";
-    if (this.brushRow) this.brushRow.hidden = tool !== "paint";
-    if (this.hint) {
-      const fingers = tool !== "turn" && TOUCHED.matches ? " Two fingers turn and zoom the view." : "";
-      this.hint.textContent = this.view.numbered || tool === "turn" ? `${HINTS[tool]}${fingers}` : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
-      this.hint.hidden = !this.hint.textContent;
-    }
-    this.toolbar.hidden = !(/** @type {HTMLDetailsElement} */ (this.element)?.open) || !this.view.possible;
-    const problem = controlProblem(this.control, this.subdivided) || this.view.problem;
+    this.bar.show(tool, this.view.numbered, !this.undoButton.disabled);
+    this._place();
+    const further = this.further?.fault ?? "";
+    const problem = controlProblem({ ...this.control, prompts: [] }, this.subdivided) || this.view.problem;
     this.problem.hidden = !problem;
     this.problem.textContent = problem;
+    this.further?.say(further);
+  }
+
+  /** The tools are there while this panel is open, or the regions of a prompt are edited. */
+  _place() {
+    const { open } = /** @type {HTMLDetailsElement} */ (this.element ?? {});
+    this.toolbar.hidden = !this.view.possible || !(open || (isPromptAction(this.action) && this.tool !== "turn"));
   }
 
   /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
@@ -357,15 +367,19 @@ export class ControlPanel {
     this.subdivided = subdivided;
     this._words();
     const wrong = this.element.querySelector('[aria-invalid="true"]');
-    const good = !wrong && !controlProblem(this.control, subdivided);
+    const good = !wrong && !controlProblem({ ...this.control, prompts: [] }, subdivided);
     if (!good) /** @type {HTMLDetailsElement} */ (this.element).open = true;
-    return good;
+    return good && this.further.check();
   }
 
   /** Say what the server refuses beside it. @param {any[]} errors @returns {boolean} whether all of them belong here */
   refuse(errors) {
     const own = errors.filter((error) => CONTROL_PARAMS.includes(error.loc?.[1]));
     if (!own.length) return false;
+    if (own.every((error) => error.loc[1] === "prompts")) {
+      this.further.say(own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
+      return own.length === errors.length;
+    }
     /** @type {HTMLDetailsElement} */ (this.element).open = true;
     this.problem.hidden = false;
     this.problem.textContent = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
@@ -373,12 +387,7 @@ export class ControlPanel {
   }
 
   focusProblem() {
+    if (this.further.fault) return this.further.focusProblem();
     /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("summary"))?.focus();
   }
 }
-
-/** The name of a part, or its number where no name says which it is. @param {Named} part @param {Named[]} all */
-function named(part, all) {
-  return part.name && all.filter(({ name }) => name === part.name).length === 1 ? part.name : part.index;
-}
-

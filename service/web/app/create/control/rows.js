@@ -67,17 +67,19 @@ function frame(words, remove, ...parts) {
  * @param {number} number
  * @param {object} context
  * @param {() => void} context.changed
+ * @param {() => void} context.moved Called when it is for something else.
+ * @param {[string, string][]} context.purposes What a region can be for: values of `action`, and words.
  * @param {() => void} context.remove
  * @param {(() => void) | null} context.edit Take the box into the view; null where there is none.
  * @param {() => number | null} context.selected How many triangles it selects; null: only the service knows.
  * @returns {Row}
  */
-export function regionRow(region, number, { changed, remove, edit, selected }) {
-  const action = h("select", { class: "select-small", "aria-label": `Region ${number}: what happens to it` }, h("option", { value: "keep" }, "Keep"), h("option", { value: "only" }, "Only this moves"));
+export function regionRow(region, number, { changed, moved, purposes, remove, edit, selected }) {
+  const action = h("select", { class: "select-small", "aria-label": `Region ${number}: what happens to it` }, purposes.map(([value, text]) => h("option", { value }, text)));
   action.value = region.action ?? "keep";
   action.addEventListener("change", () => {
     region.action = action.value;
-    changed();
+    moved();
   });
   const shows = /** @type {(() => void)[]} */ ([]);
   const more = [];

@@ -1,6 +1,7 @@
 // @ts-check
 /** The control panel's hand in the 3D view: loads the tools when they are needed, and shows what the panel holds. */
 import { announce } from "../../announce.js";
+import { isPromptAction, promptAction } from "./further.js";
 import { rounded } from "./rows.js";
 
 /** @typedef {import("../../../viewer/control/tools.js").Box} Box */
@@ -207,7 +208,7 @@ export class ControlView {
 
   /** Show what the panel holds. */
   draw() {
-    const { regions, handles } = this.panel.control;
+    const { regions, handles, prompts } = this.panel.control;
     if (!this.tools) {
       this.flags = [];
       this.everything = false;
@@ -216,10 +217,13 @@ export class ControlView {
     }
     const { surface } = this;
     this.flags = surface ? regions.map((region) => this.library.selectedFaces(region, surface, this.named)) : [];
-    const asked = regions.map(({ action, faces }, i) => ({ action, flags: faces && !faces.length ? null : this.flags[i], faces })).filter(({ faces }) => !faces || faces.length);
+    const asked = regions
+      .map(({ action, faces }, i) => ({ action, flags: faces && !faces.length ? null : this.flags[i], faces }))
+      .filter(({ action, faces }) => !isPromptAction(action) && (!faces || faces.length));
+    const pulling = prompts.filter(({ where }) => where !== "all").map(({ id, where }) => ({ outside: where === "out", flags: this.flags.filter((_, i) => regions[i].action === promptAction(id)) }));
     const kept = surface ? this.library.keptFaces(asked, surface.count) : new Uint8Array();
     this.everything = kept.length > 0 && kept.every(Boolean);
-    this.tools.showKept(kept);
+    this.tools.showKept(kept, surface ? this.library.pulledFaces(pulling, surface.count) : new Uint8Array());
     const { boxed, tool } = this.panel;
     const box = tool === "box" ? (regions[boxed]?.box ?? null) : null;
     this.tools.showMarks(box, handles.map(({ position, to }) => ({ position: /** @type {any} */ (position ?? null), to: /** @type {any} */ (to) })), this.panel.chosen, /** @type {any} */ (this.extra));

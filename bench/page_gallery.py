@@ -1,0 +1,151 @@
+"""Make the examples of the web page: their results, their pictures, and the list that the page reads.
+
+python -m bench.page_gallery              writes service/web/examples/gallery.json, gallery/ID.glb and gallery/ID.webp
+python -m bench.page_gallery lamp chair   makes these again
+python -m bench.page_gallery --animal     writes service/web/examples/animal.glb, a source of its own
+
+Sources, results and pictures are CC0: the shapes and their paint are made by formula. Each result records in its
+`asset.extras.meshdeform` which request made it, of which file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from bench.hero import painted_animal
+from meshdeform.assets import load_asset
+from meshdeform.priors import load_prior
+from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.requests.document import DeformParams, JobRequest
+from meshdeform.requests.resolve import resolve
+from meshdeform.runs import text_deform
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "service" / "web" / "examples"
+LIST = FOLDER / "gallery.json"
+OUTPUT = {"compact": True, "provenance": True}
+AZIMUTH_DEG, SIDE = 30.0, 320
+REPORTED = ("quality", "likeness", "texture_stretch", "mesh")
+"""Parts of a report that the page shows."""
+ANIMAL_CELLS = 15
+
+
+@dataclass(frozen=True)
+class Example:
+    """One example: what is deformed, and how."""
+
+    name: str
+    asset: str
+    label: str
+    prompt: str
+    seed: int
+    params: dict[str, Any] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """Return the request; ten shapes on the way are kept, as for every job that the page starts."""
+        params = {"preset": "balanced", "seed": self.seed, **self.params}
+        steps = resolve(DeformParams.model_validate(params)).steps
+        return {
+            "prompt": self.prompt,
+            "params": {**params, "checkpoint_every_steps": max(1, round(steps / 10))},
+            "output": OUTPUT,
+        }
+
+
+EXAMPLES = (
+    Example("lamp", "vase.glb", "Painted vase", "a lamp", 0),
+    Example("giraffe", "animal.glb", "Painted animal", "a giraffe", 0),
+    Example("chair", "cube.glb", "Cube", "a chair", 4),
+    Example("mushroom", "sphere.glb", "Sphere", "a mushroom with a big cap", 0),
+    Example("house", "cube.glb", "Cube", "a house", 0),
+    Example("rabbit", "sphere.glb", "Sphere", "a rabbit with big ears", 5),
+    Example(
+        "kept-foot",
+        "vase.glb",
+        "Painted vase, its lower half kept",
+        "a mushroom",
+        0,
+        {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, 0.05, 1]}, "action": "keep"}]},
+    ),
+)
+
+
+def make(example: Example, prior: Any) -> dict[str, Any]:
+    """Deform the asset, write result and picture, and return the entry of the list."""
+    source = (FOLDER / example.asset).read_bytes()
+    document = example.document()
+    run = text_deform.start(
+        asset=source, filename=example.asset, request=JobRequest.model_validate(document), prior=prior
+    )
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    result, report = artifacts["result.glb"].data, json.loads(artifacts["report.json"].data)
+    (FOLDER / "gallery").mkdir(exist_ok=True)
+    (FOLDER / "gallery" / f"{example.name}.glb").write_bytes(result)
+    (FOLDER / "gallery" / f"{example.name}.webp").write_bytes(picture(source, result))
+    shown = {name: report[name] for name in REPORTED if report.get(name)}
+    return {
+        "id": example.name,
+        "asset": example.asset,
+        "label": example.label,
+        "result": f"gallery/{example.name}.glb",
+        "picture": f"gallery/{example.name}.webp",
+        "document": document,
+        "report": _rounded(shown),
+    }
+
+
+def picture(source: bytes, result: bytes) -> bytes:
+    """Return a WebP of source and result side by side, at the same scale."""
+    assets = [load_asset(data) for data in (source, result)]
+    poses = [Pose(asset.surface.positions, asset.surface.normals) for asset in assets]
+    studio = Studio(assets[0].appearance(), poses, size=SIDE, azimuths_deg=(AZIMUTH_DEG,))
+    views = [studio.photograph(pose, (AZIMUTH_DEG,))[0] for pose in poses]
+    buffer = io.BytesIO()
+    Image.fromarray(np.concatenate(views, 1)).save(buffer, "WEBP", quality=82, method=6)
+    return buffer.getvalue()
+
+
+def _rounded(value: Any) -> Any:
+    """Return a JSON value with four significant digits."""
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items() if name != "judge"}
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+def main() -> None:
+    """Make the examples of the web page."""
+    parser = argparse.ArgumentParser(prog="python -m bench.page_gallery", description=main.__doc__)
+    parser.add_argument("names", nargs="*", help="default: all")
+    parser.add_argument("--animal", action="store_true", help="make the painted animal instead")
+    options = parser.parse_args()
+    if options.animal:
+        data = painted_animal(ANIMAL_CELLS)
+        (FOLDER / "animal.glb").write_bytes(data)
+        print(f"animal.glb: {len(data):,} bytes")
+        return
+    unknown = set(options.names) - {example.name for example in EXAMPLES}
+    if unknown:
+        parser.error(f"no such example: {', '.join(sorted(unknown))}")
+    known = {each["id"]: each for each in json.loads(LIST.read_text())["examples"]} if LIST.exists() else {}
+    prior = load_prior("builtin", device="cpu")
+    for example in EXAMPLES:
+        if not options.names or example.name in options.names:
+            known[example.name] = entry = make(example, prior)
+            size = (FOLDER / entry["result"]).stat().st_size
+            print(f"{example.name}: {size:,} bytes, likeness {entry['report'].get('likeness')}", flush=True)
+    entries = [known[example.name] for example in EXAMPLES if example.name in known]
+    LIST.write_text(json.dumps({"examples": entries}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

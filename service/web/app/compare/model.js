@@ -1,0 +1,95 @@
+// @ts-check
+/**
+ * What two jobs have in common and what not: their requests, and the figures of their results. No elements here, so that
+ * node can test it.
+ *
+ * @typedef {{label: string, values: [string, string], same: boolean}} Row
+ */
+import { controlOf, controlWords, promptWords } from "../create/control/model.js";
+import { count, duration, figure, goalWords, percent, STATE_WORDS } from "../format.js";
+import { isTerminal } from "../history.js";
+import { PRESETS } from "../params.js";
+
+// Said in rows of their own, or without a bearing on the result.
+const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "length", "checkpoint_every_steps"];
+
+/** @param {string} label @param {string} a @param {string} b @returns {Row} */
+function row(label, a, b) {
+  return { label, values: [a, b], same: a === b };
+}
+
+/**
+ * Why a job has nothing to compare; empty where it has.
+ *
+ * @param {any} job
+ */
+export function obstacle(job) {
+  if ((job.kind ?? "text_deform") !== "text_deform") return "This job does not deform an asset, so it has no shape to compare.";
+  if (job.state === "succeeded") return "";
+  if (!isTerminal(job.state)) return "This job has not finished yet. The comparison appears as soon as it has.";
+  return `This job has no result: ${STATE_WORDS[job.state].toLowerCase()}.`;
+}
+
+/**
+ * What was asked of two jobs: that which tells jobs apart always, the other parameters where they differ.
+ *
+ * @param {[any, any]} jobs
+ * @param {[any, any]} reports `report.json` of each; null where there is none.
+ * @returns {Row[]}
+ */
+export function askedRows(jobs, reports) {
+  const both = (/** @type {(job: any, report: any) => string} */ say) => /** @type {[string, string]} */ ([0, 1].map((i) => say(jobs[i], reports[i])));
+  const control = (/** @type {any} */ job) => [...promptWords(job.params?.prompts ?? []), ...controlWords(controlOf(job.params ?? {}))].join("; ");
+  const always = [
+    row("Prompt", ...both(goalWords)),
+    row("Asset", ...both((job) => job.asset.filename)),
+    row("Quality", ...both((job) => PRESETS.find(([name]) => name === (job.params?.preset ?? "balanced"))?.[1] ?? "")),
+    row("Variation", ...both((job) => String(job.params?.seed ?? 0))),
+    row("Model", ...both((job, report) => String(report?.params?.model ?? job.params?.model ?? "builtin"))),
+    row("Control", ...both(control)),
+    row("Target", ...both((job) => job.files?.target?.filename ?? "")),
+  ];
+  // What the presets decided differs too; a job without a report has only what was written.
+  const params = reports.every((report) => report?.params) ? reports.map((report) => report.params) : jobs.map((job) => job.params ?? {});
+  const names = [...new Set(params.flatMap((found) => Object.keys(found)))].filter((name) => !SAID.includes(name));
+  const others = names.map((name) => row(name, valueText(params[0][name]), valueText(params[1][name])));
+  const outputs = [...new Set(jobs.flatMap((job) => Object.keys(job.output ?? {})))].map((name) => row(`output.${name}`, valueText(jobs[0].output?.[name]), valueText(jobs[1].output?.[name])));
+  return [...always.filter(({ values }) => values.some(Boolean)), ...[...others, ...outputs].filter(({ same }) => !same)];
+}
+
+/** @param {unknown} value */
+function valueText(value) {
+  if (value === undefined || value === null || value === "") return "";
+  if (typeof value === "number") return String(Number(value.toPrecision(8)));
+  return typeof value === "object" ? JSON.stringify(value) : String(value);
+}
+
+/**
+ * The figures of two results, side by side; those that neither report has are left out.
+ *
+ * @param {[any, any]} reports
+ * @returns {Row[]}
+ */
+export function figureRows(reports) {
+  const take = (/** @type {string} */ label, /** @type {(report: any) => unknown} */ get, /** @type {(value: any) => string} */ say = figure) => {
+    const [a, b] = reports.map((report) => get(report ?? {}) ?? null);
+    const text = (/** @type {unknown} */ value) => (value === null ? "" : say(value));
+    return row(label, text(a), text(b));
+  };
+  const seconds = (/** @type {any} */ report) => report.seconds && Object.values(report.seconds).reduce((sum, each) => sum + each, 0);
+  return [
+    take("Looks like", ({ likeness }) => (likeness?.noun && typeof likeness.probability === "number" ? likeness : null), ({ noun, probability }) => `${noun} ${percent(probability)}`),
+    take("Flipped faces", ({ quality }) => quality?.flipped_faces, count),
+    take("Self-intersecting faces", ({ quality }) => quality?.self_intersecting_faces_after, count),
+    take("Collapsed faces", ({ quality }) => quality?.collapsed_faces, count),
+    take("Distortion, 99th percentile", ({ quality }) => quality?.symmetric_dirichlet_p99),
+    take("Sharpest corners", ({ quality }) => quality?.min_angle_p1_deg_after, (value) => `${figure(value)}°`),
+    take("Texture stretch, 95th percentile", ({ texture_stretch: stretch }) => stretch?.p95, (value) => `${figure(value)}×`),
+    take("Surface", ({ quality }) => quality?.area_ratio, (value) => `${figure(value)}×`),
+    take("Volume", ({ quality }) => quality?.volume_ratio, (value) => `${figure(value)}×`),
+    take("Moved, root mean square", ({ movement }) => movement?.rms, (value) => `${figure(100 * value)}%`),
+    take("Triangles", ({ mesh }) => mesh?.source_triangles, count),
+    take("Steps", ({ params }) => params?.steps, count),
+    take("Time", seconds, duration),
+  ].filter(({ values }) => values.some(Boolean));
+}

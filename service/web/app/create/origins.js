@@ -1,0 +1,43 @@
+// @ts-check
+/** What a form begins with: the files and the settings of a job, or of one of the examples. */
+import { Asset, exampleAsset } from "../assets.js";
+import { client } from "../client.js";
+import { gallery } from "../examples/gallery.js";
+
+const EXAMPLE = "example:";
+
+/** What a form begins with that begins with an example. @param {string} id */
+export function exampleOrigin(id) {
+  return EXAMPLE + id;
+}
+
+/**
+ * @typedef {object} Origin
+ * @property {any} job The document of the job, or as much of one as an example has.
+ * @property {Asset} asset
+ * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
+ */
+
+/**
+ * @param {string} from The id of a job, or what `exampleOrigin` returns.
+ * @param {AbortSignal} signal
+ * @returns {Promise<Origin>}
+ */
+export async function originOf(from, signal) {
+  if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
+  const job = await client.get(from, signal);
+  const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
+  const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
+  const files = parts.map(async ([part, { filename }]) => {
+    return [part, new Asset(await client.file(from, part, signal), filename)];
+  });
+  return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
+}
+
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<Origin>} */
+async function exampleOf(id, signal) {
+  const example = (await gallery(signal)).find((found) => found.id === id);
+  if (!example) throw new Error(`There is no example ${id}.`);
+  const asset = await exampleAsset(example.asset, signal);
+  return { job: { ...example.document, asset: { filename: asset.name, size: asset.size } }, asset, others: {} };
+}

@@ -1,0 +1,150 @@
+// @ts-check
+/** The examples, and one of them: its result at once, and the same job live on demand. */
+import { announce } from "../announce.js";
+import { exampleAsset } from "../assets.js";
+import { client, isAbort } from "../client.js";
+import { exampleOrigin } from "../create/origins.js";
+import { button, fill, h, icon } from "../dom.js";
+import { forgetDraftOf } from "../drafts.js";
+import { goalWords, percent } from "../format.js";
+import { askedPanel } from "../job/asked.js";
+import { copyText } from "../job/files.js";
+import { qualityPanel } from "../job/results.js";
+import { slider } from "../job/stage-controls.js";
+import { PairStage } from "../pair-stage.js";
+import { PRESETS } from "../params.js";
+import { problemBox } from "../problem-box.js";
+import { routeHash } from "../router.js";
+import { exampleCards, gallery } from "./gallery.js";
+
+/** @typedef {import("./gallery.js").Example} Example */
+
+/**
+ * Show all examples.
+ *
+ * @param {HTMLElement} root
+ * @param {import("../scope.js").Scope} scope
+ */
+export async function showExamples(root, scope) {
+  const lead = h("p", { class: "lead" }, "Look at a result, then run it yourself.");
+  fill(root, h("h1", null, "Examples"), lead);
+  try {
+    const examples = await gallery(scope.signal);
+    // Below the page's title the cards are one level further up.
+    if (!scope.over) root.append(h("h2", { class: "visually-hidden" }, "Prompts"), exampleCards(examples));
+  } catch (error) {
+    if (!isAbort(error)) root.append(problemBox(error));
+  }
+}
+
+export class ExampleView {
+  /**
+   * @param {HTMLElement} root
+   * @param {import("../scope.js").Scope} scope
+   * @param {string} id
+   */
+  constructor(root, scope, id) {
+    this.root = root;
+    this.scope = scope;
+    this.busy = false;
+    this.problem = h("div", { class: "problem-slot", "aria-live": "polite" });
+    fill(root, h("p", { class: "loading", role: "status" }, "Loading the example…"));
+    this._open(id);
+  }
+
+  /** @param {string} id */
+  async _open(id) {
+    const back = h("a", { class: "button", href: routeHash({ name: "examples" }) }, "All examples");
+    try {
+      const example = (await gallery(this.scope.signal)).find((found) => found.id === id);
+      if (this.scope.over) return;
+      if (example) await this._build(example);
+      else fill(this.root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no example ${id}.`), back);
+    } catch (error) {
+      if (!this.scope.over && !isAbort(error)) fill(this.root, h("h1", { class: "visually-hidden" }, "Example"), problemBox(error, back));
+    }
+  }
+
+  /** @param {Example} example */
+  async _build(example) {
+    const { document: asked, label } = example;
+    const title = goalWords(asked);
+    const quality = PRESETS.find(([name]) => name === asked.params.preset)?.[1] ?? "";
+    this.start = button("Run it", () => this._run(example), { icon: "play", class: "button-primary", title: "Start this job now, with the same variation" });
+    this.stage = new PairStage(this.scope, {
+      label: "Before and after",
+      tags: ["Before", "After"],
+      colours: [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"], ["texture", "Texture"]],
+    });
+    const morph = slider("morph-slider", "Morph", 100, () => {
+      const share = Number(morph.input.value) / 100;
+      this.stage?.views[1].morph(share);
+      morph.value.textContent = percent(share);
+      morph.input.setAttribute("aria-valuetext", `${morph.input.value} percent`);
+    });
+    morph.input.value = "100";
+    morph.value.textContent = "100%";
+    this.stage.element.append(morph.row);
+    fill(
+      this.root,
+      h(
+        "header",
+        { class: "job-head" },
+        h("a", { class: "back", href: routeHash({ name: "examples" }) }, icon("back"), "Examples"),
+        h("h1", { class: "prompt-title" }, `“${title}”`),
+        h("p", { class: "meta" }, [label, quality, `variation ${asked.params.seed}`].filter(Boolean).join(" · ")),
+        h(
+          "div",
+          { class: "actions", role: "group", "aria-label": "Actions" },
+          this.start,
+          button("Change it first", () => this._edit(example), { icon: "edit" }),
+          button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
+        ),
+      ),
+      h(
+        "div",
+        { class: "job" },
+        h("div", { class: "job-main" }, this.stage.element),
+        h(
+          "div",
+          { class: "job-side" },
+          this.problem,
+          h("p", { class: "panel small" }, "This result came with the page. “Run it” starts the same job, with the same variation, on this server, and shows every shape on the way."),
+          askedPanel(asked),
+          qualityPanel(example.report),
+        ),
+      ),
+    );
+    document.title = `${title} · Meshdeform`;
+    const [source, result] = await Promise.all([example.asset, example.result].map((name) => exampleAsset(name, this.scope.signal)));
+    const bytes = await Promise.all([source.bytes(), result.bytes()]);
+    if (this.scope.over) return;
+    morph.row.hidden = !(await this.stage.show(bytes[0], bytes[1]));
+  }
+
+  /** Open the form with the example's settings, not with those that were changed there before. @param {Example} example */
+  _edit({ id }) {
+    forgetDraftOf(exampleOrigin(id));
+    location.hash = routeHash({ name: "create", from: null, example: id });
+  }
+
+  /** Start the job that made the result. @param {Example} example */
+  async _run({ asset: name, document: asked }) {
+    if (this.busy || !this.start) return;
+    this.busy = true;
+    this.start.setAttribute("aria-disabled", "true");
+    fill(this.problem);
+    try {
+      const asset = await exampleAsset(name, this.scope.signal);
+      const job = await client.submit(...(await asset.submission(asked)));
+      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      fill(this.problem, problemBox(error));
+      announce("The job did not start");
+    } finally {
+      this.busy = false;
+      this.start.removeAttribute("aria-disabled");
+    }
+  }
+}

@@ -1,0 +1,115 @@
+"""Two jobs side by side: chosen in the list or at a job, with their shapes, requests and figures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+from tests.acceptance.service import Service, until  # noqa: E402
+from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.steps import difference, picture, until_drawn  # noqa: E402
+
+Page, expect = playwright_api.Page, playwright_api.expect
+expect.set_options(timeout=60_000)
+
+
+@pytest.fixture(scope="module")
+def pair(service: Service, small_sphere: Path) -> tuple[str, str]:
+    """Two finished jobs of one asset that differ by prompt and seed, the older one first."""
+    jobs = []
+    for seed, prompt in enumerate(("a tall vase", "a fat penguin")):
+        params = {"preset": "preview", "steps": 6, "seed": seed}
+        jobs.append(service.submit(small_sphere, {"prompt": prompt, "params": params, "metadata": {"group": "pair"}}))
+    for job in jobs:
+        assert service.finished(job)["state"] == "succeeded"
+    first, second = sorted(jobs)
+    return first, second
+
+
+def test_two_jobs_of_the_list_are_compared(page: Page, service: Service, pair: tuple[str, str]) -> None:
+    page.goto("/#/groups/pair")
+    expect(page.locator(".card")).to_have_count(2)
+    page.get_by_role("button", name="Select", exact=True).click()
+    compare = page.get_by_role("button", name="Compare", exact=True)
+    expect(compare).to_be_disabled()
+    page.get_by_role("button", name="Select all finished").click()
+    compare.click()
+    page.wait_for_url(f"**/#/compare/{pair[0]}/{pair[1]}")
+    left, right = page.locator(".viewer").nth(0), page.locator(".viewer").nth(1)
+    expect(left.locator(".viewer-tag")).to_have_text("A · a tall vase")
+    expect(right.locator(".viewer-tag")).to_have_text("B · a fat penguin")
+    until_drawn(right)
+    until("the results differ", lambda: difference(picture(left), picture(right)) > 0.005)
+    plain = picture(right)
+    page.get_by_text("Displacement", exact=True).click()
+    expect(page.locator(".legend")).to_contain_text("Displacement")
+    until("B is coloured", lambda: difference(plain, picture(right)) > 0.05)
+    # Both cameras move: what the left one shows from elsewhere, the right one does too.
+    at = left.bounding_box()
+    assert at is not None
+    turned = picture(left), picture(right)
+    page.mouse.move(at["x"] + 100, at["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(at["x"] + 260, at["y"] + 120, steps=4)
+    page.mouse.up()
+    for view, seen in zip((left, right), turned, strict=True):
+        until("the view turns", lambda view=view, seen=seen: difference(seen, picture(view)) > 0.005)
+
+    asked = page.get_by_role("table", name="Asked")
+    rows = {row.inner_text().split("\t")[0].strip(): row for row in asked.get_by_role("row").all()}
+    assert rows["Prompt"].inner_text().split("\t")[1:] == ["a tall vase", "a fat penguin"]
+    assert rows["Variation"].inner_text().split("\t")[1:] == ["0", "1"]
+    assert "differs" not in (rows["Asset"].get_attribute("class") or "")
+    assert "steps" not in rows, "what is the same is left out"
+    result = page.get_by_role("table", name="Result")
+    for name in ("Flipped faces", "Distortion, 99th percentile", "Time"):
+        expect(result.get_by_role("row", name=re.compile(f"^{name}"))).to_be_visible()
+    page.get_by_role("link", name="Swap").click()
+    expect(page.locator(".viewer").nth(0).locator(".viewer-tag")).to_have_text("A · a fat penguin")
+
+
+@pytest.mark.without_3d
+def test_a_job_is_compared_with_one_that_is_searched_for(page: Page, pair: tuple[str, str]) -> None:
+    page.goto(f"/#/jobs/{pair[1]}")
+    page.get_by_role("button", name="Compare with…").click()
+    dialog = page.get_by_role("dialog", name="Compare with")
+    dialog.get_by_label("Search").fill("no such prompt")
+    expect(dialog).to_contain_text("No finished job matches.")
+    dialog.get_by_role("button", name="Compare").click()
+    expect(dialog).to_contain_text("Choose a job first.")
+    dialog.get_by_label("Search").fill("a tall vase")
+    dialog.get_by_label("Job", exact=True).select_option(value=pair[0])
+    dialog.get_by_role("button", name="Compare").click()
+    page.wait_for_url(f"**/#/compare/{pair[1]}/{pair[0]}")
+    # Without WebGL the figures are there.
+    expect(page.get_by_text("Nothing can be drawn here")).to_be_visible()
+    expect(page.get_by_role("table", name="Result")).to_contain_text("Flipped faces")
+
+
+@pytest.mark.without_3d
+def test_what_cannot_be_compared_is_said(
+    page: Page, watch: Watch, service: Service, pair: tuple[str, str], small_sphere: Path
+) -> None:
+    watch.allow(r"status of 404 ")
+    gone = pair[0][:-4] + "0000"
+    page.goto(f"/#/compare/{pair[0]}/{gone}")
+    expect(page.get_by_role("region", name="Job B")).to_contain_text("it was deleted, or belongs to another key")
+    expect(page.get_by_text("These jobs cannot be compared")).to_be_visible()
+    page.goto(f"/#/compare/{pair[0]}/{pair[0]}")
+    expect(page.get_by_text("These are the same job")).to_be_visible()
+    with service.held_jobs():
+        running = service.submit(small_sphere, {"prompt": "a bowl", "params": {"preset": "preview", "steps": 2}})
+        page.goto(f"/#/compare/{running}/{pair[1]}")
+        expect(page.get_by_role("region", name="Job A")).to_contain_text("has not finished yet")
+        expect(page.get_by_text("Waiting for a result")).to_be_visible()
+    # As soon as it has finished, it is compared.
+    expect(page.get_by_role("table", name="Result")).to_be_visible()
+    canceled = service.submit(small_sphere, {"prompt": "a bowl", "params": {"steps": 50_000}})
+    service.http.post(f"/v1/jobs/{canceled}/cancel")
+    service.finished(canceled)
+    page.goto(f"/#/compare/{canceled}/{pair[1]}")
+    expect(page.get_by_role("region", name="Job A")).to_contain_text("This job has no result: canceled.")
