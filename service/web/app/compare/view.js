@@ -94,7 +94,7 @@ export class CompareView {
     if (known === title) return;
     fill(
       this.body,
-      h("div", { class: waiting ? "compare-note" : "problem", role: "status" }, icon(waiting ? "clock" : "info"), h("div", null, h("strong", null, title), text ? h("span", null, text) : null, waiting ? null : h("a", { href: "#/jobs" }, "All jobs"))),
+      h("div", { class: waiting ? "compare-note" : "problem" }, icon(waiting ? "clock" : "info"), h("div", null, h("strong", null, title), text ? h("span", null, text) : null, waiting ? null : h("a", { href: "#/jobs" }, "All jobs"))),
     );
     announce(title);
   }
