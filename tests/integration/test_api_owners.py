@@ -31,7 +31,7 @@ def named(request: Request) -> Principal:
 
 
 async def named_too(request: Request, _: object) -> Principal:
-    """The same, for downloads, which a signed URL allows as well."""
+    """The same, for what a link to a job opens as well."""
     return named(request)
 
 
@@ -55,7 +55,7 @@ def two(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
-        patch.setattr("service.downloads.responses.principal", named_too)
+        patch.setattr("service.http.links.principal", named_too)
         with conftest.serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
             record = JobRecord(database_url)
             ann = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)

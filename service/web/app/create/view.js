@@ -9,7 +9,7 @@ import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
 import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
-import { isAboutPrompt } from "../refusal.js";
+import { isAboutNegative, isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
@@ -308,7 +308,7 @@ export class CreateView {
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
     const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
     if (!further) this.control.further.accept();
-    if (!further && about && aboutNegative(error, this.prompt.value)) {
+    if (!further && about && isAboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
@@ -388,15 +388,4 @@ export class CreateView {
     if (this.scope.over) return;
     location.hash = wish.variations > 1 ? routeHash({ name: "group", id: group }) : routeHash({ name: "job", id: jobs[0].id });
   }
-}
-
-/**
- * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
- *
- * @param {MeshdeformError} error
- * @param {string} prompt
- */
-function aboutNegative(error, prompt) {
-  const unknown = error.code === "prompt_unknown_words" ? (error.problem.unknown ?? []) : [];
-  return unknown.length > 0 && unknown.every((/** @type {string} */ word) => !prompt.toLowerCase().includes(word));
 }
