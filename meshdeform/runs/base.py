@@ -84,7 +84,7 @@ FORMATS_OF_RESULT = (
     ArtifactKind(
         "result.obj.zip",
         "application/zip",
-        "`result.glb` as OBJ with its materials and textures, made [afterwards](http.md#post-v1jobsidartifactsname) "
+        "The result as OBJ with its materials and textures, made [afterwards](http.md#post-v1jobsidartifactsname) "
         "only ([Assets: OBJ and STL](assets.md#obj-and-stl)).",
         afterwards=True,
     ),
