@@ -63,6 +63,7 @@ def start(
     target_filename: str = "",
     targets: Mapping[str, InputFile] | None = None,
     generate: GenerateTarget = cannot_generate,
+    sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
@@ -83,6 +84,8 @@ def start(
         Further target meshes by part, for stages.
     generate : callable
         Returns the GLB of a target that a text-to-3D model makes.
+    sketch : mapping, optional
+        What the report says about a target that was drawn.
     pictures : sequence of bytes
         One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
@@ -145,7 +148,9 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    facts = RunFacts(request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division)
+    facts = RunFacts(
+        request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division, sketch
+    )
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 
