@@ -223,7 +223,7 @@ def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
         with pytest.raises(AssetError, match="one sign, as unsigned"):
             client.submit(unsigned, "a mushroom")
         with working(settings, start_run):
-            params = {"preset": "preview", "steps": 2, "orientation": "keep"}
+            params = {"guidance": "target", "preset": "preview", "steps": 2, "orientation": "keep"}
             deformed = client.deform(cloud, target=egg, params=params, timeout_s=DEADLINE_S)
         source, shape = (load_asset(deformed.read(name)).surface for name in ("source.glb", "result.glb"))
         assert np.linalg.norm(source.positions, axis=1).mean() == pytest.approx(1, abs=0.05)
