@@ -44,7 +44,17 @@ SHARING = {
         "tests/toolchain/test_blender_client.py",
         "tests/toolchain/test_recipes.py",
     ),
-    "the page": ("tests/browser/test_",),
+    "the page, from the file to the result": (
+        "tests/browser/test_page_access.py",
+        "tests/browser/test_page_assets.py",
+        "tests/browser/test_page_compare.py",
+        "tests/browser/test_page_drafts.py",
+        "tests/browser/test_page_gallery.py",
+        "tests/browser/test_page_jobs.py",
+        "tests/browser/test_page_trouble.py",
+    ),
+    # Two halves that take about as long: one after the other they would outlast everything else.
+    "the rest of the page": ("tests/browser/test_",),
     "Stable Diffusion": ("tests/unit/priors/test_stable_diffusion", "tests/unit/priors/test_text_to_3d.py"),
     "the S3 server": (
         "tests/acceptance/test_storage_faults.py",

@@ -31,9 +31,18 @@ from meshdeform.requests.stages import (
     needs_prior,
     with_target_models,
 )
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import (
+    FITTED_SOURCE,
+    FORMATS_OF_RESULT,
+    ArtifactKind,
+    FilePart,
+    JobRun,
+    Kind,
+    RunInput,
+    StartRun,
+)
 from meshdeform.runs.goal_words import goal_of
-from meshdeform.runs.picture_parts import check_pictures
+from meshdeform.runs.picture_parts import PICTURE_FILES, check_pictures
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
 from meshdeform.runs.sketch_part import SKETCH_FILE, check_sketch, drawn_parts
 from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
@@ -48,7 +57,6 @@ __all__ = ["TEXT_DEFORM", "check"]
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
-_PICTURES = ("image/png", "image/jpeg", "image/webp")
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
@@ -124,7 +132,7 @@ def check(
             raise _not_allowed(model, known)
         from meshdeform.priors import check_model
 
-        check_model(model, revision if model == default_model else "")
+        check_model(model, revision if model == default_model else "", params.encoder)
     elif has_weights:
         check_weights_part(params.model, [WEIGHTS_PART])
     return resolved
@@ -294,15 +302,15 @@ def _uses(request: JobRequest) -> list[str]:
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
+    from meshdeform.runs.fitted_source import fitted_source
     from meshdeform.runs.generated_target import generated_target
     from meshdeform.runs.sketched_target import read_targets
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
-        prior = None
-        if needs_prior(params):
-            prior = load_sent(params.model, given)
+        prior = load_sent(params.model, given) if needs_prior(params) else None
+        source = fitted_source(given)
         targets, sketch = read_targets(params, given)
         return text_deform.start(
             asset=asset.data,
@@ -320,6 +328,7 @@ def _load() -> StartRun:
             device=given.device,
             asset_sha256=asset.sha256,
             resolved=params,
+            source=source,
         )
 
     return start
@@ -329,22 +338,20 @@ TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
     reads=(
-        FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
+        FilePart(
+            "asset",
+            "The file to deform: GLB, OBJ, PLY, STL or ZIP; or a surface without triangles, to which a mesh is fitted "
+            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
+            required=True,
+            media_types=(*_MESHES, "application/octet-stream"),
+            content="surface",
+        ),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
             FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
             for part in TARGET_PARTS[1:]
         ),
-        *(
-            FilePart(
-                name,
-                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
-                required=False,
-                media_types=_PICTURES,
-                content="silhouette",
-            )
-            for number, name in enumerate(SILHOUETTE_PARTS, 1)
-        ),
+        *PICTURE_FILES,
         SKETCH_FILE,
         WEIGHTS_FILE,
     ),
@@ -361,6 +368,7 @@ TEXT_DEFORM = Kind(
             "and after.",
         ),
         ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
+        FITTED_SOURCE,
         ArtifactKind(
             "morph.glb",
             _GLB,

@@ -93,7 +93,7 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
     responses={
         200: {
             "description": "The shape as a GLB, one node for each of its closed solids.",
-            "content": {"model/gltf-binary": {"schema": {"type": "string", "format": "binary"}}},
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
         },
         **problem_responses(ParameterError, RequestError, RequestTimeoutError, DependencyError, *CALLER_ERRORS),
     },

@@ -152,6 +152,6 @@ def test_forbidden_licences_are_known(text: str) -> None:
     assert forbidden(text)
 
 
-@pytest.mark.parametrize("text", ["MIT", "MPL-2.0", "BSD-3-Clause AND GPL-3.0-or-later WITH GCC-exception-3.1"])
+@each_case("text", ["MIT", "MPL-2.0", "BSD-3-Clause AND GPL-3.0-or-later WITH GCC-exception-3.1"])
 def test_other_licences_are_not_forbidden(text: str) -> None:
     assert not forbidden(text)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
+from tests.cases import each_case
 
 glb = pytest.importorskip("meshdeform_blender.glb")
 client_module = pytest.importorskip("meshdeform_blender.client")
@@ -44,7 +45,7 @@ def turned(shear: float = 0.0) -> NDArray[np.float64]:
     return matrix
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.7])
+@each_case("shear", [0.0, 0.7])
 def test_the_service_sees_the_mesh_where_it_stands_and_upright(shear: float) -> None:
     ball = part(matrix=turned(shear))
     surface = load_asset(glb.write_glb([ball])).surface
@@ -54,7 +55,7 @@ def test_the_service_sees_the_mesh_where_it_stands_and_upright(shear: float) -> 
     assert volume > 0  # mirrored, yet outside is outside
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.7])
+@each_case("shear", [0.0, 0.7])
 def test_what_comes_back_is_vertex_by_vertex_what_was_sent(shear: float) -> None:
     parts = [part("a", turned(shear)), part("b", height=2.0)]
     asset = load_asset(glb.write_glb(parts))
@@ -71,7 +72,7 @@ def test_what_comes_back_is_vertex_by_vertex_what_was_sent(shear: float) -> None
     np.testing.assert_allclose(second, parts[1].positions + [0.0, 0.0, 1.0], atol=1e-6)
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.7])
+@each_case("shear", [0.0, 0.7])
 def test_what_is_sent_is_valid(shear: float, validate_glb: Callable[[bytes], dict[str, Any]]) -> None:
     report = validate_glb(glb.write_glb([part("a", turned(shear)), part("b")]))
     assert report["issues"]["messages"] == []

@@ -12,7 +12,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer.main
 
 import meshdeform.errors
@@ -218,7 +217,7 @@ def test_every_python_snippet_compiles_and_names_things_that_exist(repository: P
     subprocess.run([sys.executable, "-c", "\n".join(imports)], check=True, cwd=repository)
 
 
-@pytest.mark.parametrize("page", ["README.md", "CHANGELOG.md", "docs"])
+@each_case("page", ["README.md", "CHANGELOG.md", "docs"])
 def test_links_inside_the_repository_lead_somewhere(page: str, repository: Path) -> None:
     path = repository / page
     for file in [path] if path.is_file() else sorted(path.glob("*.md")):

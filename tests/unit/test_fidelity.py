@@ -21,6 +21,7 @@ from meshdeform.rendering.cameras import CameraRange, Framing, fixed_cameras, sa
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.scenes import sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
+from tests.cases import each_case
 
 F64 = torch.float64
 PAPER: ResolvedParams = resolve(DeformParams(preset=Preset.PAPER, model="a-model"))
@@ -98,7 +99,7 @@ def pulls(mesh: TriangleMesh, smooth: float, rough: float) -> dict[str, float]:
     }
 
 
-@pytest.mark.parametrize(("smooth", "rough"), [(0.0, 0.05), (0.3, 0.1)])
+@each_case(("smooth", "rough"), [(0.0, 0.05), (0.3, 0.1)])
 def test_the_regularisers_pull_as_hard_as_the_published_ones(smooth: float, rough: float) -> None:
     """Compare on 5,120 even faces, where a weight of ours can mean what a published one does."""
     found = pulls(icosphere(4, 0.6), smooth, rough)

@@ -9,7 +9,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
+from tests.cases import each_case
 
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
 NUMPY_FREE = [
@@ -119,7 +119,7 @@ def test_the_extra_deform_is_enough_to_deform_and_loads_no_compiler(repository: 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.preview.png", "vase.report.json"]
 
 
-@pytest.mark.parametrize("name", ["meshdeform", "service", "worker"])
+@each_case("name", ["meshdeform", "service", "worker"])
 def test_the_generic_names_are_ours(name: str, repository: Path) -> None:
     module = importlib.import_module(name)
     assert module.__file__ is not None

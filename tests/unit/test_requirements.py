@@ -9,11 +9,11 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from release.licences import dependencies, forbidden, licence
+from tests.cases import each_case
 
 
 def test_nothing_that_ships_is_copyleft_or_non_commercial() -> None:
@@ -32,7 +32,7 @@ def declared(repository: Path, *, dev: bool) -> set[str]:
     return {canonicalize_name(Requirement(line).name) for line in lines}
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("folders", "dev"),
     [(("meshdeform", "service", "worker"), False), (("tests", "bench", "docs", "examples", "release"), True)],
     ids=["shipped", "development"],

@@ -10,13 +10,14 @@ import pytest
 from meshdeform.assets import load_asset
 from tests.browser.viewer.assets import GROWTH, KINDS, VERTS
 from tests.browser.viewer.site import ViewerSite
+from tests.cases import each_case
 from tests.unit.rendering.test_painted import encoded, textured
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-@pytest.mark.parametrize("name", KINDS)
+@each_case("name", KINDS)
 def test_every_kind_of_file_is_drawn_and_meets_its_result(page: Page, site: ViewerSite, name: str) -> None:
     made = KINDS[name]()
     site.files |= {name: made.data, f"{name}.result": made.result}
@@ -40,7 +41,9 @@ def test_every_kind_of_file_is_drawn_and_meets_its_result(page: Page, site: View
           } catch (error) {
             refused = error.message;
           }
-          return { facts: viewer.facts, drawnPixels, moved, displacement, stretch, half, refused };
+          const { facts } = viewer;
+          closeAll();
+          return { facts, drawnPixels, moved, displacement, stretch, half, refused };
         }""",
         [name, made.format],
     )
@@ -171,8 +174,8 @@ def test_another_topology_is_refused_and_what_was_shown_stays(page: Page, site: 
     assert found["changed"] == 0
 
 
-@pytest.mark.parametrize(
-    ("data", "form", "message"),
+@each_case(
+    "data, form, message",
     [
         (b"", "glb", "empty"),
         (b"solid nothing", "glb", "not a glTF file"),
@@ -186,7 +189,12 @@ def test_what_cannot_be_shown_is_told_in_words(
 ) -> None:
     site.files["bad"] = data
     found = page.evaluate(
-        "async (format) => failure(open('bad').load(await fetchBytes('/files/bad'), { format }))", form
+        """async (format) => {
+          const told = await failure(open("bad").load(await fetchBytes("/files/bad"), { format }));
+          closeAll();
+          return told;
+        }""",
+        form,
     )
     assert message in found["message"]
     assert "undefined" not in found["message"]

@@ -144,7 +144,7 @@ def test_a_draco_strip_becomes_the_list_that_its_stream_holds() -> None:
     assert root["meshes"][0]["primitives"][0]["mode"] == 4
 
 
-@pytest.mark.parametrize("change", [{"count": 5}, {"type": "VEC2"}])
+@each_case("change", [{"count": 5}, {"type": "VEC2"}])
 def test_a_draco_stream_of_another_size_is_told(change: dict[str, Any]) -> None:
     builder = draco_asset(draco_stream())
     builder.root["accessors"][2] |= change if "type" not in change else {"type": "VEC4"}
@@ -259,7 +259,7 @@ def test_weights_sum_to_one_after_a_lossy_filter() -> None:
     np.testing.assert_allclose(written.astype(np.float64).sum(axis=1), 1.0, atol=4e-7, rtol=0)
 
 
-@pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
+@each_case("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
 def test_meshopt_becomes_plain_views(name: str) -> None:
     builder = meshopt_asset(name=name)
     asset = load_asset(builder.glb())

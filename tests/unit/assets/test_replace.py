@@ -89,7 +89,7 @@ def test_what_does_not_move_keeps_its_bits_under_every_transform(transform: dict
         np.testing.assert_array_equal(position(written, name=name), values)
 
 
-@pytest.mark.parametrize("transform", [{}, TILT])
+@each_case("transform", [{}, TILT])
 def test_a_deformation_in_the_world_is_read_back_in_the_world(transform: dict[str, Any]) -> None:
     asset = load_asset(quad(**transform))
     rng = np.random.default_rng(0)
@@ -249,7 +249,7 @@ DOT = base64.b64decode(
 """A PNG of one pixel."""
 
 
-@pytest.mark.parametrize("how", ["replace", "to_bytes"])
+@each_case("how", ["replace", "to_bytes"])
 def test_data_uris_move_into_the_binary_chunk(how: str) -> None:
     asset = load_asset(text_gltf(), "a.gltf")
     written = asset.replace(asset.surface.positions) if how == "replace" else asset.to_bytes()
@@ -265,7 +265,7 @@ def test_data_uris_move_into_the_binary_chunk(how: str) -> None:
     np.testing.assert_array_equal(again.triangles, QUAD_FACES)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e39])
+@each_case("bad", [np.nan, np.inf, 1e39])
 def test_positions_that_a_file_cannot_hold_are_refused(bad: float) -> None:
     asset = load_asset(quad())
     positions = asset.surface.positions.copy()

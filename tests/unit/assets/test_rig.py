@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.assets.rig_contents import Rig
 from meshdeform.errors import ShapeError
+from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 
@@ -116,7 +117,7 @@ def test_what_does_not_move_changes_nothing() -> None:
     assert not Rig(0, 0, 3)
 
 
-@pytest.mark.parametrize("compact", [False, True])
+@each_case("compact", [False, True])
 def test_a_scaled_character_plays_as_the_scaled_animation(compact: bool) -> None:
     builder, centre = arm(), np.array([0.2, -0.4, 0.1])
     source = Player(builder.glb())

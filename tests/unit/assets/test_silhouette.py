@@ -29,7 +29,7 @@ def disk(height: int = 200, width: int = 300, radius: float = 60.0) -> NDArray[n
     return np.asarray(np.hypot(rows - height / 2, columns - width / 2) < radius)
 
 
-@pytest.mark.parametrize("light_object", [True, False])
+@each_case("light_object", [True, False])
 def test_a_mask_is_read_exactly_whichever_of_its_colours_is_the_object(light_object: bool) -> None:
     mask = disk()
     found = read_silhouette(encoded(np.where(mask == light_object, 255, 0)))

@@ -55,7 +55,7 @@ def test_bash_offers_what_there_is(bash: str, line: str, offered: set[str]) -> N
     assert completed(bash, line) == offered
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@each_case("shell", ["bash", "zsh", "fish"])
 def test_every_shell_has_a_script(shell: str) -> None:
     environment = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     command = [

@@ -17,6 +17,7 @@ from meshdeform.cli.app import app
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.strokes import draw
+from tests.cases import each_case
 
 run = CliRunner().invoke
 
@@ -65,7 +66,7 @@ def test_parameters_alone_make_a_mesh_and_are_listed() -> None:
     assert "leg_thickness" in run(app, ["sketch", "--parameters"]).stdout
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("arguments", "code", "said"),
     [
         (["empty.png"], 3, "empty"),

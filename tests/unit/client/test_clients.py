@@ -25,7 +25,7 @@ def methods(kind: type) -> dict[str, Any]:
     return {name: value for name, value in inspect.getmembers(kind, callable) if not name.startswith("_")}
 
 
-@pytest.mark.parametrize(("one", "other"), [(Client, AsyncClient), (Result, AsyncResult)])
+@each_case(("one", "other"), [(Client, AsyncClient), (Result, AsyncResult)])
 def test_both_have_the_same_methods_with_the_same_parameters(one: type, other: type) -> None:
     ours, theirs = methods(one), methods(other)
     if one is Client:

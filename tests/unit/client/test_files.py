@@ -82,7 +82,7 @@ def problem(status: int, code: str) -> httpx.Response:
 # There
 
 
-@pytest.mark.parametrize("flavor", ["sync", "async"])
+@each_case("flavor", ["sync", "async"])
 def test_a_bucket_gets_the_bytes_and_not_the_key(flavor: str) -> None:
     service = Service(
         POST_uploads=[UPLOAD],
@@ -229,7 +229,7 @@ class _Broken(httpx.SyncByteStream):
         raise httpx.ReadError("cut")
 
 
-@pytest.mark.parametrize(
+@each_case(
     "again", [lambda: httpx.Response(200, stream=httpx.ByteStream(DATA)), lambda: problem(416, "range_not_satisfiable")]
 )
 def test_a_file_without_a_tag_is_taken_from_its_beginning(again: Callable[[], httpx.Response]) -> None:

@@ -79,7 +79,7 @@ def test_collapsed_faces_are_finite_before_and_after() -> None:
     assert_close(found[1], torch.diag(torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)))
 
 
-@pytest.mark.parametrize("shape", [(11, 3), (12, 2), (12,)])
+@each_case("shape", [(11, 3), (12, 2), (12,)])
 def test_wrong_shapes_are_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(ShapeError):
         jacobians_from_verts(gradient_operator(icosphere(0)), torch.zeros(shape, dtype=torch.float64))

@@ -23,6 +23,7 @@ from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from tests.cases import each_case
 from tests.close import assert_close
 
 STYLE = RenderStyle(view_size=32, supersample=2)
@@ -108,7 +109,7 @@ def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:
     assert not torch.equal(results[0], results[2])
 
 
-@pytest.mark.parametrize("stop", [1, 7, 19])
+@each_case("stop", [1, 7, 19])
 def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int) -> None:
     settings = params(steps=20, seed=11)
     guidance = TargetGuidance(ellipsoid(), style=STYLE)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
 import torch
 
 from meshdeform.deformation.optimizer import Adam
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@each_case("dtype", [torch.float32, torch.float64])
 def test_every_step_is_that_of_torch_to_the_last_bit(dtype: torch.dtype) -> None:
     generator = torch.Generator().manual_seed(0)
     start = [

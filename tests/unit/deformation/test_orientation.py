@@ -64,7 +64,7 @@ def test_an_animal_that_faces_forward_is_kept() -> None:
     assert "front" in found.to_dict()["notice"]
 
 
-@pytest.mark.parametrize(("source", "prompt"), [("vase", "a rabbit"), ("cube", "a chair")])
+@each_case(("source", "prompt"), [("vase", "a rabbit"), ("cube", "a chair")])
 def test_a_symmetric_source_is_kept(source: str, prompt: str) -> None:
     found = deformation(placed(source), prompt).orientation
     assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNDECIDED)

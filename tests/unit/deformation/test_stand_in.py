@@ -22,6 +22,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 
 F64 = torch.float64
 TORUS = RestMesh.of(torus(0.4, 0.15, 120, 50))
@@ -112,7 +113,7 @@ def test_a_stand_in_loses_no_part() -> None:
     assert float(simple.areas.sum()) > 0.5 * float(leaves.areas.sum())
 
 
-@pytest.mark.parametrize("carrier", [Carrier.SURFACE, Carrier.LATTICE])
+@each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: Carrier) -> None:
     goal = TriangleMesh(TORUS.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), TORUS.faces)
     guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))

@@ -20,6 +20,7 @@ from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 
 F64 = torch.float64
 
@@ -30,7 +31,7 @@ def scaled(verts: Tensor, *factors: float) -> Tensor:
     return verts * torch.tensor(factors, dtype=F64)
 
 
-@pytest.mark.parametrize("n", [2, 9])
+@each_case("n", [2, 9])
 def test_a_stretched_sheet_has_the_known_energy_at_every_resolution(n: int) -> None:
     mesh = grid(n)
     regularizers = Regularizers(mesh)
@@ -70,7 +71,7 @@ def test_its_gradient_is_right() -> None:
         assert torch.autograd.gradcheck(Regularizers(mesh).dirichlet, ((mesh.verts + 0.1 * noise).requires_grad_(),))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each_case("kind", KINDS)
 def test_what_would_jump_across_is_held_and_the_rest_goes_on(kind: Callable[[TriangleMesh], Variables]) -> None:
     """One vertex of a flat sheet is thrown across its neighbours, in the plane, while the sheet is stretched."""
     mesh = grid(8)

@@ -19,6 +19,7 @@ from meshdeform.geometry.shapes import box, icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
+from tests.cases import each_case
 from tests.close import assert_close
 
 MESH = icosphere(2)
@@ -167,7 +168,7 @@ def test_what_was_broken_at_rest_may_stay() -> None:
     assert guard.correct(optimizer) == 0
 
 
-@pytest.mark.parametrize("safeguard", list(Safeguard))
+@each_case("safeguard", list(Safeguard))
 def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeguard) -> None:
     mesh = icosphere(2, 0.6)
     plate = TriangleMesh(mesh.verts * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), mesh.faces)

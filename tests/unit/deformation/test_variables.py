@@ -13,20 +13,21 @@ from meshdeform.errors import CheckpointError
 from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from tests.cases import each_case
 from tests.close import assert_close
 
 MESH = icosphere(2)
 KINDS = (JacobianField, VertexDisplacements)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each_case("kind", KINDS)
 def test_they_begin_at_rest_without_any_strain(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
     assert_close(placed(variables), MESH.verts, atol=1e-9, rtol=0)
     assert float(variables.jacobian_penalty().detach()) == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each_case("kind", KINDS)
 def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
     stretch = torch.tensor([1.0, 1.5, 1.0], dtype=torch.float64)
@@ -62,7 +63,7 @@ def test_a_checkpoint_of_the_other_kind_is_refused() -> None:
         copy_into(vertices, jacobians.tensors)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each_case("kind", KINDS)
 def test_any_shape_of_one_part_can_be_adopted(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
     generator = torch.Generator().manual_seed(0)

@@ -6,8 +6,10 @@ compared with itself through the code that other devices use.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
 from meshdeform.rendering.rasterizer.spans import rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 from tests.close import assert_close
 
 MESHES = {
@@ -42,18 +45,20 @@ MESHES = {
 SIZE = 96
 
 
-@pytest.fixture
-def torch_path(monkeypatch: pytest.MonkeyPatch) -> None:
+@contextmanager
+def torch_path() -> Iterator[None]:
     """Send the CPU through the code of the other devices."""
-    monkeypatch.setattr("meshdeform.rendering.rasterizer.compiled.rasterize_compiled", rasterize_spans)
-    monkeypatch.setattr("meshdeform.rendering.shading.interpolate", interpolate_torch)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("meshdeform.rendering.rasterizer.compiled.rasterize_compiled", rasterize_spans)
+        patch.setattr("meshdeform.rendering.shading.interpolate", interpolate_torch)
+        yield
 
 
 def clip_of(mesh: TriangleMesh, cameras: Cameras) -> Tensor:
     return mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
 
 
-@pytest.mark.parametrize("name", MESHES)
+@each_case("name", MESHES)
 def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
     mesh = MESHES[name]
     clip = clip_of(mesh, fixed_cameras(20.0, 15.0))
@@ -74,11 +79,8 @@ def painted(mesh: TriangleMesh) -> Appearance:
     return replace(look, texcoords=mesh.verts[:, :2].numpy().astype(np.float32), paints=(paint,))
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert", "textured"])
-@pytest.mark.parametrize("name", ["sphere", "torus", "small faces"])
-def test_pictures_and_their_gradients_agree(
-    device: str, name: str, shading: str, request: pytest.FixtureRequest
-) -> None:
+@each_case("name, shading", product(["sphere", "torus", "small faces"], ["normals", "lambert", "textured"]))
+def test_pictures_and_their_gradients_agree(device: str, name: str, shading: str) -> None:
     mesh = MESHES[name]
     style = RenderStyle(view_size=SIZE, supersample=1, shading=shading)  # type: ignore[arg-type]
     cameras = fixed_cameras(20.0, 15.0)
@@ -93,8 +95,8 @@ def test_pictures_and_their_gradients_agree(
         return image.detach().cpu(), verts.grad.cpu()
 
     image, gradient = drawn("cpu")
-    request.getfixturevalue("torch_path")
-    other_image, other_gradient = drawn(device)
+    with torch_path():
+        other_image, other_gradient = drawn(device)
     different = (image - other_image).abs().amax(-1) > 1e-4
     assert int(different.sum()) <= 1e-3 * different.numel()
     assert float((gradient - other_gradient).norm()) < 0.02 * float(gradient.norm())
@@ -131,13 +133,11 @@ def with_target(mesh: TriangleMesh, device: str) -> object:
     return TargetGuidance(aligned(torus(), mesh).place_mesh(torus()), device=device)
 
 
-@pytest.mark.parametrize("guidance", [with_prior, with_target])
-def test_a_whole_step_is_the_same(
-    device: str, guidance: Callable[[TriangleMesh, str], object], request: pytest.FixtureRequest
-) -> None:
+@each_case("guidance", [with_prior, with_target])
+def test_a_whole_step_is_the_same(device: str, guidance: Callable[[TriangleMesh, str], object]) -> None:
     losses, direction = one_step(guidance, "cpu")
-    request.getfixturevalue("torch_path")
-    other_losses, other = one_step(guidance, device)
+    with torch_path():
+        other_losses, other = one_step(guidance, device)
     for name in ("total", "guidance", "jacobian", "laplacian", "normal", "dirichlet"):
         assert other_losses[name] == pytest.approx(losses[name], rel=1e-3, abs=1e-6), name
     assert float((direction - other).norm()) < 0.02 * float(direction.norm())

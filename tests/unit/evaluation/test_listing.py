@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from meshdeform.evaluation.listing import listing, outline
 from meshdeform.evaluation.plan import Plan
 from meshdeform.evaluation.suite import PAPER_PROMPTS, find_suite
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 
 
 def plan(suite: str, model: str, *, judge: str = "none", **params: object) -> Plan:
@@ -37,6 +36,6 @@ def test_for_people_there_is_a_line_for_each_deformation() -> None:
     assert "warning" not in text
 
 
-@pytest.mark.parametrize(("model", "said"), [("some/checkpoint", "--judge none"), ("builtin", "--prior sd")])
+@each_case(("model", "said"), [("some/checkpoint", "--judge none"), ("builtin", "--prior sd")])
 def test_what_the_run_would_refuse_is_said(model: str, said: str) -> None:
     assert said in listing(plan("paper", model, judge="builtin"))

@@ -14,6 +14,7 @@ from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, join
+from tests.cases import each_case
 
 
 def moved(mesh: TriangleMesh, matrix: list[list[float]] | torch.Tensor, by: float = 0.0) -> TriangleMesh:
@@ -29,7 +30,7 @@ def test_a_mesh_is_perfect_beside_itself() -> None:
     assert not any(figures[name] for name in ("flipped_faces", "collapsed_faces", "self_intersections_added"))
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
+@each_case("scale", [0.5, 2.0])
 def test_a_similarity_distorts_nothing_and_has_the_volume_of_its_scale_cubed(scale: float) -> None:
     c, s = math.cos(0.7), math.sin(0.7)
     turned = moved(geodesic_sphere(4), [[scale * c, 0, scale * s], [0, scale, 0], [-scale * s, 0, scale * c]], 0.3)

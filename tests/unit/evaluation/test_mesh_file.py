@@ -9,6 +9,7 @@ from meshdeform.assets import load_asset
 from meshdeform.errors import AssetFormatError
 from meshdeform.evaluation.mesh_file import read_ply, write_ply
 from meshdeform.evaluation.relaxed import geodesic_sphere
+from tests.cases import each_case
 
 
 def test_a_mesh_comes_back_bit_for_bit() -> None:
@@ -25,7 +26,7 @@ def test_other_programs_read_the_file() -> None:
     assert surface.positions == pytest.approx(mesh.verts.numpy())
 
 
-@pytest.mark.parametrize("cut", [-1, 40, 0])
+@each_case("cut", [-1, 40, 0])
 def test_a_file_that_is_not_whole_is_refused(cut: int) -> None:
     with pytest.raises(AssetFormatError):
         read_ply(write_ply(geodesic_sphere(1))[:cut])

@@ -6,10 +6,11 @@ import pytest
 
 from meshdeform.errors import WorkerLostError
 from meshdeform.evaluation.pool import each
+from tests.cases import each_case
 from tests.unit.evaluation.arithmetic import broken, squares
 
 
-@pytest.mark.parametrize("jobs", [1, 3])
+@each_case("jobs", [1, 3])
 def test_every_item_is_done_once(jobs: int) -> None:
     assert dict(each(range(8), squares, jobs)) == {number: number**2 for number in range(8)}
 

@@ -64,7 +64,7 @@ def test_judges_are_found_by_name() -> None:
     assert judge.identity["id"] == "height"
 
 
-@pytest.mark.parametrize("name", ["nonsense", "no.such.module:Judge", "tests.unit.evaluation.stand_ins:Nobody"])
+@each_case("name", ["nonsense", "no.such.module:Judge", "tests.unit.evaluation.stand_ins:Nobody"])
 def test_judges_that_are_not_there_are_refused(name: str) -> None:
     with pytest.raises(ParameterError, match="There is no judge"):
         load_judge(name)

@@ -65,7 +65,7 @@ def test_the_toy_is_of_seven_parts_that_hang_together() -> None:
     assert set(part[mesh.faces.numpy()[cut]].ravel()) == set(part)
 
 
-@pytest.mark.parametrize("frequency", [1, 2, 5])
+@each_case("frequency", [1, 2, 5])
 def test_a_geodesic_sphere_has_20_n_squared_faces_and_the_volume_of_a_ball_in_the_limit(frequency: int) -> None:
     mesh = geodesic_sphere(frequency)
     assert len(mesh.faces) == 20 * frequency**2
@@ -113,7 +113,7 @@ def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: 
     assert {item.source for item in some} == set(suite.sources)
 
 
-@pytest.mark.parametrize("name", ["small", "full"])
+@each_case("name", ["small", "full"])
 def test_the_builtin_prior_understands_each_prompt_and_no_two_are_of_one_noun(name: str) -> None:
     nouns = [parse(prompt).noun for prompt in SUITES[name].prompts]
     assert len(nouns) == len(set(nouns)) == 12

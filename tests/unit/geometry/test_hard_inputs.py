@@ -115,7 +115,7 @@ def test_what_cannot_be_wound_alike_is_not_folded(name: str) -> None:
     assert not FaceNeighbours(mesh.faces.numpy()).folded(mesh.verts.numpy()).any()
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@each_case("turned", [False, True])
 def test_a_fold_is_seen_whichever_way_faces_are_wound(turned: bool) -> None:
     mesh = grid(6)
     verts = mesh.verts.clone()

@@ -40,7 +40,7 @@ def test_what_is_no_mesh_is_refused(verts: torch.Tensor, faces: torch.Tensor) ->
         TriangleMesh(verts, faces)
 
 
-@pytest.mark.parametrize(("mesh", "characteristic"), [(icosphere(2), 2), (torus(), 0), (grid(4), 1)])
+@each_case(("mesh", "characteristic"), [(icosphere(2), 2), (torus(), 0), (grid(4), 1)])
 def test_edges_satisfy_eulers_formula(mesh: TriangleMesh, characteristic: int) -> None:
     edges = edges_of(mesh.faces)
     assert mesh.verts.shape[0] - edges.edges.shape[0] + mesh.faces.shape[0] == characteristic

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
@@ -14,6 +13,7 @@ from meshdeform.geometry.normals import rebuild_turned_normals, transform_normal
 from meshdeform.geometry.operators import effective_face_areas
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.weld import weld
+from tests.cases import each_case
 
 F64 = torch.float64
 
@@ -39,7 +39,7 @@ def smooth_map(verts: Tensor) -> Tensor:
     return verts * torch.tensor([1.0, 1.5, 0.7], dtype=F64) + 0.1 * torch.sin(3 * verts.flip(1))
 
 
-@pytest.mark.parametrize("mesh", [icosphere(2), torus(), box(3)])
+@each_case("mesh", [icosphere(2), torus(), box(3)])
 def test_no_deformation_gives_the_same_float32_bits(mesh: TriangleMesh) -> None:
     normals = unit(np.random.default_rng(0).normal(size=mesh.verts.shape)).astype(np.float32)
     found = carried(mesh, mesh.verts.clone(), normals.astype(np.float64))

@@ -74,7 +74,7 @@ def test_vertex_areas_sum_to_the_surface(mesh: TriangleMesh) -> None:
     assert vertex_areas(mesh).sum() == pytest.approx(effective_face_areas(mesh).sum())
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@each_case("unit", [1e-9, 1.0, 1e9])
 def test_collapse_is_a_matter_of_shape_not_of_size(unit: float) -> None:
     thin, good = 0.5 * COLLAPSED_SHAPE, 10 * COLLAPSED_SHAPE
     verts = np.array([[0, 0, 0], [1, 0, 0], [0.5, 2 * thin, 0], [0.5, 2 * good, 0]]) * unit

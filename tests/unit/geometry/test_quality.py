@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import MeshQuality, measure
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from tests.cases import each_case
 
 
 def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
     return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy())
 
 
-@pytest.mark.parametrize("mesh", [icosphere(2), torus()])
+@each_case("mesh", [icosphere(2), torus()])
 def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
     q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     turn = torch.from_numpy(q * np.linalg.det(q))

@@ -41,7 +41,7 @@ def test_closed_shapes_enclose_their_volume_outward(mesh: TriangleMesh, expected
     assert volume(mesh) == pytest.approx(expected, rel=5e-3)
 
 
-@pytest.mark.parametrize(("mesh", "borders"), [(grid(5), 20), (cylinder(n=12, capped=False), 24)])
+@each_case(("mesh", "borders"), [(grid(5), 20), (cylinder(n=12, capped=False), 24)])
 def test_open_shapes_have_their_borders(mesh: TriangleMesh, borders: int) -> None:
     edges = edges_of(mesh.faces)
     assert int((edges.counts == 1).sum()) == borders
@@ -64,7 +64,7 @@ def test_the_grid_faces_forward() -> None:
     assert float(face_areas(mesh.verts, mesh.faces).sum()) == pytest.approx(9.0)
 
 
-@pytest.mark.parametrize("profile", [[(1.0, 0.0)], [(1.0, 0.0), (-1.0, 1.0)], [(1.0, 0.0), (0.0, 1.0), (1.0, 2.0)]])
+@each_case("profile", [[(1.0, 0.0)], [(1.0, 0.0), (-1.0, 1.0)], [(1.0, 0.0), (0.0, 1.0), (1.0, 2.0)]])
 def test_a_lathe_refuses_what_it_cannot_turn(profile: list[tuple[float, float]]) -> None:
     with pytest.raises(ShapeError):
         lathe(profile)

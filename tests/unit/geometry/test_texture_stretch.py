@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.texture_stretch import face_stretch, measure_texture_stretch, texel_corners
+from tests.cases import each_case
 
 SIDE = 20
 
@@ -30,7 +31,7 @@ def similar(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     return moved
 
 
-@pytest.mark.parametrize("scale", [1.0, 2.0, 0.1])
+@each_case("scale", [1.0, 2.0, 0.1])
 def test_a_similarity_has_1(scale: float) -> None:
     found = measure_texture_stretch(TEXELS, SHEET, similar(SHEET, scale))
     assert found is not None

@@ -13,6 +13,7 @@ from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.shapes import box, icosphere, join
 from meshdeform.geometry.weld import WELD_TOLERANCE, weld
+from tests.cases import each_case
 
 
 def split(mesh_verts: torch.Tensor, faces: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -20,7 +21,7 @@ def split(mesh_verts: torch.Tensor, faces: torch.Tensor) -> tuple[NDArray[np.flo
     return mesh_verts[faces].reshape(-1, 3).numpy(), np.arange(faces.numel()).reshape(-1, 3)
 
 
-@pytest.mark.parametrize("mesh", [icosphere(2), box(3), join(icosphere(1), box(2))])
+@each_case("mesh", [icosphere(2), box(3), join(icosphere(1), box(2))])
 def test_a_split_mesh_is_welded_to_what_it_was(mesh) -> None:  # type: ignore[no-untyped-def]
     positions, triangles = split(mesh.verts, mesh.faces)
     welded = weld(positions, triangles)

@@ -123,7 +123,7 @@ def test_the_loss_of_a_translation_has_its_value_in_closed_form() -> None:
     assert loss.item() == pytest.approx(4 * (math.sqrt(2) - 1))
 
 
-@pytest.mark.parametrize("reason", ["distance", "normals", "border"])
+@each_case("reason", ["distance", "normals", "border"])
 def test_gated_pairs_do_not_pull(reason: str) -> None:
     sheet = grid(4)
     up = torch.linalg.cross(*(sheet.verts[sheet.faces[0, k]] - sheet.verts[sheet.faces[0, 0]] for k in (1, 2)))
@@ -150,14 +150,14 @@ def test_places_on_a_border_are_told_from_those_inside() -> None:
     assert on_border(border, np.tile([0, 1, 2], (5, 1)), weights).tolist() == [True, False, False, True, False]
 
 
-@pytest.mark.parametrize("carrier", [Carrier.SURFACE, Carrier.LATTICE])
+@each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_mesh_fitted_to_itself_does_not_move(carrier: Carrier) -> None:
     rest = framed(SPHERE)
     run = fit(rest, rest, carrier=carrier, steps=12)
     assert float((run.verts() - rest.verts).abs().max()) < 1e-6
 
 
-@pytest.mark.parametrize("carrier", [Carrier.SURFACE, Carrier.LATTICE])
+@each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_sphere_becomes_an_ellipsoid(carrier: Carrier) -> None:
     rest = framed(SPHERE)
     target = TriangleMesh(rest.verts * torch.tensor([0.7, 1.3, 1.0], dtype=torch.float64), rest.faces)

@@ -38,7 +38,7 @@ class LinearPrior(FakePrior):
         return 0.5 * z_t, 0.5 * z_t
 
 
-@pytest.mark.parametrize("side", [64, 128])
+@each_case("side", [64, 128])
 def test_the_gradient_on_z0_is_exactly_the_papers_times_the_size_factor(side: int) -> None:
     prior = LinearPrior(torch.zeros(1, 3, side, side))
     image = torch.rand(1, 3, side, side, generator=torch.Generator().manual_seed(1)).requires_grad_()
@@ -172,7 +172,7 @@ def test_bounds_that_cross_are_refused(bounds: tuple[float, float, float]) -> No
         )
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+@each_case("bad", [float("nan"), float("inf")])
 def test_a_prediction_that_is_not_finite_stops_the_run(bad: float) -> None:
     class BrokenPrior(FakePrior):
         def predict_noise(

@@ -115,7 +115,7 @@ def test_size_place_and_stray_vertices_do_not_matter(judge: Judge) -> None:
     assert torch.allclose(judge.log_likelihoods(moved, SUITE), judge.log_likelihoods(mesh, SUITE), atol=1e-2)
 
 
-@pytest.mark.parametrize("prompt", ["a giraffe", "a chair", "a whale"])
+@each_case("prompt", ["a giraffe", "a chair", "a whale"])
 def test_a_quarter_turn_only_permutes_the_views(judge: Judge, prompt: str) -> None:
     mesh = shown(prompt, 1)
     straight, quarter = judge.log_likelihoods(mesh, SUITE), judge.log_likelihoods(turned(mesh, 90.0), SUITE)
@@ -131,7 +131,7 @@ def test_clear_cases_are_clear_from_everywhere(judge: Judge, degrees: float) -> 
         assert SUITE[int(judge.log_likelihoods(mesh, SUITE).argmax())] == prompt
 
 
-@pytest.mark.parametrize("mesh", [icosphere(3), box(8)], ids=["sphere", "cube"])
+@each_case("mesh", [icosphere(3), box(8)], ids=["sphere", "cube"])
 def test_shapes_that_are_nothing_get_no_confident_answer(judge: Judge, mesh: TriangleMesh) -> None:
     assert max(judge.noun_probabilities(mesh).values()) < 0.5
     likely = torch.softmax(judge.log_likelihoods(mesh, [str(ParsedPrompt(noun)) for noun in NOUNS]), 0)

@@ -151,7 +151,7 @@ def test_what_cannot_be_made_is_refused(prompt: str, says: str) -> None:
         parse(prompt)
 
 
-@pytest.mark.parametrize("prompt", ["", "  ", "?!"])
+@each_case("prompt", ["", "  ", "?!"])
 def test_an_empty_prompt_is_its_own_error(prompt: str) -> None:
     with pytest.raises(PromptError):
         parse(prompt)
@@ -232,7 +232,7 @@ def test_a_negative_prompt_is_a_prompt_or_attributes_of_the_prompts_noun(negativ
         assert str(parse_negative(negative, "a rabbit")) == meaning
 
 
-@pytest.mark.parametrize("negative", ["a thin vase", "thin", "Thin vases"])
+@each_case("negative", ["a thin vase", "thin", "Thin vases"])
 def test_a_negative_prompt_that_is_the_prompt_is_refused(negative: str) -> None:
     with pytest.raises(PromptError, match="means the same"):
         parse_negative(negative, "a thin vase")

@@ -23,6 +23,7 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 from tests.close import assert_close
 from tests.unit.priors.combined import guided, text_rows
 
@@ -92,7 +93,7 @@ def test_a_picture_of_another_size_is_resized(prior: StableDiffusionPrior) -> No
         prior.encode_image(torch.zeros(3, 48, 48))
 
 
-@pytest.mark.parametrize("weight", [1e-7, 1.0, 1e6])
+@each_case("weight", [1e-7, 1.0, 1e6])
 def test_in_half_precision_no_weight_overflows_or_underflows(tiny_stable_diffusion: Path, weight: float) -> None:
     """The gradient on z0 comes with the guidance's weight on it; float16 holds 6e-8 to 65,504."""
     half = StableDiffusionPrior(str(tiny_stable_diffusion), dtype="float16")

@@ -179,7 +179,7 @@ def test_a_prior_with_taught_words_reads_its_own_words_only(tmp_path: Path) -> N
     assert known_words("builtin") is BUILTIN_WORDS
 
 
-@pytest.mark.parametrize("negative", ["", "a giraffe"])
+@each_case("negative", ["", "a giraffe"])
 def test_a_refusal_names_the_words_that_were_taught_and_where_all_are_listed(negative: str) -> None:
     known = new_noun("tea pot", THREE_NOUNS).words
     with pytest.raises(VocabularyError) as caught:

@@ -6,12 +6,13 @@ import pytest
 from sqlalchemy.dialects import postgresql, sqlite
 
 from meshdeform.record.schema import UtcDateTime, metadata
+from tests.cases import each_case
 
 DIALECTS = [sqlite.dialect(), postgresql.dialect()]
 MOMENT = datetime(2026, 3, 4, 5, 6, 7, 890, tzinfo=UTC)
 
 
-@pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: str(dialect.name))
+@each_case("dialect", DIALECTS, ids=lambda dialect: str(dialect.name))
 def test_an_instant_is_stored_and_read_in_utc_whatever_zone_it_was_said_in(dialect: object) -> None:
     kind = UtcDateTime()
     for hours in (-11, 0, 5.5, 14):

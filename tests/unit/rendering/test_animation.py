@@ -14,6 +14,7 @@ from meshdeform.assets.appearance import Appearance, Paint, plain_appearance
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
 from meshdeform.rendering.studio import Pose
+from tests.cases import each_case
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def areas(data: bytes) -> tuple[list[int], list[int]]:
     return [int((f[..., 0] - f[..., 1] > 60).sum()) for f, _ in frames], [time for _, time in frames]
 
 
-@pytest.mark.parametrize("kind", FORMATS.values())
+@each_case("kind", FORMATS.values())
 def test_a_morph_goes_to_the_result_and_back(red_ball: tuple[Any, ...], kind: str) -> None:
     data = morph_animation(*red_ball, kind=kind, size=64, frames=5)
     sizes, times = areas(data)

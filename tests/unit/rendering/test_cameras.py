@@ -75,7 +75,7 @@ def test_a_framed_sphere_reaches_its_share_and_is_followed() -> None:
     assert follows.fitting_radius(0.3, 2.0) == pytest.approx(2.0 / 0.9)
 
 
-@pytest.mark.parametrize("radius", [0.1, 1.05, 40.0])
+@each_case("radius", [0.1, 1.05, 40.0])
 def test_a_bias_in_depth_means_a_similar_length_at_every_field_of_view(radius: float) -> None:
     """The antialiasing compares depths with a constant: it must not tell other silhouettes apart at 45 than at 30."""
     lengths = []

@@ -26,7 +26,7 @@ def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:
     assert torch.equal(images[0, 0, 0], torch.zeros(3))
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@each_case("shading", ["normals", "lambert"])
 def test_pictures_are_upright_and_not_mirrored(shading) -> None:
     """A ball up on +Y is above, one on +X is on the right of the front view."""
     ball = icosphere(2, 0.15)
@@ -68,7 +68,7 @@ def test_values_stay_in_range() -> None:
         assert image.max() <= 1 + 1e-6
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@each_case("shading", ["normals", "lambert"])
 def test_gradients_agree_with_finite_differences(shading) -> None:
     """Directional derivatives of a weighted picture along smooth deformations, against a finer picture."""
     mesh = icosphere(3, 0.7)
@@ -166,7 +166,7 @@ def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> 
         assert grad_of_split.norm(dim=1).max() < 1.5 * grad.norm(dim=1).max()
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@each_case("shading", ["normals", "lambert"])
 def test_pixels_on_faces_whose_area_rounds_to_zero_are_drawn(shading) -> None:
     """Snapped to the grid of the rasteriser such a face has an area, in clip space none to divide by."""
     mesh = with_slivers(geodesic_sphere(40), 0.0)
@@ -204,7 +204,7 @@ def _ribbon(height: float) -> TriangleMesh:
     return TriangleMesh(verts, torch.tensor(faces))
 
 
-@pytest.mark.parametrize("shading", ["normals", "lambert"])
+@each_case("shading", ["normals", "lambert"])
 def test_a_needle_that_fills_a_row_of_pixels_does_not_drown_the_rest(shading) -> None:
     """Its normal turns by 1 / height: without a limit, the thinnest needle that a pixel's centre can fall on pulls 45
     times as hard as a face that is a fiftieth as high as long."""

@@ -66,7 +66,7 @@ def test_colours_are_lit_like_clay_in_linear_light() -> None:
     assert renderer(look).render(0.7 * SQUARE, FRONT)[0, 0, 0].tolist() == pytest.approx(list(BLUE), abs=1e-6)
 
 
-@pytest.mark.parametrize("size", [1.4, 0.7], ids=["inside", "silhouettes"])
+@each_case("size", [1.4, 0.7], ids=["inside", "silhouettes"])
 def test_gradients_are_those_of_the_picture(size: float) -> None:
     """Every coordinate's derivative against finite differences: texture, light, perspective, and edges."""
     look = appearance()

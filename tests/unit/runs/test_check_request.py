@@ -13,6 +13,7 @@ from meshdeform.errors import ModelError, ParameterError, PromptError, Vocabular
 from meshdeform.requests.document import JobKind, JobRequest
 from meshdeform.runs import check_request, kinds
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 
 def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any) -> None:
@@ -54,7 +55,7 @@ def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
         check({"prompt": "a tall vase", "params": {"negative_prompt": "tall"}})
 
 
-@pytest.mark.parametrize("prompt", ["", "  \n"])
+@each_case("prompt", ["", "  \n"])
 def test_an_empty_prompt_is_refused(prompt: str) -> None:
     with pytest.raises(PromptError):
         check({"prompt": prompt})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 
-import pytest
 import torch
 
 from meshdeform.assets import build_glb
@@ -18,6 +17,7 @@ from meshdeform.priors.builtin.training.families import member
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.likeness import likeness, summarize
+from tests.cases import each_case
 
 
 def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:
@@ -43,7 +43,7 @@ def test_the_line_names_both_nouns() -> None:
     )
 
 
-@pytest.mark.parametrize("guidance", ["sds", "target"])
+@each_case("guidance", ["sds", "target"])
 def test_only_the_builtin_prior_has_it_in_its_report(guidance: str) -> None:
     ball = icosphere(1)
     asset = build_glb(ball.verts.numpy(), ball.faces.numpy())

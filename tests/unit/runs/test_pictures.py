@@ -132,7 +132,7 @@ def test_pictures_on_the_command_line(tmp_path: Path) -> None:
         parse_pictures([f"{odd}@{turn}" for turn in range(5)])
 
 
-@pytest.mark.parametrize("rig", ["keep", "follow"])
+@each_case("rig", ["keep", "follow"])
 def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> None:
     asked = JobRequest.model_validate(
         {

@@ -23,6 +23,7 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.lesson_files import labelled
 from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights
 
 BALL = trimesh.creation.icosphere(1).export(file_type="glb")
@@ -104,7 +105,7 @@ def test_folders_name_attributes_and_the_one_around_everything_need_not() -> Non
 _BOMB = packed(big_glb=b"0" * 2_000_000)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("data", "words"),
     [
         (packed(readme_txt=b"no mesh"), "holds no mesh"),
@@ -127,7 +128,7 @@ def test_a_file_that_is_no_zip_is_the_only_mesh() -> None:
     assert open_lesson(BALL, "models\\ball.glb", Limits()) == {"ball.glb": BALL}
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("document", "kind", "words"),
     [
         ({"noun": "a vase"}, ParameterError, "knows 'vase' already.*params.replace"),

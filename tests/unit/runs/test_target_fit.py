@@ -17,6 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from tests.cases import each_case
 
 SPHERE = icosphere(2)
 
@@ -75,7 +76,7 @@ def test_a_target_far_away_is_refused_with_a_picture() -> None:
     assert "params.align" in refused.value.advice_text
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("params", "place"),
     [
         ({"landmarks": [{"source": 9999, "target": 0}]}, ["params", "landmarks", 0, "source"]),

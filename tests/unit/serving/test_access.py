@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from meshdeform.serving.access import is_loopback, needs_keys
 from tests.cases import each_case
 
@@ -34,7 +32,7 @@ def test_whatever_is_not_certainly_loopback_needs_one(address: str | None) -> No
     assert needs_keys("auto", address)
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0", None])
+@each_case("address", ["127.0.0.1", "0.0.0.0", None])
 def test_on_and_off_ask_no_address(address: str | None) -> None:
     assert needs_keys("on", address)
     assert not needs_keys("off", address)

@@ -12,6 +12,7 @@ import pytest
 from meshdeform.errors import UnavailableError
 from meshdeform.serving.stack import _environment, _url, listen
 from meshdeform.settings import Settings
+from tests.cases import each_case
 
 
 def test_port_0_takes_a_free_one() -> None:
@@ -28,7 +29,7 @@ def test_the_address_to_open_is_never_the_wildcard() -> None:
         assert _url(listening) == f"http://127.0.0.1:{listening.getsockname()[1]}"
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "no.such.host.invalid"])
+@each_case("host", ["127.0.0.1", "no.such.host.invalid"])
 def test_an_address_that_cannot_be_had_is_one_clear_error(host: str) -> None:
     with listen("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]

@@ -13,6 +13,7 @@ from meshdeform.errors import DrawingError
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.strokes import Hand, draw
+from tests.cases import each_case
 
 EXACT = Hand(shake=0, shift=0, overshoot=0, gaps=0, again=0, lost=0, width=0.008)
 
@@ -60,7 +61,7 @@ def test_a_photograph_and_a_filled_shape_are_told() -> None:
         read_drawing(png(picture))
 
 
-@pytest.mark.parametrize("data", [b"", b"no picture", png(chair())[:200]])
+@each_case("data", [b"", b"no picture", png(chair())[:200]])
 def test_what_cannot_be_decoded_is_told(data: bytes) -> None:
     with pytest.raises(DrawingError, match="can be read"):
         read_drawing(data)

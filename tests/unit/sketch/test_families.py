@@ -8,6 +8,7 @@ import pytest
 from meshdeform.errors import ParameterError
 from meshdeform.sketch.families import FAMILIES, Family
 from meshdeform.sketch.lines import joined
+from tests.cases import each_case
 
 EVERY = pytest.mark.parametrize("family", FAMILIES.values(), ids=list(FAMILIES))
 
@@ -61,9 +62,7 @@ def test_proportions_are_those_that_the_parameters_state() -> None:
         np.testing.assert_allclose([low[1], high[1]], [0.0, 1.0], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "values", [{"wings": 2}, {"width": 7}, {"width": "wide"}, {"width": float("nan")}, {"legs": "x"}]
-)
+@each_case("values", [{"wings": 2}, {"width": 7}, {"width": "wide"}, {"width": float("nan")}, {"legs": "x"}])
 def test_parameters_that_do_not_exist_are_refused(values: dict[str, object]) -> None:
     with pytest.raises(ParameterError):
         FAMILIES["chair"].solids(values)

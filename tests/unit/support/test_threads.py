@@ -72,7 +72,7 @@ def test_spinning_is_limited_unless_the_environment_says_otherwise(monkeypatch: 
         assert os.environ == chosen
 
 
-@pytest.mark.parametrize("module", ["meshdeform.cli.app", "worker.__main__"])
+@each_case("module", ["meshdeform.cli.app", "worker.__main__"])
 def test_programs_limit_it_before_anything_imports_torch(module: str) -> None:
     # What main() calls next stops it; the limit must be there by then, and torch must not.
     program = f"""

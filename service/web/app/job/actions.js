@@ -69,7 +69,7 @@ export class JobActions {
       over && (deforms || this.job.kind === "surface_fit") ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
-        icon: "link", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
+        icon: "share", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
       }),
       button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,

@@ -93,7 +93,7 @@ export class ListView {
     if (first) this.cursor = page.next_cursor;
     this._drop(page.jobs);
     this._take(page.jobs, true);
-    this._words(page.jobs.length === 0);
+    this._words(!this._shown().length);
   }
 
   async _older() {
@@ -244,12 +244,12 @@ export class ListView {
   _words(none) {
     this.more.hidden = !this.cursor;
     const jobs = [...this.jobs.values()].filter((job) => !isDeleted(job.id));
+    this.select.hidden = !jobs.length;
     if (none && !jobs.length && this.filter.search) return void fill(this.summary, this._searchWords());
     if (none && !jobs.length) {
       fill(this.summary, this.filter.state ? "No jobs in this state." : "No jobs yet. ", this.filter.state ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
     }
-    this.select.hidden = !jobs.length;
     if (!this.group) return void fill(this.summary, this._searchWords());
     this.cancelAll.hidden = !this._active();
     this.sheet?.show();

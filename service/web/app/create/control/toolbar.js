@@ -11,7 +11,7 @@ const HINTS = /** @type {Record<Tool, string>} */ ({
   paint: "Drag on the asset to paint. Beside it, dragging turns the view.",
   box: "Drag the points on the sides of the box.",
   part: "Click a part of the asset.",
-  handle: "Drag a point of the asset to where it shall be.",
+  handle: "Drag a point of the asset to where it should be.",
 });
 const TOUCHED = matchMedia("(any-pointer: coarse)");
 

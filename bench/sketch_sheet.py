@@ -1,0 +1,69 @@
+"""Draw sketches with their guesses beside them: ``python -m bench.sketch_sheet docs/pictures/sketch_guesses.png``.
+
+Each row has a drawing of a random member, drawn as the training draws but from a seed that it does not use, and the
+guesses in clay.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from meshdeform.assets import load_asset
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.sketch.families import FAMILIES
+from meshdeform.sketch.guesses import guess, member_glb
+from meshdeform.sketch.lines import joined, visible_lines
+from meshdeform.sketch.strokes import draw
+from meshdeform.sketch.training import random_view
+
+SIZE = 220
+STYLE = RenderStyle(view_size=SIZE, supersample=2, shading="lambert", background=(1.0, 1.0, 1.0))
+SEED = 4001
+
+
+def clay(glb: bytes) -> Image.Image:
+    """Draw a mesh from its front, a little from the side and above."""
+    surface = load_asset(glb, "guess.glb").surface
+    verts = torch.from_numpy(np.ascontiguousarray(surface.positions, np.float64))
+    verts = Frame.around(verts).enter(verts)
+    faces = torch.from_numpy(np.ascontiguousarray(surface.triangles, np.int64))
+    image = Renderer(faces, len(verts), STYLE).render(verts, fixed_cameras(30.0, 20.0))[0]
+    return Image.fromarray((255 * image.numpy()).clip(0, 255).astype(np.uint8))
+
+
+def main() -> None:
+    """Draw the sheet."""
+    parser = argparse.ArgumentParser(prog="python -m bench.sketch_sheet", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("picture", type=Path)
+    parser.add_argument("--seed", type=int, default=SEED)
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = []
+    for number, name in enumerate(FAMILIES):
+        random = np.random.default_rng([options.seed, number])
+        family = FAMILIES[name]
+        values = family.draw(random)
+        drawing = draw(visible_lines(joined(family.solids(values)), random_view(random)), random, size=SIZE)
+        written = io.BytesIO()
+        drawing.convert("L").save(written, "PNG")
+        found = guess(written.getvalue())
+        print(name, values)
+        print("  ", *(f"{each.family} {each.probability:.0%}" for each in found), found[0].values)
+        cells = [
+            drawing.convert("RGB").resize((SIZE, SIZE)),
+            *(clay(member_glb(each.family, each.values)) for each in found),
+        ]
+        rows.append(np.concatenate([np.asarray(cell) for cell in cells], 1))
+    Image.fromarray(np.concatenate(rows)).quantize(64).save(options.picture, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
