@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = [
+    "FITTED_SOURCE",
     "FORMATS_OF_RESULT",
     "ArtifactData",
     "ArtifactKind",
@@ -98,6 +99,14 @@ FORMATS_OF_RESULT = (
 )
 """What any kind of job that writes `result.glb` can have made of it."""
 
+FITTED_SOURCE = ArtifactKind(
+    "source.glb",
+    "model/gltf-binary",
+    "The mesh that was fitted to an asset without triangles "
+    "([Surface fits](surface_fit.md#as-the-source-of-a-deformation)); there before the first step.",
+)
+"""What stands for such an asset wherever the source of a job's result is needed."""
+
 
 @dataclass(frozen=True)
 class InputFile:
@@ -155,6 +164,8 @@ class RunInput:
         Told the name of a phase that the start enters.
     on_artifact : callable
         Given an artifact, by name, that is to be shown before the run has ended.
+    on_wait : callable
+        Called now and then while the start takes long; raises if the run must stop.
     """
 
     request: JobRequest
@@ -168,6 +179,7 @@ class RunInput:
     device: str = "cpu"
     on_phase: Callable[[str], None] = lambda _name: None
     on_artifact: Callable[[str, ArtifactData], None] = lambda _name, _artifact: None
+    on_wait: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)

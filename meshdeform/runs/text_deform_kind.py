@@ -32,8 +32,17 @@ from meshdeform.requests.stages import (
     needs_prior,
     with_target_models,
 )
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
-from meshdeform.runs.picture_parts import check_pictures
+from meshdeform.runs.base import (
+    FITTED_SOURCE,
+    FORMATS_OF_RESULT,
+    ArtifactKind,
+    FilePart,
+    JobRun,
+    Kind,
+    RunInput,
+    StartRun,
+)
+from meshdeform.runs.picture_parts import PICTURE_FILES, check_pictures
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
 from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
 
@@ -47,7 +56,6 @@ __all__ = ["TEXT_DEFORM", "check"]
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
-_PICTURES = ("image/png", "image/jpeg", "image/webp")
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
@@ -295,14 +303,14 @@ def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
+    from meshdeform.runs.fitted_source import fitted_source
     from meshdeform.runs.generated_target import generated_target
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
-        prior = None
-        if needs_prior(params):
-            prior = load_sent(params.model, given)
+        prior = load_sent(params.model, given) if needs_prior(params) else None
+        source = fitted_source(given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
@@ -318,6 +326,7 @@ def _load() -> StartRun:
             device=given.device,
             asset_sha256=asset.sha256,
             resolved=params,
+            source=source,
         )
 
     return start
@@ -327,22 +336,20 @@ TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
     reads=(
-        FilePart("asset", "The file to deform: GLB, OBJ, PLY, STL or ZIP.", required=True, media_types=_MESHES),
+        FilePart(
+            "asset",
+            "The file to deform: GLB, OBJ, PLY, STL or ZIP; or a surface without triangles, to which a mesh is fitted "
+            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
+            required=True,
+            media_types=(*_MESHES, "application/octet-stream"),
+            content="surface",
+        ),
         FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
             FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
             for part in TARGET_PARTS[1:]
         ),
-        *(
-            FilePart(
-                name,
-                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
-                required=False,
-                media_types=_PICTURES,
-                content="silhouette",
-            )
-            for number, name in enumerate(SILHOUETTE_PARTS, 1)
-        ),
+        *PICTURE_FILES,
         WEIGHTS_FILE,
     ),
     params=DeformParams,
@@ -358,6 +365,7 @@ TEXT_DEFORM = Kind(
             "and after.",
         ),
         ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
+        FITTED_SOURCE,
         ArtifactKind(
             "morph.glb",
             _GLB,
