@@ -14,7 +14,7 @@ from meshdeform.assets import load_asset  # noqa: E402
 from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn, until_noted  # noqa: E402
+from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_noted, until_shown  # noqa: E402
 from tests.unit.assets.builders import Builder  # noqa: E402
 
 Locator, Page, Route, expect = playwright_api.Locator, playwright_api.Page, playwright_api.Route, playwright_api.expect
@@ -39,6 +39,10 @@ def two_parts(path: Path) -> Path:
     return path
 
 
+LOWER = 168
+"""Triangles of the lower primitive of `two_parts`."""
+
+
 def tool(page: Page, name: str) -> None:
     """Take a tool in hand."""
     page.get_by_role("group", name="Tool").get_by_text(name, exact=True).click()
@@ -55,12 +59,13 @@ def drag(page: Page, viewer: Locator, begin: tuple[float, float], end: tuple[flo
     page.mouse.up()
 
 
+@pytest.mark.without_pictures
 def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service: Service, tmp_path: Path) -> None:
     asset = two_parts(tmp_path / "balls.glb")
     open_form(page)
     choose(page, asset)
     viewer = page.locator(".asset-panel .viewer")
-    until_drawn(viewer)
+    until_shown(page, LOWER)
     page.get_by_text("Control", exact=True).click()
     tool(page, "Paint")
     rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
@@ -187,6 +192,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     expect(rows).to_have_count(3)
 
 
+@pytest.mark.without_pictures
 def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
     held: list[Route] = []
 
@@ -217,7 +223,7 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
     page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
     expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
     source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
-    until_drawn(target)
+    until_shown(page, LOWER)
     page.get_by_role("button", name="Click pairs of points").click()
     pairs = page.get_by_role("list", name="Pairs of points").get_by_role("listitem")
 
