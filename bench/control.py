@@ -6,9 +6,9 @@ the prompt among the twelve of the suite `small`, and its noun among all nouns, 
 ``keep``: the legs and the trunk of the quadruped kept; the greatest motion of a kept vertex in the file, the root mean
 square motion of the others, and what the judge says, beside the same runs without it. ``symmetry``: the greatest
 difference between the motions of mirrored vertices with ``auto`` and ``none``. ``prompts``: a second prompt for the
-upper half of the sphere; how far the surface moved within and outside of it, and what the judge says of the region cut
-out, before and after. ``strength``: the distance from rest and the judge's probability from 0 to 1.5. Lengths are
-shares of the diagonal.
+upper half of the sphere, with weight 3 and, to compare, with weight 0; how far the surface moved within and outside of
+it, and what the judge says of the region cut out, before and after. ``strength``: the distance from rest and the
+judge's probability from 0 to 1.5. Lengths are shares of the diagonal.
 """
 
 from __future__ import annotations
@@ -138,17 +138,18 @@ def _residual(found: Result) -> float:
 
 
 def prompts(arguments: argparse.Namespace) -> None:
-    print("| sphere to | upper half | moved within | outside | whole: rank of 12 | noun | region before | after |")
+    print("| upper half | weight | moved within | outside | whole: rank of 12 | noun | region before | after |")
     print("|---|---|---|---|---|---|---|---|")
-    for second in (None, "a mushroom", "a rabbit"):
-        local = [] if second is None else [{"prompt": second, "weight": 3, "regions": [UPPER]}]
-        found = run("sphere", "a tall vase", arguments, prompts=local)
-        above = found.source.surface.positions[:, 1] > 0
-        said = judged(found.result.surface.positions, found.source, "a tall vase")
-        compared = found.report["prompts"][1]["likeness"] if local else None
-        shares = f"{compared['before']['probability']:.0%} | {compared['probability']:.0%}" if compared else " | "
-        moved = f"{rms(found.moved[above])} | {rms(found.moved[~above])}"
-        print(f"| a tall vase | {second or ''} | {moved} | {said} | {shares} |")
+    for second in ("a mushroom", "a rabbit"):
+        for weight in (0, 3):  # 0 pulls at nothing: what the judge finds there anyway
+            local = [{"prompt": second, "weight": weight, "regions": [UPPER]}]
+            found = run("sphere", "a tall vase", arguments, prompts=local)
+            above = found.source.surface.positions[:, 1] > 0
+            said = judged(found.result.surface.positions, found.source, "a tall vase")
+            compared = found.report["prompts"][1]["likeness"]
+            shares = f"{compared['before']['probability']:.0%} | {compared['probability']:.0%}"
+            moved = f"{rms(found.moved[above])} | {rms(found.moved[~above])}"
+            print(f"| {second} | {weight} | {moved} | {said} | {shares} |", flush=True)
 
 
 def strength(arguments: argparse.Namespace) -> None:

@@ -114,9 +114,11 @@ class FakePrior:
 def build_tiny_stable_diffusion(
     folder: str | Path,
     *,
+    edition: Literal[1, 2] = 1,
     prediction_type: Literal["epsilon", "v_prediction"] = "epsilon",
     sample_size: int = 16,
     seed: int = 0,
+    tiny_encoder: bool = False,
 ) -> Path:
     """Write a checkpoint of Stable Diffusion's own classes with random weights, about 4 MB.
 
@@ -127,14 +129,19 @@ def build_tiny_stable_diffusion(
     ----------
     folder : str or pathlib.Path
         The folder to write, in diffusers' layout with safetensors weights.
+    edition : 1 or 2
+        Which Stable Diffusion the networks are like: 2 has a head size for each level, linear projections and another
+        activation in the text encoder.
     prediction_type : "epsilon" or "v_prediction"
         The scheduler's `prediction_type`. The weights do not depend on it.
     sample_size : int
         Side of the latents. Pictures have eight times that (Stable Diffusion: 64 and 512).
     seed : int
         Seed of the weights. The caller's random state does not change.
+    tiny_encoder : bool
+        Whether to add the small encoder, for `params.encoder` = `tiny`.
     """
-    from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
+    from diffusers import AutoencoderKL, AutoencoderTiny, DDIMScheduler, UNet2DConditionModel
     from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
     with tempfile.TemporaryDirectory() as scratch:
@@ -146,6 +153,7 @@ def build_tiny_stable_diffusion(
             CLIPTextConfig(
                 vocab_size=len(vocabulary), hidden_size=32, intermediate_size=37, num_hidden_layers=2,
                 num_attention_heads=4, projection_dim=32, max_position_embeddings=77,
+                hidden_act="quick_gelu" if edition == 1 else "gelu",
                 bos_token_id=vocabulary[_START], eos_token_id=vocabulary[_END], pad_token_id=vocabulary[_END],
             )
         )  # fmt: skip
@@ -153,12 +161,17 @@ def build_tiny_stable_diffusion(
             sample_size=sample_size, in_channels=4, out_channels=4, block_out_channels=(32, 64), layers_per_block=1,
             down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
             up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
-            cross_attention_dim=32, attention_head_dim=8, norm_num_groups=8,
+            cross_attention_dim=32, norm_num_groups=8,
+            attention_head_dim=8 if edition == 1 else (4, 8), use_linear_projection=edition == 2,
         )  # fmt: skip
         vae = AutoencoderKL(
             down_block_types=("DownEncoderBlock2D",) * 4, up_block_types=("UpDecoderBlock2D",) * 4,
             block_out_channels=(8, 8, 16, 16), layers_per_block=1, norm_num_groups=4, latent_channels=4,
             sample_size=8 * sample_size,
+        )  # fmt: skip
+        tiny = AutoencoderTiny(
+            encoder_block_out_channels=(8,) * 4, decoder_block_out_channels=(8,) * 4,
+            num_encoder_blocks=(1, 1, 1, 1), num_decoder_blocks=(1, 1, 1, 1),
         )  # fmt: skip
     scheduler = DDIMScheduler(
         beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False,
@@ -170,6 +183,8 @@ def build_tiny_stable_diffusion(
     for name, part in parts.items():
         part.save_pretrained(folder / name)
         index[name] = [type(part).__module__.partition(".")[0], type(part).__name__]
+    if tiny_encoder:
+        tiny.save_pretrained(folder / "vae_tiny")
     index |= {name: [None, None] for name in ("safety_checker", "feature_extractor", "image_encoder")}
     (folder / "model_index.json").write_text(json.dumps(index, indent=2))
     return folder

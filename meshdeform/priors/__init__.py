@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshdeform.requests.choices import Encoder
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["check_model", "load_prior"]
 
 
-def check_model(model: str, revision: str = "") -> None:
+def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) -> None:
     """Check, without torch and without a network, whether `load_prior` would find the model.
 
     An environment without torch does not run models (for example, the API's own container). There, nothing is checked
@@ -29,11 +30,14 @@ def check_model(model: str, revision: str = "") -> None:
         `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, or its hub id.
     revision : str
         Branch, tag or commit of a hub model; by default its default branch.
+    encoder : Encoder
+        The encoder that a job will ask a Stable Diffusion model for.
 
     Raises
     ------
     ModelError
-        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
+        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights, or lacks
+        the encoder.
     DependencyError
         The model needs packages that are not installed.
     """
@@ -46,7 +50,7 @@ def check_model(model: str, revision: str = "") -> None:
         return
     from meshdeform.priors.model_files import check
 
-    check(model, revision)
+    check(model, revision, encoder)
 
 
 def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from torch import Tensor
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
+    from meshdeform.requests.choices import Encoder
 
-__all__ = ["Prior"]
+__all__ = ["HasEncoders", "Prior"]
 
 
 class Prior(Protocol):
@@ -79,4 +80,18 @@ class Prior(Protocol):
         Returns
         -------
         N predictions (B, C, H, W) float32, one per text.
+        """
+
+
+@runtime_checkable
+class HasEncoders(Protocol):
+    """A prior on latents that come from one of several encoders."""
+
+    def with_encoder(self, encoder: Encoder) -> Prior:
+        """Return the same prior with an encoder; everything else is shared.
+
+        Raises
+        ------
+        ModelError
+            The model has no such encoder, or it does not fit.
         """

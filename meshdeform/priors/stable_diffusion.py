@@ -3,24 +3,28 @@
 ::
 
     z0      = scaling_factor * E[posterior(2 image - 1)]
+    z0      = tiny(2 image - 1)                      with the small encoder
     eps_hat = uncond + s (text - uncond)             eps = sqrt(abar) v + sqrt(1 - abar) z_t   for v-prediction
 
 The posterior's mean is used, not a sample: its standard deviation is about a ten-thousandth of the latents' for the
 published autoencoders, far below the noise that score distillation adds, and the mean is deterministic.
 
+The small encoder (TAESD) was distilled from the large one to give the same scaled latents, so its own factor is 1.
+
 Views have a background and a light that change with every view, as in the paper (`rendering/scenes.py`); they show clay
 or the colours of the asset (`appearance`).
 
 Sources: Rombach et al. 2022, section 3 (latents); Ho & Salimans 2022, eq. 6, in diffusers' convention of s;
-Salimans & Ho 2022, appendix D (v-prediction).
+Salimans & Ho 2022, appendix D (v-prediction); github.com/madebyollin/taesd (the small encoder).
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import torch
 from torch import Tensor
@@ -28,8 +32,9 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError
 from meshdeform.priors.half_precision import scaled_backward
-from meshdeform.priors.model_files import ModelFiles, find
+from meshdeform.priors.model_files import ModelFiles, PartFiles, find, find_tiny_encoder
 from meshdeform.rendering.shading import RenderStyle
+from meshdeform.requests.choices import Encoder
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
@@ -71,6 +76,8 @@ class StableDiffusionPrior:
         self.device = torch.device(device)
         self.dtype = _dtype(dtype, self.device)
         files = find(model, revision, half=self.dtype is not torch.float32)
+        self._files, self._encoder = files, Encoder.VAE
+        self._tiny: Any = None
         self._load(files)
         self.identity = {"id": model, "revision": files.revision, "sha256": files.sha256()}
 
@@ -106,14 +113,78 @@ class StableDiffusionPrior:
                 f"The model {files.model!r} predicts {self._prediction} from {self._unet.config.in_channels} channels.",
                 advice=f"Use a text-to-image checkpoint that predicts {' or '.join(_PREDICTIONS)} from {latents}.",
             )
+        self._check_conditions(files.model)
         shrink = 2 ** (len(self._vae.config.block_out_channels) - 1)
         self.image_size = _side(self._unet.config.sample_size, files.model) * shrink
         self.style = RenderStyle(view_size=self.image_size // 2, supersample=1, shading="lambert", scene="varied")
 
-    def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
+    def _check_conditions(self, model: str) -> None:
+        """Refuse networks that need more than a text, or the text of another encoder."""
+        unet, width = self._unet.config, self._text_encoder.config.hidden_size
+        further = [name for name in ("addition_embed_type", "class_embed_type", "encoder_hid_dim_type") if unet[name]]
+        if further:
+            raise ModelError(
+                f"The U-Net of the model {model!r} needs more than a text: its {further[0]} is {unet[further[0]]!r}.",
+                advice="Use a text-to-image checkpoint of the Stable Diffusion 1 or 2 family.",
+            )
+        if unet.cross_attention_dim != width:
+            raise ModelError(
+                f"The U-Net of the model {model!r} reads texts of width {unet.cross_attention_dim}, and its text "
+                f"encoder writes {width}.",
+                advice="Download it again; its text_encoder and its unet are of different models.",
+            )
+
+    def with_encoder(self, encoder: Encoder) -> Self:
+        """Return the same prior with an encoder; the networks are shared.
+
+        The small encoder is loaded at its first use.
+        Its identity then has `encoder` and `encoder_sha256`, the SHA-256 of the small encoder's weights.
+
+        Raises
+        ------
+        ModelError
+            The folder has no small encoder, or its latents are not those of the model.
+        """
+        if encoder is self._encoder:
+            return self
+        if encoder is Encoder.TINY and self._tiny is None:
+            self._load_tiny()
+        other = copy.copy(self)
+        other._encoder = encoder
+        own = {name: value for name, value in self.identity.items() if not name.startswith("encoder")}
+        if encoder is Encoder.TINY:
+            own |= {"encoder": str(encoder), "encoder_sha256": self._tiny[1]}
+        other.identity = own
+        return other
+
+    def _load_tiny(self) -> None:
+        from diffusers import AutoencoderTiny
+
+        found = find_tiny_encoder(self._files, half=self.dtype is not torch.float32)
+        try:
+            with _quiet():
+                network = self._network(AutoencoderTiny, self._files, "vae_tiny", found)
+        except ModelError:
+            raise
+        except Exception as error:  # as in `_load`
+            raise ModelError(
+                f"The small encoder of the model {self._files.model!r} cannot be read: {error}",
+                advice="Download it again; one of its files is damaged or belongs to another kind of model.",
+            ) from error
+        own = network.config.latent_channels, 2 ** (len(network.config.encoder_block_out_channels) - 1)
+        wanted = self._vae.config.latent_channels, 2 ** (len(self._vae.config.block_out_channels) - 1)
+        if own != wanted:
+            raise ModelError(
+                f"The small encoder of the model {self._files.model!r} makes {own[0]} channels at 1/{own[1]} of the "
+                f"picture's size, and the model's own {wanted[0]} at 1/{wanted[1]}.",
+                advice="Use the one for this family of models: madebyollin/taesd for Stable Diffusion 1 and 2.",
+            )
+        self._tiny = network, found.sha256()
+
+    def _network(self, kind: Any, files: ModelFiles, part: str, found: PartFiles | None = None) -> Any:
         network, report = kind.from_pretrained(
             files.folder / part,
-            variant=files.parts[part].variant or None,
+            variant=(found or files.parts[part]).variant or None,
             use_safetensors=True,
             local_files_only=True,
             dtype=self.dtype,
@@ -167,6 +238,11 @@ class StableDiffusionPrior:
         return scaled_backward(self._latents, image)
 
     def _latents(self, image: Tensor) -> Tensor:
+        if self._encoder is Encoder.TINY:
+            network, _ = self._tiny
+            small: Tensor = network.encode((image * 2.0 - 1.0).to(self.dtype)).latents.float()
+            small *= network.config.scaling_factor
+            return small
         posterior = self._vae.encode((image * 2.0 - 1.0).to(self.dtype)).latent_dist
         latents: Tensor = posterior.mean.float() * self._vae.config.scaling_factor
         return latents
@@ -224,6 +300,19 @@ def _side(sample_size: Any, model: str) -> int:
         )
     side: int = sides.pop()
     return side
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep diffusers from warning of a member that it writes into every AutoencoderTiny's configuration by itself."""
+    from diffusers.utils import logging
+
+    verbosity = logging.get_verbosity()
+    logging.set_verbosity_error()
+    try:
+        yield
+    finally:
+        logging.set_verbosity(verbosity)
 
 
 @contextmanager

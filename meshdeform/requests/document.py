@@ -18,7 +18,7 @@ from pydantic import (
     field_validator,
 )
 
-from meshdeform.requests.choices import GuidanceKind, JobKind, Preset, RigMode, Safeguard
+from meshdeform.requests.choices import Encoder, GuidanceKind, JobKind, Preset, RigMode, Safeguard
 from meshdeform.requests.models import is_sent
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
@@ -193,6 +193,8 @@ class JobRequest(StrictModel):
         if not isinstance(params, DeformParams):
             return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
         own = f"{self.kind}/{goal_guidance(params)}/{_family(params.model)}"
+        if params.encoder is not Encoder.VAE:
+            own += f"/{params.encoder}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)

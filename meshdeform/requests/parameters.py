@@ -37,11 +37,13 @@ from meshdeform.requests.choices import (
 )
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
+from meshdeform.requests.encoder import ENCODER, Encoder
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
+from meshdeform.requests.sketches import SKETCH, Sketch
 from meshdeform.requests.stages import STAGES, TARGET, GeneratedTarget, Stage
 from meshdeform.requests.strict import StrictModel
 
@@ -211,6 +213,7 @@ class DeformParams(StrictModel):
         examples=[{"x": "keep", "y": {"max": 1.2}}],
     )
     prompts: tuple[Prompt, ...] = PROMPTS
+    encoder: Encoder = ENCODER
     guidance_scale: float = of_preset(
         100.0,
         "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
@@ -297,6 +300,7 @@ class DeformParams(StrictModel):
         examples=["auto"],
     )
     target: GeneratedTarget | None = TARGET
+    sketch: Sketch | None = SKETCH
     stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.bounds import contradiction
-from meshdeform.requests.choices import AppearanceMode, Carrier, GuidanceKind
+from meshdeform.requests.choices import AppearanceMode, Carrier, Encoder, GuidanceKind
 from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.models import is_builtin
 from meshdeform.requests.parameters import BUILTIN_MODEL, DeformParams, ResolvedParams
@@ -29,7 +29,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     ------
     ParameterError
         A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
-        use the appearance, or stages contradict a parameter for one goal.
+        use the appearance, the model has no encoder to choose, or stages contradict a parameter for one goal.
     """
     params = _with_goal(params)
     model = params.model or default_model
@@ -53,6 +53,9 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
+    if values["encoder"] is not Encoder.VAE and is_builtin(model):
+        detail = f"The built-in model works on pixels and has no encoder, and encoder is `{values['encoder']}`."
+        raise _refused("encoder", detail, "Leave params.encoder out, or use a Stable Diffusion model.")
     if values["rigid"] and values["length"] != LengthLimits():
         detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
         raise _refused("length", detail, "Leave out params.length or params.rigid.")
@@ -70,18 +73,26 @@ def _with_goal(params: DeformParams) -> DeformParams:
     guidance = goal_guidance(params)
     if params.target is not None and params.silhouettes:
         raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
-    for other in ("target", "landmarks", "silhouettes"):
+    for other in ("target", "sketch", "landmarks", "silhouettes"):
         if params.stages and getattr(params, other):
             raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
+    if params.target is not None and params.sketch is not None:
+        raise _refused("sketch", "`target` and `sketch` both say what the target is.", "Leave out one of the two.")
+    if params.sketch is not None and params.silhouettes:
+        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
     if found := contradicted(params, guidance):
         other, why = found
         raise _refused(
             "prompts", f"`prompts` cannot be combined with `{other}`: {why}.", f"Leave out prompts or {other}."
         )
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
-        detail = f"guidance is `{params.guidance}`, and `{'stages' if params.stages else 'target'}` needs `{guidance}`."
+        detail = f"guidance is `{params.guidance}`, and `{_said_by(params)}` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")
     return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
+
+
+def _said_by(params: DeformParams) -> str:
+    return "stages" if params.stages else "sketch" if params.sketch is not None else "target"
 
 
 def _refused(name: str, detail: str, advice: str) -> ParameterError:

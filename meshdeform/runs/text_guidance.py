@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from meshdeform.errors import ModelError
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.texts import WeightedPrompt
-from meshdeform.priors.base import Prior
+from meshdeform.priors.base import HasEncoders, Prior
 from meshdeform.rendering.shading import Shading
-from meshdeform.requests.choices import AppearanceMode
+from meshdeform.requests.choices import AppearanceMode, Encoder
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.models import is_builtin
 
@@ -31,7 +32,13 @@ def score_distillation(
     ------
     PromptError, ParameterError
         The prior cannot use this prompt.
+    ModelError
+        The prior has no such encoder.
     """
+    if isinstance(prior, HasEncoders):
+        prior = prior.with_encoder(params.encoder)
+    elif params.encoder is not Encoder.VAE:
+        raise ModelError(f"This model has no encoder {params.encoder!r}.", advice="Leave params.encoder out.")
     return ScoreDistillation(
         prior,
         prompt,
