@@ -26,7 +26,9 @@ CONVERTERS = {
     "blend": f'blender -b in.blend --python-expr "import bpy; {_WRITE}"',
     "dae": "assimp export in.dae out.glb",
     "3ds": "assimp export in.3ds out.glb",
-    "vdb": "vdb_tool -read in.vdb -ls2mesh -write out.ply",
+    # Its faces look inwards.
+    "vdb": "vdb_tool -read in.vdb -ls2mesh -write out.ply && "
+    "python -c \"import trimesh; m = trimesh.load('out.ply'); m.invert(); m.export('out.ply')\"",
 }
 """Commands that convert files of other formats to GLB or PLY, by file extension."""
 _MAGICS = (
@@ -67,7 +69,7 @@ def refuse_other_format(head: bytes, ending: str) -> None:
     if kind in CONVERTERS:
         raise AssetFormatError(
             f"The file is {kind.upper()}, which Meshdeform does not read.",
-            advice=f"Convert it to {'PLY' if CONVERTERS[kind].endswith('.ply') else 'GLB'}: {CONVERTERS[kind]}",
+            advice=f"Convert it to {'PLY' if 'out.ply' in CONVERTERS[kind] else 'GLB'}: {CONVERTERS[kind]}",
         )
 
 
