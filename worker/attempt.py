@@ -177,6 +177,7 @@ class Attempt:
                 device=self._at.device,
                 on_phase=self._phase,
                 on_artifact=self._show,
+                on_wait=self._go_on,
             )
             return self._at.start(given)
 

@@ -26,9 +26,11 @@ from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.requests.stages import needs_prior, stage_at
 from meshdeform.runs import text_deform
-from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
+from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
+from meshdeform.runs.fitted_source import fitted_source
 from meshdeform.runs.generated_target import generated_target
+from meshdeform.runs.sketched_target import read_targets
 from meshdeform.settings import Settings
 from meshdeform.support.atomic_files import write_files
 
@@ -67,6 +69,11 @@ class LocalJob:
         A checkpoint of the same request to continue from.
     load : callable
         Loads the prior; a caching one saves time from job to job.
+
+    Attributes
+    ----------
+    source : Path
+        The mesh that is deformed: the asset, or once it is there what was fitted to an asset without triangles.
     """
 
     def __init__(
@@ -87,6 +94,7 @@ class LocalJob:
         self._targets = {**({"target": target} if target else {}), **(targets or {})}
         self._pictures, self._resume, self._load = pictures, resume, load
         self._shown: list[Path] = []
+        self.source = asset
         self._last_losses: dict[str, float] = {}
         self._last_step: tuple[int, int] | None = None
         self._saved_step: int | None = None
@@ -130,6 +138,7 @@ class LocalJob:
             "morph": str(self._outputs.morph) if self._outputs.morph else None,
             "usd": str(self._outputs.usd) if self._outputs.usd else None,
             "targets": [str(path) for path in self._shown],
+            "source": str(self.source) if self.source != self._asset else None,
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
@@ -198,21 +207,27 @@ class LocalJob:
         path = self._outputs.result.with_suffix(f".{name}")
         with writing(name):
             write_files({path: artifact.data})
-        self._shown.append(path)
+        if name == FITTED_SOURCE.name:
+            self.source = path
+        else:
+            self._shown.append(path)
 
     def _begin(self, given: RunInput, prior: Prior | None, seed: int) -> JobRun:
+        targets, sketch = read_targets(given.request.params, given)
         return text_deform.start(
             asset=given.files["asset"].data,
             filename=given.files["asset"].filename,
             request=given.request,
             prior=prior,
-            targets=given.files,
+            targets=targets,
+            sketch=sketch,
             generate=lambda wanted, name: generated_target(wanted, name, seed, given),
             pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,
             default_model=given.default_model,
             limits=given.limits,
             device=given.device,
+            source=fitted_source(given),
         )
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:

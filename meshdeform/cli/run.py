@@ -56,7 +56,12 @@ def _file(text: str, panel: str, *, exists: bool = False) -> Any:
 def run(
     asset: Annotated[
         Path,
-        typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False, readable=True),
+        typer.Argument(
+            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ), a network (safetensors).",
+            exists=True,
+            dir_okay=False,
+            readable=True,
+        ),
     ],
     prompt: Annotated[
         str,
@@ -244,7 +249,7 @@ def run(
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:
-            write_animation(asset, output, animate, settings)
+            write_animation(job.source, output, animate, settings)
     if sketched is not None:
         summary["targets"].append(str(goals.files["target"]))
     summary["sketch"] = sketched
@@ -256,6 +261,7 @@ def run(
         return
     names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
     names["animation"] = "Animation"
+    names["source"] = "Source mesh"
     if sketched is not None:
         typer.echo(f"{'Drawing':<10} {sketched}: {goals.files['target']}")
     for name, title in names.items():

@@ -24,7 +24,7 @@ from typing import Any
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.requests.choices import Encoder
 
-__all__ = ["ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder"]
+__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder"]
 
 _STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
 _TINY, _TINY_CLASS, _TINY_STEM = "vae_tiny", "AutoencoderTiny", "diffusion_pytorch_model"
@@ -33,6 +33,12 @@ _TOKENIZER_FILES = (("tokenizer.json",), ("vocab.json", "merges.txt"))
 _FEW_STEPS = ("LCMScheduler", "TCDScheduler")
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?")
 _LFS_POINTER = b"version https://git-lfs"
+CONVERT = (
+    'A Stable Diffusion checkpoint in one file can be converted once with diffusers: python -c "from diffusers import '
+    "StableDiffusionPipeline as P; P.from_single_file('FILE').save_pretrained('FOLDER')\"; then name the folder."
+)
+"""What to do with a checkpoint in one file."""
+_PICKLE = " That opens a pickle, which can run any code: do it with files from a source that you trust only."
 _LAYOUT_ADVICE = (
     "Use a folder in diffusers' layout with safetensors weights, as `hf download ID --local-dir FOLDER` writes it "
     "(a .bin or .ckpt checkpoint can be converted once with diffusers: "
@@ -112,6 +118,11 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
             advice='Install the extra on the machine that runs the worker: pip install "meshdeform[sd]".',
         )
     folder = Path(model).expanduser()
+    if folder.is_file():
+        raise ModelError(
+            f"The model {model!r} is a single file; Meshdeform reads folders in diffusers' layout.",
+            advice=CONVERT if folder.suffix == ".safetensors" else CONVERT + _PICKLE,
+        )
     if folder.is_dir():
         commit = revision
     else:

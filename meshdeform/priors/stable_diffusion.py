@@ -162,7 +162,8 @@ class StableDiffusionPrior:
 
         found = find_tiny_encoder(self._files, half=self.dtype is not torch.float32)
         try:
-            network = self._network(AutoencoderTiny, self._files, "vae_tiny", found)
+            with _quiet():
+                network = self._network(AutoencoderTiny, self._files, "vae_tiny", found)
         except ModelError:
             raise
         except Exception as error:  # as in `_load`
@@ -299,6 +300,19 @@ def _side(sample_size: Any, model: str) -> int:
         )
     side: int = sides.pop()
     return side
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep diffusers from warning of a member that it writes into every AutoencoderTiny's configuration by itself."""
+    from diffusers.utils import logging
+
+    verbosity = logging.get_verbosity()
+    logging.set_verbosity_error()
+    try:
+        yield
+    finally:
+        logging.set_verbosity(verbosity)
 
 
 @contextmanager

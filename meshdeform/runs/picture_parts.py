@@ -1,4 +1,4 @@
-"""Check that the pictures of a request and their directions belong together. Torch-free."""
+"""Describe the pictures of a request, and check that they and their directions belong together. Torch-free."""
 
 from __future__ import annotations
 
@@ -8,8 +8,20 @@ from typing import Any
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import GuidanceKind, JobRequest
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
+from meshdeform.runs.base import FilePart
 
-__all__ = ["check_pictures"]
+__all__ = ["PICTURE_FILES", "check_pictures"]
+
+PICTURE_FILES = tuple(
+    FilePart(
+        name,
+        f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
+        required=False,
+        media_types=("image/png", "image/jpeg", "image/webp"),
+        content="silhouette",
+    )
+    for number, name in enumerate(SILHOUETTE_PARTS, 1)
+)
 
 _SAME_DEG = 1.0
 

@@ -32,9 +32,10 @@ from meshdeform.rendering.studio import Pose
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.appearance_report import appearance_report, sees_colours
-from meshdeform.runs.base import ArtifactData, InputFile, StepReport
+from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, read_control
 from meshdeform.runs.control_report import control_report
+from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
@@ -63,6 +64,7 @@ def start(
     target_filename: str = "",
     targets: Mapping[str, InputFile] | None = None,
     generate: GenerateTarget = cannot_generate,
+    sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
@@ -71,6 +73,7 @@ def start(
     device: str = "cpu",
     asset_sha256: str | None = None,
     resolved: ResolvedParams | None = None,
+    source: FittedSource | None = None,
 ) -> TextDeformRun:
     """Read the asset and prepare the run.
 
@@ -83,6 +86,8 @@ def start(
         Further target meshes by part, for stages.
     generate : callable
         Returns the GLB of a target that a text-to-3D model makes.
+    sketch : mapping, optional
+        What the report says about a target that was drawn.
     pictures : sequence of bytes
         One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
@@ -101,6 +106,8 @@ def start(
         SHA-256 of the asset, if known.
     resolved : ResolvedParams, optional
         The values of all parameters from when the request was accepted. Default: resolved here.
+    source : FittedSource, optional
+        The mesh that is deformed in place of an asset without triangles.
 
     Raises
     ------
@@ -115,20 +122,20 @@ def start(
     params = resolved or resolve(request.params, default_model=default_model)
     asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
-        loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
+        data, name = (asset, filename) if source is None else (source.data, FITTED_SOURCE.name)
+        loaded, division = prepared(load_asset(data, name, limits), params, request.output, limits)
         if request.output.usd:
             loaded.scene()  # detect unreadable materials now, not after the last step
         welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
-    shape = shape_id(asset_sha256, loaded, params, request.output)
+    shape = shape_id(source.sha256 if source else asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        meshes = dict(targets or {})
-        if target is not None:
-            meshes["target"] = InputFile(target, target_filename)
+        own = {} if target is None else {"target": InputFile(target, target_filename)}
+        meshes = {**(targets or {}), **own}
         silhouettes = SilhouetteFit.of(params, pictures)
         given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
@@ -145,7 +152,8 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    facts = RunFacts(request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division)
+    given_as = asset_sha256, len(asset), filename
+    facts = RunFacts(request, params, *given_as, identities[-1], run, device, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 
@@ -226,7 +234,10 @@ class TextDeformRun:
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
-        return dump_checkpoint(self._deformation.checkpoint(), self._facts.fingerprint, self._facts.shape_id)
+        state, source = self._deformation.checkpoint(), self._facts.source
+        return dump_checkpoint(
+            source.kept_in(state) if source else state, self._facts.fingerprint, self._facts.shape_id
+        )
 
     def positions(self) -> NDArray[np.float64]:
         """Return the current world positions (N, 3), float64, of the asset's own vertices."""

@@ -30,6 +30,7 @@ from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.stages import with_target_models
+from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -52,6 +53,8 @@ class RunFacts:
     device: str
     shape_id: str = ""
     subdivision: Subdivision | None = None
+    source: FittedSource | None = None
+    sketch: Mapping[str, Any] | None = None
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -207,8 +210,12 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if facts.source is not None:
+        report["surface"] = facts.source.facts
     if asset.rig():
         report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
+    if facts.sketch is not None:
+        report["sketch"] = dict(facts.sketch)
     if bodies:
         report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if facts.subdivision is not None:

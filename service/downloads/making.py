@@ -13,6 +13,7 @@ from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
 from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive, require_package
+from service.downloads.deformed import deformed_file
 from service.state import AppState
 
 __all__ = ["made", "makeable"]
@@ -59,8 +60,9 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         if name in OF_RESULT:
             given = DerivedInput(shape, shape, _RESULT, output)
         else:
-            app.store.fetch(job.source.key, source, sha256=job.source.sha256)
-            given = DerivedInput(source, shape, job.source.filename, output, job.request.params.exclude)
+            deformed = deformed_file(job)
+            app.store.fetch(deformed.key, source, sha256=deformed.sha256)
+            given = DerivedInput(source, shape, deformed.filename, output, job.request.params.exclude)
         derive(name, given, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)

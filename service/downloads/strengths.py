@@ -14,6 +14,7 @@ from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import StoredObject
+from service.downloads.deformed import deformed_file
 from service.http.slots import FairSlots
 
 if TYPE_CHECKING:
@@ -80,10 +81,11 @@ class Strengths:
             return known
         with app.workspace.temporary_folder() as folder:
             source, result, output = (folder / name for name in ("source", "result", "output"))
-            app.store.fetch(job.source.key, source, sha256=job.source.sha256)
+            deformed = deformed_file(job)
+            app.store.fetch(deformed.key, source, sha256=deformed.sha256)
             app.store.fetch(artifact.key, result, sha256=artifact.sha256)
             exclude = getattr(job.request.params, "exclude", ())
-            given = DerivedInput(source, result, job.source.filename, job.request.output, exclude, strength)
+            given = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
             derive(STRENGTH, given, output, app.assets.limits)
             made = self._keep(app, job, artifact, output, key)
         self._remember(key, made)

@@ -37,6 +37,15 @@ def fitted(service: Service, small_sphere: Path) -> str:
     return job
 
 
+def ball_of_points() -> bytes:
+    """Return the points of a sphere with their normals as PLY."""
+    points = icosphere(2).verts.numpy()
+    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")] + ["end_header"]
+    rows = [" ".join(f"{value:.4f}" for value in [*point, *point]) for point in points]
+    return "\n".join([*header, *rows, ""]).encode()
+
+
 @pytest.mark.without_pictures
 def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     watch.allow("status of 422")
@@ -46,10 +55,7 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     expect(steps).to_have_attribute("placeholder", "1500")
     points = icosphere(2).verts.numpy()
     cloud, bare = tmp_path / "cloud.ply", tmp_path / "bare.xyz"
-    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
-    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")] + ["end_header"]
-    rows = [" ".join(f"{value:.4f}" for value in [*point, *point]) for point in points]
-    cloud.write_text("\n".join([*header, *rows, ""]))
+    cloud.write_bytes(ball_of_points())
     bare.write_text("\n".join(" ".join(f"{value:.4f}" for value in point) for point in points))
     page.set_input_files("#asset-file", bare)
     expect(page.get_by_text("a cloud needs six")).to_be_visible()
@@ -76,6 +82,24 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     expect(steps).to_have_value("4")
     expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
     expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
+
+
+# long: the usual fit takes 6 s of CPU in the worker; first proof: tests/unit/runs/test_fitted_source.py.
+@pytest.mark.long
+def test_points_that_are_deformed_are_shown_as_the_mesh_that_was_fitted(
+    page: Page, watch: Watch, service: Service, small_sphere: Path
+) -> None:
+    params = {"guidance": "target", "preset": "preview", "steps": 2, "orientation": "keep"}
+    answer = service.post(ball_of_points(), "ball.ply", {"params": params}, small_sphere)
+    assert answer.status_code == 202, answer.text
+    job = str(answer.json()["id"])
+    page.goto(f"/?job={job}")
+    expect(badge(page)).to_have_text("Succeeded")
+    for title in ("Before", "After"):
+        until_drawn(page.locator(".job-stage .viewer", has_text=title).first)
+    expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same triangles
+    assert f"GET /v1/jobs/{job}/artifacts/source.glb" in watch.sent
+    expect(page.get_by_text("The mesh that was fitted to the asset")).to_be_visible()
 
 
 def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str) -> None:

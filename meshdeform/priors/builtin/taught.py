@@ -24,6 +24,7 @@ from typing import Any
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.vocabulary import PARTS
 from meshdeform.priors.builtin.words import ATTRIBUTES, BUILTIN_WORDS, Words
+from meshdeform.priors.model_files import CONVERT
 from meshdeform.requests.models import is_taught
 
 __all__ = [
@@ -46,10 +47,6 @@ _FORMAT = "1"
 _WORD = re.compile(r"[a-z]+(-[a-z]+)*")
 _LONGEST_WORD = 40
 _ADVICE = "Use a file that `meshdeform teach` wrote, or teach it again."
-_CONVERT = (
-    'A Stable Diffusion checkpoint in one file can be converted once with diffusers: python -c "from diffusers import '
-    "StableDiffusionPipeline as P; P.from_single_file('FILE').save_pretrained('FOLDER')\"; then name the folder."
-)
 _ROWS = "text.word.weight"
 
 
@@ -179,7 +176,7 @@ def read_metadata(path: Path) -> dict[str, str]:
     if not isinstance(rows, dict) or "stem.weight" not in header:
         raise ModelError(
             f"The file {path} has no weights of the builtin prior.",
-            advice=f"Single files of other models are not read. {_CONVERT}",
+            advice=f"Single files of other models are not read. {CONVERT}",
         )
     found = header.get("__metadata__") or {}
     return {str(key): str(value) for key, value in found.items()}
@@ -206,7 +203,7 @@ def _header(path: Path) -> dict[str, Any]:
         if size > MAX_FILE_BYTES:
             raise ModelError(
                 f"The file {path} has {size:,} bytes; weights of the builtin prior have at most {MAX_FILE_BYTES:,}.",
-                advice=_CONVERT,
+                advice=CONVERT,
             )
         with path.open("rb") as file:
             length = int.from_bytes(file.read(8), "little")

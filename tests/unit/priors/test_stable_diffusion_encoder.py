@@ -57,12 +57,14 @@ def gradient(prior: StableDiffusionPrior, weight: float = 1.0) -> Tensor:
 
 
 def test_the_latents_are_those_of_the_small_network_for_pixels_from_0_to_1(
-    tiny_stable_diffusion: Path, prior: StableDiffusionPrior
+    tiny_stable_diffusion: Path, prior: StableDiffusionPrior, capfd: pytest.CaptureFixture[str]
 ) -> None:
     from diffusers import AutoencoderTiny
 
     alone = AutoencoderTiny.from_pretrained(tiny_stable_diffusion / "vae_tiny", local_files_only=True)
-    small = prior.with_encoder(Encoder.TINY)
+    capfd.readouterr()
+    small = StableDiffusionPrior(str(tiny_stable_diffusion)).with_encoder(Encoder.TINY)
+    assert capfd.readouterr() == ("", ""), "nothing about a configuration that is as it should be"
     with torch.no_grad():
         expected = alone.encoder.layers(picture())
     assert_close(small.encode_image(picture()), expected, rtol=1e-4, atol=1e-5)

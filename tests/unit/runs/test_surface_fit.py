@@ -185,7 +185,7 @@ def test_a_branch_has_the_network_of_its_job() -> None:
         kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 8}}))
 
 
-def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(
+def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
     tmp_path: Path, redis_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)  # the worker is in this process
@@ -201,8 +201,6 @@ def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(
             client.submit(unsigned, kind="surface_fit", params=SMALL)
         checked = client.validate(cloud, kind="surface_fit", params=SMALL)
         assert (checked.asset.format, checked.asset.vertices, checked.asset.triangles) == ("xyz", len(points), 0)
-        with pytest.raises(AssetError):
-            client.submit(cloud, "a mushroom")
         with working(settings, start_run):
             result = client.deform(cloud, kind="surface_fit", params=SMALL, timeout_s=DEADLINE_S)
             asked = ["submit", str(cloud), "--kind", "surface_fit", "--steps", "2", "-o", str(tmp_path / "o")]
@@ -214,3 +212,21 @@ def test_a_cloud_is_posted_fitted_and_downloaded_and_other_kinds_refuse_it(
         verts, _ = read_field(result.read("surface.ndf")).unfold(2)
         assert np.linalg.norm(verts, axis=1).mean() == pytest.approx(1, abs=0.05)
         assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}
+
+        # The other kind that takes a cloud: it fits a mesh first, which stands for the asset afterwards too.
+        for name, value in {"BASE_FACES": 100, "STEPS": 5, "BATCH_FACES": 8, "LEVEL": 0}.items():
+            monkeypatch.setattr(f"meshdeform.runs.fitted_source.{name}", value)
+        egg = tmp_path / "egg.glb"
+        egg.write_bytes(build_glb(points * [1, 1.5, 1], mesh.faces.numpy()))
+        with pytest.raises(ParameterError, match="only once a mesh is fitted"):
+            client.orient(cloud, "a mushroom")
+        with pytest.raises(AssetError, match="one sign, as unsigned"):
+            client.submit(unsigned, "a mushroom")
+        with working(settings, start_run):
+            params = {"guidance": "target", "preset": "preview", "steps": 2, "orientation": "keep"}
+            deformed = client.deform(cloud, target=egg, params=params, timeout_s=DEADLINE_S)
+        source, shape = (load_asset(deformed.read(name)).surface for name in ("source.glb", "result.glb"))
+        assert np.linalg.norm(source.positions, axis=1).mean() == pytest.approx(1, abs=0.05)
+        assert np.array_equal(source.triangles, shape.triangles)
+        back = load_asset(client.read(deformed.job, "result.glb", strength=0.0)).surface
+        assert np.abs(back.positions - source.positions).max() < 1e-5

@@ -1,7 +1,7 @@
 // @ts-check
 /** The asset of a new job: dropped, chosen, or one of the examples, and shown at once. */
 import { announce } from "../announce.js";
-import { Asset, exampleAsset, FORMATS, formatOf } from "../assets.js";
+import { Asset, exampleAsset, formatOf, SURFACE_FORMATS } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
@@ -14,25 +14,18 @@ export const EXAMPLES = [
   { name: "animal.glb", label: "Painted animal" },
 ];
 
-/** @typedef {{ formats: string[], words: string, advice: string }} Accepted What may be chosen, and how it is called. */
-
-/** @type {Accepted} */
-const ASSETS = {
-  formats: FORMATS,
-  words: "GLB, OBJ, PLY, STL or a ZIP",
-  advice: "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files.",
-};
+const WORDS = "GLB, OBJ, PLY, STL, ZIP, XYZ, NPZ or safetensors file";
+const ADVICE =
+  "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).";
 
 export class AssetPanel {
   /**
    * @param {import("../scope.js").Scope} scope
    * @param {(asset: Asset | null) => void} onChange
-   * @param {Accepted} [accepted]
    */
-  constructor(scope, onChange, accepted = ASSETS) {
+  constructor(scope, onChange) {
     this.scope = scope;
     this.onChange = onChange;
-    this.accepted = accepted;
     /** @type {Asset | null} */
     this.asset = null;
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
@@ -43,7 +36,7 @@ export class AssetPanel {
     this.box.tag.hidden = true;
     this.input = h("input", {
       type: "file", class: "visually-hidden", id: "asset-file", tabindex: "-1", "aria-label": "Asset file",
-      accept: [...accepted.formats.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
+      accept: [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
     });
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
@@ -76,7 +69,7 @@ export class AssetPanel {
       h(
         "div",
         { class: "asset-bar" },
-        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${this.accepted.words} anywhere on this page.`), h("span", { class: "without-mouse" }, this.accepted.words))),
+        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS))),
         h("div", { class: "row" }, choose, this.input),
       ),
       h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
@@ -140,9 +133,9 @@ export class AssetPanel {
   /** @param {File} file */
   async take(file) {
     this.choices += 1;
-    const format = formatOf(file.name, this.accepted.formats);
+    const format = formatOf(file.name, SURFACE_FORMATS);
     if (!format) {
-      this.refuse(`${file.name} isn't supported.`, this.accepted.advice);
+      this.refuse(`${file.name} isn't supported.`, ADVICE);
       return;
     }
     if (format === "gltf") {

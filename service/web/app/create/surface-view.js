@@ -1,7 +1,7 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
 import { announce } from "../announce.js";
-import { Asset, SURFACE_FORMATS } from "../assets.js";
+import { Asset } from "../assets.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
@@ -20,12 +20,6 @@ const KIND = "surface_fit";
 const FIRST = ["base_faces", "steps", "level", "seed"];
 const CHECKPOINTS = "checkpoint_every_steps"; // ten on the way, if nobody says otherwise
 
-const SURFACES = {
-  formats: SURFACE_FORMATS,
-  words: "mesh (GLB, OBJ, PLY, STL, ZIP), points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors)",
-  advice: "Use a mesh, points with normals as PLY or XYZ, a signed distance grid as NPZ, or a network as safetensors.",
-};
-
 export class SurfaceView {
   /**
    * @param {HTMLElement} root
@@ -41,7 +35,7 @@ export class SurfaceView {
     this.rows = new Map();
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
     this.check = debounced(() => this._check(), 450, scope);
-    this.assets = new AssetPanel(scope, () => this.check(), SURFACES);
+    this.assets = new AssetPanel(scope, () => this.check());
     this.first = h("div", { class: "advanced-grid" });
     this.more = h("div", { class: "advanced-grid" });
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.more);

@@ -17,6 +17,7 @@ const FILES = /** @type {Record<string, string>} */ ({
   "result.obj.zip": "The new shape as OBJ, with materials and textures",
   "result.stl": "The new shape for printing: metres, Y up",
   "result.usdz": "The new shape for AR viewers and USD pipelines",
+  "source.glb": "The mesh that was fitted to the asset",
   "surface.ndf": "The surface: base mesh and network",
   ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
   "intrinsic.npz": "The highest level after intrinsic Delaunay flips",

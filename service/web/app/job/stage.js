@@ -12,6 +12,7 @@ import { linkViews, ViewerBox } from "../viewer-box.js";
 import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
+import { sourceOf } from "./source.js";
 import { segmented, showLegend, slider, toggle } from "./stage-controls.js";
 import { Way } from "./way.js";
 
@@ -100,7 +101,8 @@ export class JobStage {
   async _load() {
     linkViews(this.before, this.after);
     try {
-      this.source = await client.bytes(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
+      const waits = () => this.before.say("No triangles yet", "A mesh is fitted to this file first.", "info");
+      ({ buffer: this.source, format: this.format } = await sourceOf(this.job, this.scope, waits));
       // Where it cannot be unpacked, the views say so.
       const asReceived = { buffer: this.source, format: this.format };
       ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));
