@@ -58,7 +58,7 @@ def test_guesses_have_parameters_with_ranges_and_meshes(api: Api, openapi: dict[
 def test_corrected_parameters_make_a_mesh(api: Api) -> None:
     sketch = {"family": "vase", "values": {"lip": 0.2, "handles": "two"}}
     answer = api.http.post("/v1/sketches:mesh", json=sketch)
-    assert answer.headers["content-type"] == "model/gltf-binary"
+    assert answer.headers["content-type"] == "application/octet-stream"
     assert answer.content == member_glb("vase", sketch["values"])
     with Client(api.url) as client:
         assert client.make_sketch_mesh("vase", {"lip": 0.2, "handles": "two"}) == answer.content
