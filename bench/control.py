@@ -6,7 +6,7 @@ the prompt among the twelve of the suite `small`, and its noun among all nouns, 
 ``keep``: the legs and the trunk of the quadruped kept; the greatest motion of a kept vertex in the file, the root mean
 square motion of the others, and what the judge says, beside the same runs without it. ``symmetry``: the greatest
 difference between the motions of mirrored vertices with ``auto`` and ``none``. ``prompts``: a second prompt for the
-upper half of the sphere, with weight 3 and, to compare, with weight 0; how far the surface moved within and outside of
+upper half of the sphere, with weight 3 and, to compare, without (0); how far the surface moved within and outside of
 it, and what the judge says of the region cut out, before and after. ``strength``: the distance from rest and the
 judge's probability from 0 to 1.5. Lengths are shares of the diagonal.
 """
@@ -33,6 +33,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.likeness import likeness
 from meshdeform.runs.strength import AssetPath
 
 Floats = NDArray[np.float64]
@@ -140,16 +141,27 @@ def _residual(found: Result) -> float:
 def prompts(arguments: argparse.Namespace) -> None:
     print("| upper half | weight | moved within | outside | whole: rank of 12 | noun | region before | after |")
     print("|---|---|---|---|---|---|---|---|")
+    alone = run("sphere", "a tall vase", arguments)
     for second in ("a mushroom", "a rabbit"):
-        for weight in (0, 3):  # 0 pulls at nothing: what the judge finds there anyway
-            local = [{"prompt": second, "weight": weight, "regions": [UPPER]}]
-            found = run("sphere", "a tall vase", arguments, prompts=local)
+        local = [{"prompt": second, "weight": 3, "regions": [UPPER]}]
+        # The same without the second prompt: what the judge finds there anyway.
+        for weight, found in ((0, alone), (3, run("sphere", "a tall vase", arguments, prompts=local))):
             above = found.source.surface.positions[:, 1] > 0
             said = judged(found.result.surface.positions, found.source, "a tall vase")
-            compared = found.report["prompts"][1]["likeness"]
-            shares = f"{compared['before']['probability']:.0%} | {compared['probability']:.0%}"
+            shares = " | ".join(_upper_half(found, each, second) for each in (found.source, found.result))
             moved = f"{rms(found.moved[above])} | {rms(found.moved[~above])}"
             print(f"| {second} | {weight} | {moved} | {said} | {shares} |", flush=True)
+
+
+def _upper_half(found: Result, asset: Asset, prompt: str) -> str:
+    """Return the probability of the prompt's noun for the faces of UPPER alone."""
+    surface = found.source.surface
+    inside = (surface.positions[surface.triangles][:, :, 1] >= UPPER["box"]["min"][1]).all(1)
+    used, corners = np.unique(surface.triangles[inside], return_inverse=True)
+    faces = torch.from_numpy(corners.reshape(-1, 3).astype(np.int64))
+    compared = likeness(TriangleMesh(torch.from_numpy(asset.surface.positions[used]), faces), prompt)
+    assert compared is not None
+    return f"{compared['probability']:.0%}"
 
 
 def strength(arguments: argparse.Namespace) -> None:

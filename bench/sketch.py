@@ -18,10 +18,10 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
+from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import DrawingError
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.sketch.drawing import read_drawing
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.lines import View, joined
 from meshdeform.sketch.network import WEIGHTS, load_network

@@ -30,6 +30,7 @@ from service.openapi import describe
 from service.operations import health_routes, limits_routes, metrics_routes, models_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
+from service.sketches import routes as sketch_routes
 from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
@@ -77,6 +78,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(webhook_routes.router, responses=refusals)
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)
+    app.include_router(sketch_routes.router, responses=refusals)
     app.include_router(models_routes.router, responses=refusals)
     app.include_router(limits_routes.router, responses=refusals)
     app.include_router(health_routes.router)

@@ -15,6 +15,7 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic.json_schema import models_json_schema
 
+from meshdeform.requests.sketches import Sketch
 from meshdeform.serving.defaults import DEFAULT_URL
 from service.documentation.links import add_links
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
@@ -23,7 +24,7 @@ from service.schemas import Problem
 __all__ = ["describe", "main", "text"]
 
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
-_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Problem)
+_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Sketch, Problem)
 _REFERENCE = "#/components/schemas/{model}"
 _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
@@ -36,6 +37,7 @@ _SERVERS = [
 _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
+    {"name": "sketches", "description": "What a drawing shows, before it is the target of a job: docs/sketch.md."},
     {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},

@@ -31,6 +31,7 @@ __all__ = ["AppState", "AppStateDep"]
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _FRONTS_AT_ONCE, _FRONTS_PER_OWNER = 2, 1
+_SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _STORE_HEALTH_S = 2.0
 
@@ -94,6 +95,8 @@ class AppState:
         The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
     orienting : FairSlots
         Searches of fronts, each in a process of its own.
+    sketching : FairSlots
+        Drawings that are read, and shapes that are made, each in a process of its own.
     strengths : Strengths
         Other strengths of results.
     lookups : LookupPool
@@ -122,6 +125,11 @@ class AppState:
     orienting: FairSlots = field(
         default_factory=lambda: FairSlots(
             _FRONTS_AT_ONCE, _FRONTS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="fronts are being searched"
+        )
+    )
+    sketching: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="drawings are being read"
         )
     )
     strengths: Strengths = field(default_factory=Strengths)

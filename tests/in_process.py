@@ -18,11 +18,11 @@ import pytest
 
 from meshdeform.assets import check
 from meshdeform.assets.isolation import ChildOutcome
-from meshdeform.runs import derive
+from meshdeform.runs import derive, sketch_process
 
 __all__ = ["children_in_process"]
 
-_PARENTS: tuple[ModuleType, ...] = (check, derive)
+_PARENTS: tuple[ModuleType, ...] = (check, derive, sketch_process)
 _one_at_a_time = threading.Lock()
 
 
@@ -32,7 +32,8 @@ def _run_here(module: str, arguments: list[str], *, timeout_s: float, temporary:
     printed: list[str] = []
     with _one_at_a_time, pytest.MonkeyPatch.context() as patch:
         patch.setattr(child, "print", printed.append, raising=False)
-        patch.setattr(child, "bound_resources", lambda *_: None)  # they would be those of the tests
+        for bound in ("bound_resources", "bound_memory"):
+            patch.setattr(child, bound, lambda *_: None, raising=False)  # they would be those of the tests
         code = child.main(arguments)
     return ChildOutcome(code, json.loads(printed[-1]))
 

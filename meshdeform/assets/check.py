@@ -53,9 +53,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch"]
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, the mesh or the meshes of a lesson, or taught weights."""
+in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, or a line drawing."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -88,7 +88,7 @@ def check_asset_subprocess(
 
     Returns
     -------
-    AssetSummary, or PictureSummary of a silhouette.
+    AssetSummary, or PictureSummary of a silhouette and a drawing.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def check_asset_subprocess(
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
     summary = outcome.verdict["summary"]
-    return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
+    return PictureSummary.read(summary) if content in ("silhouette", "sketch") else _summary(summary)
 
 
 def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
@@ -217,6 +217,7 @@ def main(arguments: list[str] | None = None) -> int:
         "family": _read_family,
         "lesson": _read_lesson,
         "weights": _read_weights,
+        "sketch": _read_sketch,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -266,6 +267,13 @@ def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.silhouette import read_silhouette
 
     return asdict(read_silhouette(path.read_bytes()).summary)
+
+
+def _read_sketch(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.assets.drawing import summary_of
+
+    return asdict(summary_of(path.read_bytes()))
 
 
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

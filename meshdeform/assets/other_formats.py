@@ -26,9 +26,18 @@ CONVERTERS = {
     "blend": f'blender -b in.blend --python-expr "import bpy; {_WRITE}"',
     "dae": "assimp export in.dae out.glb",
     "3ds": "assimp export in.3ds out.glb",
+    # Its faces look inwards.
+    "vdb": "vdb_tool -read in.vdb -ls2mesh -write out.ply && "
+    "python -c \"import trimesh; m = trimesh.load('out.ply'); m.invert(); m.export('out.ply')\"",
 }
-"""Commands that convert files of other formats to GLB, by file extension."""
-_MAGICS = ((b"Kaydara FBX Binary", "fbx"), (b"PXR-USDC", "usdc"), (b"#usda ", "usda"), (b"BLENDER", "blend"))
+"""Commands that convert files of other formats to GLB or PLY, by file extension."""
+_MAGICS = (
+    (b"Kaydara FBX Binary", "fbx"),
+    (b"PXR-USDC", "usdc"),
+    (b"#usda ", "usda"),
+    (b"BLENDER", "blend"),
+    (b" BDV\0", "vdb"),
+)
 
 _MAX_PLY_HEADER = 64 * 1024
 _OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
@@ -60,7 +69,7 @@ def refuse_other_format(head: bytes, ending: str) -> None:
     if kind in CONVERTERS:
         raise AssetFormatError(
             f"The file is {kind.upper()}, which Meshdeform does not read.",
-            advice=f"Convert it to GLB: {CONVERTERS[kind]}",
+            advice=f"Convert it to {'PLY' if 'out.ply' in CONVERTERS[kind] else 'GLB'}: {CONVERTERS[kind]}",
         )
 
 

@@ -30,6 +30,7 @@ from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun,
 from meshdeform.runs.devices import resolve_device, use_threads
 from meshdeform.runs.fitted_source import fitted_source
 from meshdeform.runs.generated_target import generated_target
+from meshdeform.runs.sketched_target import read_targets
 from meshdeform.settings import Settings
 from meshdeform.support.atomic_files import write_files
 
@@ -212,12 +213,14 @@ class LocalJob:
             self._shown.append(path)
 
     def _begin(self, given: RunInput, prior: Prior | None, seed: int) -> JobRun:
+        targets, sketch = read_targets(given.request.params, given)
         return text_deform.start(
             asset=given.files["asset"].data,
             filename=given.files["asset"].filename,
             request=given.request,
             prior=prior,
-            targets=given.files,
+            targets=targets,
+            sketch=sketch,
             generate=lambda wanted, name: generated_target(wanted, name, seed, given),
             pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,

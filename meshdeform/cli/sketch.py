@@ -114,7 +114,6 @@ def write_sketched_target(drawing: Path, path: Path) -> str:
 
 def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:
     """Return the guesses of a drawing, the first one with the changes; without a drawing, a member of the family."""
-    from meshdeform.sketch.families import family_of
     from meshdeform.sketch.guesses import Guess, guess
 
     if drawing is None:
@@ -122,10 +121,9 @@ def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list
             raise ParameterError(
                 "There is neither a drawing nor a family.", advice="Name a picture, or a family with --family."
             )
-        return [Guess(family, 1.0, family_of(family).checked(changes))]
+        return [Guess.of(family, 1.0, changes)]
     first, *others = guess(drawing.read_bytes(), family=family)
-    values = family_of(first.family).checked({**first.values, **changes})
-    return [Guess(first.family, first.probability, values), *others]
+    return [Guess.of(first.family, first.probability, {**first.values, **changes}), *others]
 
 
 def _changes(texts: Sequence[str]) -> dict[str, str]:

@@ -27,6 +27,7 @@ from meshdeform.client.documents import (
 )
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.result import AsyncResult, Result
+from meshdeform.client.sketching import SketchGuess, SketchGuesses, SketchParameter
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.sync import Client
 
@@ -48,6 +49,9 @@ __all__ = [
     "ModelView",
     "Result",
     "SignedUrl",
+    "SketchGuess",
+    "SketchGuesses",
+    "SketchParameter",
     "UploadView",
     "Validation",
     "Vocabulary",

@@ -24,6 +24,7 @@ from meshdeform.client.fetching import AsyncFileMethods
 from meshdeform.client.lessons import Meshes
 from meshdeform.client.paths import JobLike
 from meshdeform.client.result import AsyncResult
+from meshdeform.client.sketching import AsyncSketchMethods
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.submitting import Files, Order, Output, Params
 from meshdeform.record.models import JobState
@@ -32,7 +33,7 @@ from meshdeform.requests.document import JobKind
 __all__ = ["AsyncClient"]
 
 
-class AsyncClient(AsyncFileMethods):
+class AsyncClient(AsyncFileMethods, AsyncSketchMethods):
     """A client of one service. An async context manager; safe to share between tasks of an event loop.
 
     Callbacks may be functions or coroutine functions.

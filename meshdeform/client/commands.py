@@ -81,6 +81,8 @@ class Call:
         The files of a form.
     piece : Piece, optional
         The body.
+    content : bytes, optional
+        The body.
     signed : bool
         Whether the URL is signed; then the API key is not sent.
     read_timeout_s : float, optional
@@ -94,6 +96,7 @@ class Call:
     document: Any = None
     parts: tuple[Part, ...] = ()
     piece: Piece | None = None
+    content: bytes | None = None
     signed: bool = False
     read_timeout_s: float | None = None
 

@@ -74,6 +74,8 @@ class Endpoint:
             body = {"files": files}
         elif call.document is not None:
             body = {"json": call.document}
+        elif call.content is not None:
+            body = {"content": call.content}
         timeout = httpx.Timeout(self.timeout_s, read=call.read_timeout_s or self.timeout_s)
         if call.piece is not None:
             # Not built by the caller's httpx client, whose default headers are for the service, not for a bucket.

@@ -24,6 +24,7 @@ from meshdeform.client.fetching import FileMethods
 from meshdeform.client.lessons import Meshes
 from meshdeform.client.paths import JobLike
 from meshdeform.client.result import Result
+from meshdeform.client.sketching import SketchMethods
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.submitting import Files, Order, Output, Params
 from meshdeform.record.models import JobState
@@ -32,7 +33,7 @@ from meshdeform.requests.document import JobKind
 __all__ = ["Client"]
 
 
-class Client(FileMethods):
+class Client(FileMethods, SketchMethods):
     """A client of one service. A context manager; safe to share between threads.
 
     Parameters

@@ -43,6 +43,7 @@ from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
+from meshdeform.requests.sketches import SKETCH, Sketch
 from meshdeform.requests.stages import STAGES, TARGET, GeneratedTarget, Stage
 from meshdeform.requests.strict import StrictModel
 
@@ -299,6 +300,7 @@ class DeformParams(StrictModel):
         examples=["auto"],
     )
     target: GeneratedTarget | None = TARGET
+    sketch: Sketch | None = SKETCH
     stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),

@@ -126,14 +126,14 @@ def stage_at(stages: Sequence[Stage], step: int, total_steps: int) -> StageProgr
 def of_stage(params: DeformParams, stage: Stage) -> DeformParams:
     """Return the parameters as written, for one stage."""
     target = stage.target if isinstance(stage.target, GeneratedTarget) else None
-    return params.model_copy(update={"guidance": stage.guidance, "stages": (), "target": target})
+    return params.model_copy(update={"guidance": stage.guidance, "stages": (), "target": target, "sketch": None})
 
 
 def goal_guidance(params: DeformParams) -> GuidanceKind:
     """Return what guides the first stage, or the only one."""
     if params.stages:
         return params.stages[0].guidance
-    return params.guidance if params.target is None else GuidanceKind.TARGET
+    return params.guidance if params.target is None and params.sketch is None else GuidanceKind.TARGET
 
 
 def needs_prior(params: DeformParams) -> bool:
@@ -160,7 +160,8 @@ def named_targets(params: DeformParams) -> tuple[str, ...]:
     """Return the parts that a request needs as target meshes."""
     if params.stages:
         return tuple(dict.fromkeys(stage.target for stage in params.stages if isinstance(stage.target, str)))
-    return ("target",) if params.target is None and params.guidance is GuidanceKind.TARGET else ()
+    made = params.target is not None or params.sketch is not None
+    return ("target",) if params.guidance is GuidanceKind.TARGET and not made else ()
 
 
 def generated_targets(params: DeformParams) -> tuple[GeneratedTarget, ...]:

@@ -251,6 +251,8 @@ class Kind:
     artifacts : tuple of ArtifactKind
     uses : callable
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
+    alternatives : tuple of str
+        Parts of which a job has one at most: a branch that names one inherits none of the others.
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
         the meshes by part. Default: all fit. Torch-free.
@@ -274,6 +276,7 @@ class Kind:
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
+    alternatives: tuple[str, ...] = ()
     check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch

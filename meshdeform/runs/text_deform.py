@@ -64,6 +64,7 @@ def start(
     target_filename: str = "",
     targets: Mapping[str, InputFile] | None = None,
     generate: GenerateTarget = cannot_generate,
+    sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
@@ -85,6 +86,8 @@ def start(
         Further target meshes by part, for stages.
     generate : callable
         Returns the GLB of a target that a text-to-3D model makes.
+    sketch : mapping, optional
+        What the report says about a target that was drawn.
     pictures : sequence of bytes
         One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
@@ -131,9 +134,8 @@ def start(
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        meshes = dict(targets or {})
-        if target is not None:
-            meshes["target"] = InputFile(target, target_filename)
+        own = {} if target is None else {"target": InputFile(target, target_filename)}
+        meshes = {**(targets or {}), **own}
         silhouettes = SilhouetteFit.of(params, pictures)
         given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
@@ -150,9 +152,8 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    facts = RunFacts(
-        request, params, asset_sha256, len(asset), filename, identities[-1], run, device, shape, division, source
-    )
+    given_as = asset_sha256, len(asset), filename
+    facts = RunFacts(request, params, *given_as, identities[-1], run, device, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -21,12 +20,12 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
-from meshdeform.requests.prompts import active_prompts, prompt_words
+from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.requests.sketches import SKETCH_PART
 from meshdeform.requests.stages import (
     TARGET_PARTS,
-    Stage,
     generated_targets,
     named_targets,
     needs_prior,
@@ -42,8 +41,10 @@ from meshdeform.runs.base import (
     RunInput,
     StartRun,
 )
+from meshdeform.runs.goal_words import goal_of
 from meshdeform.runs.picture_parts import PICTURE_FILES, check_pictures
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
+from meshdeform.runs.sketch_part import SKETCH_FILE, check_sketch, drawn_parts
 from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ def check(
     targets: Collection[str] = (),
     pictures: Collection[str] = (),
     has_weights: bool = False,
+    has_sketch: bool = False,
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
@@ -89,6 +91,8 @@ def check(
         The names of the parts with pictures that are present.
     has_weights : bool
         Whether taught weights are among the files.
+    has_sketch : bool
+        Whether a drawing is among them.
 
     Raises
     ------
@@ -103,7 +107,9 @@ def check(
     params = request.params
     resolved = resolve(params, default_model=default_model)
     check_pictures(request, pictures)
-    _check_targets(resolved, {*targets, *(["target"] if has_target else [])})
+    given = {*targets, *(["target"] if has_target else [])}
+    if not check_sketch(resolved, given | ({SKETCH_PART} if has_sketch else set())):
+        _check_targets(resolved, given)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     for generated in generated_targets(resolved):
         if generated.model != default_model and generated.model not in allowed_models:
@@ -223,6 +229,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             targets=files & set(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),
             has_weights=WEIGHTS_PART in files,
+            has_sketch=SKETCH_PART in files,
         )
 
 
@@ -284,39 +291,34 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 def _uses(request: JobRequest) -> list[str]:
     weights = [WEIGHTS_PART] if is_sent(request.params.model or "") else []
-    return ["asset", *named_targets(request.params), *SILHOUETTE_PARTS[: len(request.params.silhouettes)], *weights]
-
-
-def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
-    if request.params.stages:
-        return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
-    like = filenames.get("target") or filenames.get(SILHOUETTE_PARTS[0])
-    generated = request.params.target.prompt if request.params.target else ""
-    prompts = prompt_words(request.prompt, request.params)
-    return prompts or generated or (f"like {PurePath(like).stem}" if like else "")
-
-
-def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
-    part = stage.target if isinstance(stage.target, str) and not stage.name else None
-    return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
+    return [
+        "asset",
+        *named_targets(request.params),
+        *drawn_parts(request.params),
+        *SILHOUETTE_PARTS[: len(request.params.silhouettes)],
+        *weights,
+    ]
 
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
     from meshdeform.runs.fitted_source import fitted_source
     from meshdeform.runs.generated_target import generated_target
+    from meshdeform.runs.sketched_target import read_targets
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
         source = fitted_source(given)
+        targets, sketch = read_targets(params, given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
             request=given.request,
             prior=prior,
-            targets={part: file for part, file in given.files.items() if part in TARGET_PARTS},
+            targets=targets,
+            sketch=sketch,
             generate=lambda wanted, name: generated_target(wanted, name, params.seed, given),
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
@@ -350,6 +352,7 @@ TEXT_DEFORM = Kind(
             for part in TARGET_PARTS[1:]
         ),
         *PICTURE_FILES,
+        SKETCH_FILE,
         WEIGHTS_FILE,
     ),
     params=DeformParams,
@@ -376,8 +379,8 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "target.glb",
             _GLB,
-            "The target that a text-to-3D model made, if `params.target` asks for one; there before the fit begins. "
-            "Those of stages are named `target-1.glb` and so on.",
+            "The target that a text-to-3D model made for `params.target`, or that was made of a drawing; there before "
+            "the fit begins. Those of stages are named `target-1.glb` and so on.",
         ),
         ArtifactKind(
             "result.usdz",
@@ -388,8 +391,9 @@ TEXT_DEFORM = Kind(
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,
+    alternatives=("target", SKETCH_PART),
     check_files=_check_files,
     check_words=_check_words,
     as_branch=_as_branch,
-    goal=_goal,
+    goal=goal_of,
 )

@@ -54,6 +54,7 @@ class RunFacts:
     shape_id: str = ""
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
+    sketch: Mapping[str, Any] | None = None
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -213,6 +214,8 @@ def build_report(
         report["surface"] = facts.source.facts
     if asset.rig():
         report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
+    if facts.sketch is not None:
+        report["sketch"] = dict(facts.sketch)
     if bodies:
         report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if facts.subdivision is not None:

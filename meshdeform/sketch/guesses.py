@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 
-from meshdeform.assets import Primitive, build_glb
-from meshdeform.sketch.drawing import read_drawing
+from meshdeform.assets.drawing import read_drawing
 from meshdeform.sketch.families import FAMILIES, Value, family_of
+from meshdeform.sketch.members import member_glb
 from meshdeform.sketch.network import SketchNetwork, load_network
 
 __all__ = ["UNSURE", "Guess", "guess", "member_glb"]
@@ -34,6 +35,17 @@ class Guess:
     family: str
     probability: float
     values: dict[str, Value]
+
+    @classmethod
+    def of(cls, family: str, probability: float, values: Mapping[str, object]) -> Self:
+        """Return a guess with checked parameters; those left out have their default.
+
+        Raises
+        ------
+        ParameterError
+            There is no such family, a name is unknown, or a value is out of range.
+        """
+        return cls(family, probability, family_of(family).checked(values))
 
     def glb(self) -> bytes:
         """Return the mesh as `member_glb` does."""
@@ -77,22 +89,3 @@ def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None
         values = FAMILIES[name].values(look.numbers[name][0].double().numpy(), options)
         found.append(Guess(name, round(probabilities[index], 4), values))
     return found
-
-
-def member_glb(family: str, values: Mapping[str, object]) -> bytes:
-    """Return a member of a family as a GLB, with one node for each of its closed solids.
-
-    Parameters
-    ----------
-    family : str
-    values : mapping
-        Parameters by name; those left out have their default.
-
-    Raises
-    ------
-    ParameterError
-        A name is unknown, or a value is out of range.
-    """
-    solids = family_of(family).solids(values)
-    parts = [Primitive(s.verts, s.faces, name=name, material=family) for name, s in solids.items()]
-    return build_glb(parts)

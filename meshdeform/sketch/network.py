@@ -17,8 +17,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
+from meshdeform.assets.drawing import SIDE
 from meshdeform.errors import ModelError
-from meshdeform.sketch.drawing import SIDE
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.support.atomic_files import write_files
 

@@ -21,8 +21,8 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy, mse_loss
 
 from meshdeform import __version__
+from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.optimizer import Adam
-from meshdeform.sketch.drawing import SIDE, prepared
 from meshdeform.sketch.families import FAMILIES, Value
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.network import WEIGHTS, Look, SketchNetwork, write_network

@@ -15,6 +15,7 @@ from meshdeform.errors import (
     AssetTooLargeError,
     AssetTruncatedError,
     AssetUnsupportedError,
+    DrawingError,
     IdempotencyBusyError,
     IdempotencyMismatchError,
     LimitError,
@@ -67,6 +68,7 @@ ASSET_ERRORS = (
     AssetNotFiniteError,
     AssetEmptyError,
     SilhouetteError,
+    DrawingError,
 )
 REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)

@@ -138,7 +138,8 @@ def _inherited(
     for part in kind.reads:
         if part.required and part.name in named:
             raise _refused(part.name, f"A branch keeps its job's `{part.name}`.", "Post a new job for another file.")
-    kept = kind.inherits(document) - set(named)
+    replaced = set(kind.alternatives) if named.keys() & set(kind.alternatives) else set[str]()
+    kept = kind.inherits(document) - set(named) - replaced
     return {name: file for name, file in job.files.items() if name in kept}
 
 

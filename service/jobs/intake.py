@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.picture_summary import PictureSummary
-from meshdeform.errors import ParameterError, SilhouetteError, UnavailableError
+from meshdeform.errors import DrawingError, ParameterError, SilhouetteError, UnavailableError
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.public_names import public_names
 from meshdeform.record.estimates import estimate
@@ -135,8 +135,8 @@ def check_file(
     """
     try:
         return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
-    except SilhouetteError as error:
-        raise SilhouetteError(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
+    except (SilhouetteError, DrawingError) as error:
+        raise type(error)(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
 
 
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:

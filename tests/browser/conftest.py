@@ -51,8 +51,11 @@ if (self.OffscreenCanvas) OffscreenCanvas.prototype.getContext = () => null;
 """
 # What draws does nothing: the pages stay as they are with WebGL, but software need not compile and run the shaders.
 _NO_DRAWING = """
-for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
-  WebGL2RenderingContext.prototype[name] = () => {};
+window.__drawn = new Set(); // how many corners there were to draw
+for (const name of ["drawArrays", "drawArraysInstanced"])
+  WebGL2RenderingContext.prototype[name] = (mode, first, count) => void window.__drawn.add(count);
+for (const name of ["drawElements", "drawElementsInstanced"])
+  WebGL2RenderingContext.prototype[name] = (mode, count) => void window.__drawn.add(count);
 """
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of (\d+)")
 _OUTCOME = pytest.StashKey[dict[str, pytest.TestReport]]()

@@ -16,6 +16,8 @@ from tests.acceptance.service import until
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
 
+    from tests.browser.conftest import Watch
+
 
 def open_form(page: Page) -> None:
     """Go to the form for a new job, and wait until it is all there."""
@@ -93,3 +95,19 @@ def until_drawn(viewer: Locator) -> NDArray[np.int16]:
 
     until("something is to be seen in the viewer", drawn)
     return seen
+
+
+def until_shown(page: Page, triangles: int) -> None:
+    """Wait until a viewer shows a mesh of so many triangles, on a page `without_pictures`."""
+    page.wait_for_function("(corners) => window.__drawn.has(corners)", arg=3 * triangles)
+
+
+def straight_way(page: Page, watch: Watch) -> None:
+    """Let the server make no shapes on the way to a result, which takes seconds of a process for each of them.
+
+    The view then takes straight lines. tests/browser/test_page_views.py has the real way.
+    """
+    watch.allow(r"status of 422 .*strength=")
+    refusal = {"code": "invalid_request", "title": "Invalid request", "status": 422, "detail": "Not here."}
+    headers = {"Content-Type": "application/problem+json"}
+    page.route("**/result.glb?strength=*", lambda route: route.fulfill(status=422, headers=headers, json=refusal))

@@ -21,7 +21,7 @@ from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch, watched  # noqa: E402
-from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start, until_noted  # noqa: E402
+from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start, straight_way, until_noted  # noqa: E402
 from tests.fake_kind import FakeKind  # noqa: E402
 from tests.integration.conftest import serving  # noqa: E402
 from tests.worker_world import working  # noqa: E402
@@ -203,6 +203,7 @@ def test_a_server_that_wants_a_key_is_given_one(
 @pytest.mark.without_pictures
 def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
     watch.allow(r"status of 422 .*/v1/jobs:validate")  # of a prompt that is still being typed
+    straight_way(page, watch)
     open_form(page)
     page.keyboard.press("Tab")
     expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()

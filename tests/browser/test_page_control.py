@@ -14,7 +14,17 @@ from meshdeform.assets import load_asset  # noqa: E402
 from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, set_steps, start, until_drawn, until_noted  # noqa: E402
+from tests.browser.steps import (  # noqa: E402
+    badge,
+    choose,
+    difference,
+    open_form,
+    set_steps,
+    start,
+    until_drawn,
+    until_noted,
+    until_shown,
+)
 from tests.unit.assets.builders import Builder  # noqa: E402
 
 Locator, Page, Route, expect = playwright_api.Locator, playwright_api.Page, playwright_api.Route, playwright_api.expect
@@ -39,6 +49,10 @@ def two_parts(path: Path) -> Path:
     return path
 
 
+LOWER = 168
+"""Triangles of the lower primitive of `two_parts`."""
+
+
 def tool(page: Page, name: str) -> None:
     """Take a tool in hand."""
     page.get_by_role("group", name="Tool").get_by_text(name, exact=True).click()
@@ -55,12 +69,13 @@ def drag(page: Page, viewer: Locator, begin: tuple[float, float], end: tuple[flo
     page.mouse.up()
 
 
+@pytest.mark.without_pictures
 def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service: Service, tmp_path: Path) -> None:
     asset = two_parts(tmp_path / "balls.glb")
     open_form(page)
     choose(page, asset)
     viewer = page.locator(".asset-panel .viewer")
-    until_drawn(viewer)
+    until_shown(page, LOWER)
     page.get_by_text("Control", exact=True).click()
     tool(page, "Paint")
     rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")

@@ -26,6 +26,7 @@ from tests.browser.steps import (  # noqa: E402
     set_steps,
     shown_job,
     start,
+    straight_way,
     until_drawn,
     upper_half,
 )
@@ -37,6 +38,7 @@ expect.set_options(timeout=60_000)
 def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     page: Page, watch: Watch, service: Service, small_sphere: Path, tmp_path: Path
 ) -> None:
+    straight_way(page, watch)
     open_form(page)
     choose(page, small_sphere)
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")

@@ -11,7 +11,7 @@ playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright i
 
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import choose, open_form, set_steps, start, until_drawn  # noqa: E402
+from tests.browser.steps import choose, open_form, set_steps, start, until_shown  # noqa: E402
 
 Page, expect = playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
@@ -25,12 +25,13 @@ def plain(prompts: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
+@pytest.mark.without_pictures
 def test_two_prompts_of_which_one_has_regions(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
     watch.allow(r"status of 422 .*/v1/jobs:validate")
     open_form(page)
     choose(page, small_sphere)
     viewer = page.locator(".asset-panel .viewer")
-    until_drawn(viewer)
+    until_shown(page, 320)
     page.get_by_label("Prompt", exact=True).fill("a pear")
     set_steps(page, 2)
     page.get_by_role("button", name="Add a prompt").click()

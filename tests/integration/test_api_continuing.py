@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
-import pytest
-
 from meshdeform.record.models import Job, JobState, NewJob, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
+from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job
 
@@ -42,7 +41,7 @@ def made_of(api: Api, answer: Any) -> Job:
     return api.record.get(answer.json()["id"])
 
 
-@pytest.mark.parametrize("state", [JobState.FAILED, JobState.CANCELED, JobState.EXPIRED])
+@each_case("state", [JobState.FAILED, JobState.CANCELED, JobState.EXPIRED])
 def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, Any], state: JobState) -> None:
     source = interrupted_job(api, steps=(100, 200), state=state, metadata={"a": "b"}, priority=7, params={"seed": 3})
     answer = api.http.post(f"/v1/jobs/{source}/retry")
@@ -92,7 +91,7 @@ def test_only_what_did_not_succeed_is_tried_again(api: Api) -> None:
     check_problem(api.http.post("/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6/retry"), 404, "not_found")
 
 
-@pytest.mark.parametrize("state", [JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED])
+@each_case("state", [JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED])
 def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
     api: Api, openapi: dict[str, Any], state: JobState
 ) -> None:
@@ -143,7 +142,7 @@ def test_a_branch_has_the_mesh_of_its_job(api: Api) -> None:
         assert problem["errors"][0]["loc"] == [next(iter(different)), *next(iter(different.values()))]
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("document", "code"),
     [({}, "prompt_invalid"), ({**PROMPT, "asset": {}}, "parameter_invalid"), ([], "parameter_invalid")],
 )

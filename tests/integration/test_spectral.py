@@ -55,6 +55,7 @@ def test_our_rules_find_what_they_are_for(lint: Lint, document: dict[str, Any]) 
     other = document["paths"]["/v1/jobs"]["post"]["responses"]
     code = next(code for code in other if code.startswith("4"))
     other[code]["content"] = {"text/html": {"schema": {"type": "string"}}}
+    document["paths"] = {path: item, "/v1/jobs": document["paths"]["/v1/jobs"]}  # the others only take time
     found = {rule for rule, _ in lint(document)}
     assert {
         "operation-operationId",

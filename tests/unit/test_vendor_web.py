@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from tests.cases import each_case
 
 ROOT = Path(__file__).parents[2]
 VENDOR = ROOT / "service" / "web" / "vendor"
@@ -24,7 +24,7 @@ def test_the_committed_files_are_those_of_the_manifest() -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("change", "message"),
     [
         (lambda folder: (folder / "three" / "LICENSE").write_text("mine"), "three/LICENSE: other bytes"),
@@ -41,7 +41,7 @@ def test_the_committed_files_are_those_of_the_manifest() -> None:
     ids=["edited", "lost", "strange", "no manifest", "bare import"],
 )
 def test_what_differs_is_told(tmp_path: Path, change: object, message: str) -> None:
-    folder = tmp_path / "vendor"
+    folder = tmp_path / message.partition(" ")[0].replace("/", "-")
     shutil.copytree(VENDOR, folder)
     assert callable(change)
     change(folder)

@@ -3,7 +3,7 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Orientation, type SignedUrl, type Upload, type Validation,
+  type JobState, type Limits, type Models, type Orientation, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
 
@@ -102,6 +102,19 @@ export class Client {
   async orient(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Orientation> {
     const body = await this.#body(asset, request, options);
     return this.#transport.json<Orientation>("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
+  }
+
+  /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
+  async guessSketch(drawing: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: { family?: Sketch["family"]; signal?: AbortSignal } = {}): Promise<SketchGuesses> {
+    const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";
+    const headers = { "Content-Type": "application/octet-stream" };
+    const body = named(drawing).blob;
+    return this.#transport.json<SketchGuesses>(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
+  }
+
+  /** Make a shape of a family: the GLB that a job with this `params.sketch` and without a drawing would have as its target. */
+  async makeSketchMesh(sketch: Sketch, signal?: AbortSignal): Promise<ArrayBuffer> {
+    return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
   }
 
   /** Upload a file for any number of jobs. */

@@ -20,6 +20,10 @@ export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
 export type Orientation = Schemas["FoundOrientation"];
+export type SketchGuesses = Schemas["SketchGuesses"];
+export type SketchGuess = Schemas["SketchGuess"];
+/** A shape of a family, with its parameters by name. */
+export type Sketch = Schemas["Sketch"];
 export type Params = Schemas["DeformParams"];
 
 /** A file of the service: an upload, or an artifact of a job that has succeeded. */

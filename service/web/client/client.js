@@ -59,6 +59,17 @@ export class Client {
         const body = await this.#body(asset, request, options);
         return this.#transport.json("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
     }
+    /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
+    async guessSketch(drawing, options = {}) {
+        const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";
+        const headers = { "Content-Type": "application/octet-stream" };
+        const body = named(drawing).blob;
+        return this.#transport.json(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
+    }
+    /** Make a shape of a family: the GLB that a job with this `params.sketch` and without a drawing would have as its target. */
+    async makeSketchMesh(sketch, signal) {
+        return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
+    }
     /** Upload a file for any number of jobs. */
     async upload(file, options = {}) {
         const { blob, filename } = named(file, options.filename);

@@ -212,6 +212,8 @@ def test_the_directory_is_checked_before_anything_is_unpacked() -> None:
         (packed({"a.usdc": b"PXR-USDC"}), "a.usdz", "in.usdz"),
         (b"BLENDER-v300", "a.blend", "export_scene.gltf"),
         (b"<?xml version='1.0'?>", "a.dae", "assimp export"),
+        (b" BDV\0\0\0\0", "level_set", "to PLY: vdb_tool"),
+        (b"", "a.vdb", "-ls2mesh"),
     ],
 )
 def test_other_formats_are_refused_with_the_command_that_converts_them(head: bytes, name: str, command: str) -> None:

@@ -59,7 +59,7 @@ def test_the_childs_error_is_the_parents(tmp_path: Path) -> None:
     assert raised.value.advice_text == AssetNotFiniteError.advice
 
 
-@pytest.mark.parametrize("width", [0.0, 1e-6, 9e-6])
+@each_case("width", [0.0, 1e-6, 9e-6])
 def test_triangles_that_the_solve_takes_for_collapsed_are_refused(tmp_path: Path, width: float) -> None:
     with pytest.raises(AssetEmptyError, match="zero area"):
         check_asset_subprocess(needles(tmp_path, width))

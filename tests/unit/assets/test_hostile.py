@@ -40,7 +40,7 @@ def many_skins(made: Builder, count: int) -> None:
     made.root["skins"] = [{"joints": [0]} for _ in range(count)]
 
 
-@pytest.mark.parametrize("fill", [many_images, many_views, many_accessors, many_skins])
+@each_case("fill", [many_images, many_views, many_accessors, many_skins])
 def test_checks_look_at_each_array_a_few_times_only(
     fill: Callable[[Builder, int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,9 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
+from tests.cases import each_case
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("arguments", "said"),
     [
         (["a mushroom", "--kind", "surface_fit"], "has no prompt"),

@@ -13,6 +13,7 @@ from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.testing import FakePrior
+from tests.cases import each_case
 
 PARAMS = resolve(DeformParams.model_validate({"preset": "paper", "steps": 60, "learning_rate": 0.02}))
 
@@ -46,7 +47,7 @@ def test_each_gives_another_shape_than_the_method(ablation: Ablation) -> None:
     assert not torch.equal(deformed(ablation, params).verts(), deformed(None, params).verts())
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("ablation", "weight"),
     [
         (Ablation.NO_JACOBIAN, "jacobian_reg_weight"),
@@ -60,7 +61,7 @@ def test_a_regulariser_is_left_out_by_its_weight_alone(ablation: Ablation, weigh
     assert before[weight] > 0
 
 
-@pytest.mark.parametrize("ablation", [None, Ablation.VERTICES, Ablation.SINGLE_VIEWS])
+@each_case("ablation", [None, Ablation.VERTICES, Ablation.SINGLE_VIEWS])
 def test_the_others_leave_the_parameters_alone(ablation: Ablation | None) -> None:
     assert ablated_params(PARAMS, ablation) == PARAMS
 

@@ -19,6 +19,7 @@ from meshdeform.evaluation.plan import (
 )
 from meshdeform.evaluation.suite import Suite
 from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
 
 SUITE = Suite("tiny", ("sphere", "cube"), ("a fish",), (0, 1), "preview")
 PRIOR = {"id": "builtin", "revision": "", "sha256": "ab"}
@@ -41,7 +42,7 @@ def test_a_manifest_comes_back_and_agrees_with_itself(tmp_path: Path) -> None:
     check_manifest(tmp_path, found, wanted)
 
 
-@pytest.mark.parametrize(("name", "value"), [("learning_rate", 0.02), ("steps", 601), ("model", "other")])
+@each_case(("name", "value"), [("learning_rate", 0.02), ("steps", 601), ("model", "other")])
 def test_other_parameters_are_refused_by_name(tmp_path: Path, name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=rf"params\.{name}"):
         check_manifest(tmp_path, members(tmp_path), members(tmp_path, **{name: value}))

@@ -70,7 +70,7 @@ def test_every_input_keeps_what_it_must(name: str) -> None:
 @pytest.mark.timeout(900)
 @each_case("name", [name for name in INPUTS if name != "large"])
 def test_the_barrier_takes_every_input(name: str) -> None:
-    assert outcome(INPUTS[name](SIZE), FakePrior(), 5, learning_rate=0.05, dirichlet_weight=1.0).broken == []
+    assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
 @each_case("name", ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"])

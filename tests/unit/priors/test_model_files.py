@@ -93,7 +93,7 @@ def test_what_is_neither_a_folder_nor_a_hub_id_is_refused(name: str) -> None:
         check_model(name)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "missing",
     [
         "model_index.json",
@@ -108,9 +108,11 @@ def test_what_is_neither_a_folder_nor_a_hub_id_is_refused(name: str) -> None:
     ],
 )
 def test_an_incomplete_folder_is_refused(checkpoint: Path, missing: str) -> None:
+    content = (checkpoint / missing).read_bytes()
     (checkpoint / missing).unlink()
     with pytest.raises(ModelError, match=missing.partition("/")[0].removesuffix(".json")):
         check_model(str(checkpoint))
+    (checkpoint / missing).write_bytes(content)
 
 
 @pytest.mark.parametrize("pickle", ["diffusion_pytorch_model.bin", "weights.ckpt"])

@@ -142,7 +142,17 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
 
 
 def test_the_door_checks_it() -> None:
-    built_in = ("asset", *TARGET_PARTS, *SILHOUETTE_PARTS, "weights", "base", "collection", "family", "meshes")
+    built_in = (
+        "asset",
+        *TARGET_PARTS,
+        *SILHOUETTE_PARTS,
+        "sketch",
+        "weights",
+        "base",
+        "collection",
+        "family",
+        "meshes",
+    )
     assert file_parts() == (*built_in, "mesh_1", "mesh_2")
     assert check_request(request(), Settings(), files=["mesh_1"]) == CountParams()
     assert check_request(request(), Settings(), files=["mesh_1", "mesh_2"]) == CountParams()

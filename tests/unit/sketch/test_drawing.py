@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw, ImageOps
 
+from meshdeform.assets.drawing import SIDE, read_drawing
 from meshdeform.errors import DrawingError
-from meshdeform.sketch.drawing import SIDE, read_drawing
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.strokes import Hand, draw

@@ -10,7 +10,7 @@ from meshdeform.sketch.families import FAMILIES, Family
 from meshdeform.sketch.lines import joined
 from tests.cases import each_case
 
-EVERY = pytest.mark.parametrize("family", FAMILIES.values(), ids=list(FAMILIES))
+EVERY = each_case("family", FAMILIES.values(), ids=list(FAMILIES))
 
 
 @EVERY

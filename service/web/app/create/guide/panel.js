@@ -7,6 +7,7 @@ import { bytes } from "../../format.js";
 import { numberField, placeFields } from "../control/rows.js";
 import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
 import { PictureView } from "./picture-view.js";
+import { askForSketch } from "./sketch-dialog.js";
 import { TargetView } from "./target-view.js";
 
 const PICTURES = /\.(png|jpe?g|webp)$/i;
@@ -39,10 +40,11 @@ export class GuidePanel {
       });
     }
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
+    this.draw = button("Draw it", () => askForSketch((file) => this.take([file]), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
     this.body = h("div", { class: "guide-body" });
     this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });
-    this.element = h("div", { class: "field guide", data: { drop: "guide" } }, h("div", { class: "chips" }, this.chooseTarget, this.choosePicture, this.input, this.pictureInput), this.body, this.problem);
+    this.element = h("div", { class: "field guide", data: { drop: "guide" } }, h("div", { class: "chips" }, this.chooseTarget, this.draw, this.choosePicture, this.input, this.pictureInput), this.body, this.problem);
     this._show();
   }
 
@@ -145,7 +147,7 @@ export class GuidePanel {
 
   _show() {
     this.shows = [];
-    this.chooseTarget.hidden = !this.isEmpty;
+    this.chooseTarget.hidden = this.draw.hidden = !this.isEmpty;
     this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
     this.targets.draw();
     fill(this.body, this.target ? this._targetFields(this.target) : this.files.map((file, i) => this._pictureRow(file, i)));

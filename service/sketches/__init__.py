@@ -1,0 +1,1 @@
+"""Read drawings, and make the shapes that they show."""

@@ -1,0 +1,128 @@
+"""Guess what drawings show, and make the shapes of corrected parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from anyio import to_thread
+from fastapi import APIRouter, Query, Request, Response
+
+from meshdeform.errors import (
+    DependencyError,
+    DrawingError,
+    ModelError,
+    ParameterError,
+    RequestError,
+    RequestTimeoutError,
+)
+from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch
+from meshdeform.runs.sketch_process import guesses_of, shape_of
+from service.documentation.responses import CALLER_ERRORS, json_body
+from service.http.auth import PrincipalDep
+from service.http.bodies import body_of, parse_document, receive_document
+from service.http.errors import problem_responses
+from service.http.queries import KNOWN_QUERY
+from service.sketches.documents import SketchGuess, SketchGuesses
+from service.state import AppStateDep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/sketches", tags=["sketches"], dependencies=KNOWN_QUERY)
+
+_MAX_BYTES = 20_000_000
+_GUESS_TIMEOUT_S = 120.0
+_SHAPE_TIMEOUT_S = 30.0
+_Family = Annotated[
+    str | None,
+    Query(
+        description="What the drawing shows; no other family is considered. Default: all are.",
+        examples=["vase"],
+        json_schema_extra={"enum": list(SKETCH_FAMILIES)},
+    ),
+]
+
+
+@router.post(
+    ":guess",
+    operation_id="guess_sketch",
+    summary="Guess what a drawing shows",
+    responses={
+        200: {"model": SketchGuesses, "description": "The likeliest shapes."},
+        **problem_responses(
+            DrawingError,
+            ParameterError,
+            ModelError,
+            RequestError,
+            RequestTimeoutError,
+            DependencyError,
+            *CALLER_ERRORS,
+        ),
+    },
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "description": "A PNG, JPEG or WebP of at most 20 MB.",
+            "content": {
+                "application/octet-stream": {
+                    "schema": {"type": "string", "contentMediaType": "application/octet-stream"}
+                }
+            },
+        },
+    },
+)
+async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalDep, family: _Family = None) -> Response:
+    """Three families with all parameters, their ranges and a mesh each. A part `sketch` of a job is read the same way.
+
+    It takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
+    """
+    async with app.bodies.slot(principal.owner_id):
+        with app.workspace.temporary_folder() as folder:
+            drawing = folder / "drawing"
+            await _receive(request, drawing)
+            async with app.sketching.slot(principal.owner_id):
+                found = await to_thread.run_sync(_guessed, drawing, family or "")
+    return Response(found.model_dump_json(), media_type="application/json")
+
+
+@router.post(
+    ":mesh",
+    operation_id="make_sketch_mesh",
+    summary="Make a shape of a family",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "The shape as a GLB, one node for each of its closed solids.",
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **problem_responses(ParameterError, RequestError, RequestTimeoutError, DependencyError, *CALLER_ERRORS),
+    },
+    openapi_extra=json_body("Sketch", {"family": "vase", "values": {"lip": 0.2, "handles": "two"}}),
+)
+async def make_sketch_mesh(request: Request, app: AppStateDep, principal: PrincipalDep) -> Response:
+    """The target mesh that a job with these `params.sketch` and without a drawing would have."""
+    sketch = parse_document(Sketch, await receive_document(request))
+    with app.workspace.temporary_folder() as folder:
+        async with app.sketching.slot(principal.owner_id):
+            data = await to_thread.run_sync(_shaped, sketch, folder)
+    return Response(data, media_type="model/gltf-binary")
+
+
+async def _receive(request: Request, path: Path) -> None:
+    """Write the body to a file."""
+    received = 0
+    with path.open("wb") as file:
+        async for chunk in body_of(request):
+            received += len(chunk)
+            if received > _MAX_BYTES:
+                raise DrawingError(f"The drawing's file is larger than {_MAX_BYTES:,} bytes.")
+            file.write(chunk)
+
+
+def _guessed(drawing: Path, family: str) -> SketchGuesses:
+    found = guesses_of(drawing, family=family, timeout_s=_GUESS_TIMEOUT_S)
+    return SketchGuesses(guesses=[SketchGuess.of(each) for each in found["guesses"]], unsure=found["unsure"])
+
+
+def _shaped(sketch: Sketch, folder: Path) -> bytes:
+    return shape_of(sketch, folder, timeout_s=_SHAPE_TIMEOUT_S)

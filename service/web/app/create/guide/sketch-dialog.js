@@ -1,0 +1,207 @@
+// @ts-check
+/** Draw what the asset should become: the service guesses it, its parameters are corrected, and its mesh is the target. */
+import { announce } from "../../announce.js";
+import { client, isAbort } from "../../client.js";
+import { button, fill, h } from "../../dom.js";
+import { problemBox } from "../../problem-box.js";
+import { Scope } from "../../scope.js";
+import { ViewerBox } from "../../viewer-box.js";
+import { SketchPad } from "./sketch-pad.js";
+
+const PAUSE_MS = 250;
+
+/** @param {string} text In base64. */
+function decoded(text) {
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
+/** @param {string} name Of a parameter, such as `back_height`. */
+function words(name) {
+  return (name[0].toUpperCase() + name.slice(1)).replaceAll("_", " ");
+}
+
+/** @param {string} family @returns {File} */
+function meshFile(/** @type {BlobPart} */ bytes, family) {
+  return new File([bytes], `${family}.glb`, { type: "model/gltf-binary" });
+}
+
+class SketchDialog {
+  /** @param {(file: File) => void} use Given the mesh. */
+  constructor(use) {
+    this.use = use;
+    this.scope = new Scope();
+    /** Of the parameters under way. */
+    this.asking = new AbortController();
+    /** @type {File | null} */
+    this.mesh = null;
+    this.pad = new SketchPad(() => this._changed());
+    this.problem = h("div", { class: "dialog-problem", "aria-live": "polite" });
+    this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
+    this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Parameters" });
+    this.place = h("div", { class: "sketch-view" });
+    this.input = h("input", { type: "file", class: "visually-hidden", id: "sketch-file", tabindex: "-1", "aria-label": "Drawing file", accept: "image/png,image/jpeg,image/webp" });
+    this.input.addEventListener("change", () => {
+      this._take(this.input.files?.[0]);
+      this.input.value = "";
+    });
+    this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
+    this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
+    this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
+    this.done = button("Use as target", () => this._use(), { class: "button button-primary" });
+    this.element = h(
+      "dialog",
+      { class: "dialog sketch-dialog", "aria-labelledby": "sketch-title" },
+      h(
+        "div",
+        { class: "dialog-body" },
+        h("h2", { id: "sketch-title" }, "Draw what it should become"),
+        h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing."),
+        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.place, this.guesses, this.fields)),
+        this.problem,
+        h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.done),
+      ),
+    );
+    this.element.addEventListener("dragover", (event) => event.preventDefault());
+    this.element.addEventListener("drop", (event) => {
+      event.preventDefault();
+      event.stopPropagation();
+      this._take(event.dataTransfer?.files[0]);
+    });
+    this.element.addEventListener("close", () => this.scope.dispose());
+    this.scope.add(() => (this.asking.abort(), this.element.remove()));
+    document.body.append(this.element);
+    this.element.showModal();
+    this._changed();
+  }
+
+  /** @param {File | undefined} file */
+  async _take(file) {
+    if (file && !(await this.pad.take(file))) fill(this.problem, h("p", null, `${file.name} is no picture. Use a PNG, JPEG or WebP.`));
+  }
+
+  /** The drawing is another one: what was guessed is out of date. */
+  _changed() {
+    this.asking.abort();
+    this.mesh = null;
+    fill(this.problem);
+    fill(this.guesses);
+    fill(this.fields);
+    this.place.hidden = true;
+    this._enable();
+  }
+
+  _enable() {
+    this.undo.disabled = this.clear.disabled = this.guess.disabled = this.pad.isEmpty;
+    this.done.disabled = !this.mesh;
+  }
+
+  /** A request that ends those before it. */
+  _turn() {
+    this.asking.abort();
+    this.asking = new AbortController();
+    return this.asking.signal;
+  }
+
+  async _guess() {
+    const signal = this._turn();
+    this.guess.disabled = true;
+    fill(this.problem, h("p", { class: "muted" }, "Looking…"));
+    try {
+      const found = await client.guessSketch(await this.pad.png(), { signal });
+      if (signal.aborted) return;
+      fill(this.problem, found.unsure ? h("p", null, "This is a guess: choose another one, or draw more of it.") : null);
+      fill(this.guesses, found.guesses.map((each, i) => this._card(each, i === 0)));
+      this._choose(found.guesses[0]);
+      announce(`This may be a ${found.guesses[0].family}`);
+    } catch (error) {
+      if (!isAbort(error) && !signal.aborted) fill(this.problem, problemBox(error));
+    } finally {
+      this._enable();
+    }
+  }
+
+  /** @param {any} guess @param {boolean} first */
+  _card(guess, first) {
+    const image = h("img", { alt: "", width: 96, height: 96 });
+    this._picture(guess, image);
+    const radio = h("input", { type: "radio", name: "sketch-guess", class: "visually-hidden", ".checked": first, on: { change: () => this._choose(guess) } });
+    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${words(guess.family)} ${Math.round(guess.probability * 100)} %`));
+  }
+
+  /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
+  async _picture(guess, image) {
+    try {
+      const { snapshotAsset } = await import("../../../viewer/snapshot.js");
+      const blob = await snapshotAsset(decoded(guess.mesh).buffer, { width: 192, height: 192 });
+      if (!this.scope.over) image.src = this.scope.url(blob);
+    } catch (error) {
+      console.warn(error);
+      image.hidden = true;
+    }
+  }
+
+  /** @param {any} guess */
+  _choose(guess) {
+    this._turn();
+    const values = Object.fromEntries(guess.parameters.map((/** @type {any} */ each) => [each.name, each.value]));
+    fill(this.fields, guess.parameters.map((/** @type {any} */ each) => this._field(each, (value) => {
+      values[each.name] = value;
+      this._make(guess.family, values);
+    })));
+    this._show(meshFile(decoded(guess.mesh), guess.family), false);
+  }
+
+  /** @param {any} about @param {(value: number | string) => void} set */
+  _field(about, set) {
+    const label = words(about.name);
+    if (about.options) {
+      const options = about.options.map((/** @type {string} */ value) => h("option", { value }, words(value)));
+      const choice = h("select", { "aria-label": label, on: { change: () => set(choice.value) } }, options);
+      choice.value = about.value;
+      return h("label", null, h("span", { class: "small muted" }, label), choice);
+    }
+    const slider = h("input", { type: "range", "aria-label": label, min: about.minimum, max: about.maximum, step: "any", on: { input: () => set(Number(Number(slider.value).toFixed(4))) } });
+    slider.value = about.value;
+    return h("label", null, h("span", { class: "small muted" }, label), slider);
+  }
+
+  /** Make the mesh of other parameters, a moment after the last change. @param {string} family @param {Record<string, any>} values */
+  async _make(family, values) {
+    const signal = this._turn();
+    this.mesh = null;
+    this._enable();
+    if (!(await this.scope.sleep(PAUSE_MS)) || signal.aborted) return;
+    try {
+      const bytes = await client.makeSketchMesh({ family: /** @type {any} */ (family), values: { ...values } }, signal);
+      if (signal.aborted) return;
+      fill(this.problem);
+      this._show(meshFile(bytes, family), true);
+    } catch (error) {
+      if (!isAbort(error) && !signal.aborted) fill(this.problem, problemBox(error));
+    }
+  }
+
+  /** @param {File} mesh @param {boolean} keepCamera */
+  async _show(mesh, keepCamera) {
+    this.mesh = mesh;
+    this._enable();
+    this.place.hidden = false;
+    if (!this.box) {
+      this.box = new ViewerBox("Drawn shape", this.scope);
+      this.place.append(this.box.element);
+    }
+    await this.box.load(await mesh.arrayBuffer(), "glb", keepCamera);
+  }
+
+  _use() {
+    if (!this.mesh) return;
+    this.use(this.mesh);
+    this.element.close();
+  }
+}
+
+/** Open the dialog. @param {(file: File) => void} use Given the mesh to fit to. @param {import("../../scope.js").Scope} scope */
+export function askForSketch(use, scope) {
+  const dialog = new SketchDialog(use);
+  scope.add(() => dialog.scope.dispose());
+}

@@ -1,0 +1,73 @@
+"""A drawing on the page: strokes, a way back, the guesses, another parameter, and its mesh as the target of a job."""
+
+from __future__ import annotations
+
+import pytest
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+from tests.acceptance.service import Service  # noqa: E402
+from tests.browser.conftest import Watch  # noqa: E402
+from tests.browser.steps import open_form, set_steps, start  # noqa: E402
+
+Page, expect = playwright_api.Page, playwright_api.expect
+expect.set_options(timeout=60_000)
+
+# The front of a table: its top, and two legs.
+STROKES = [
+    [(0.1, 0.3), (0.9, 0.3), (0.9, 0.35), (0.1, 0.35), (0.1, 0.3)],
+    [(0.15, 0.35), (0.15, 0.8), (0.2, 0.8), (0.2, 0.35)],
+    [(0.8, 0.35), (0.8, 0.8), (0.85, 0.8), (0.85, 0.35)],
+]
+
+
+def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watch: Watch) -> None:
+    watch.allow("422.*sketches:guess")
+    open_form(page)
+    page.get_by_role("button", name="Draw it").click()
+    dialog = page.get_by_role("dialog", name="Draw what it should become")
+    guess, use = (
+        dialog.get_by_role("button", name="Guess what it is"),
+        dialog.get_by_role("button", name="Use as target"),
+    )
+    pad = dialog.get_by_role("img", name="Drawing")
+    expect(guess).to_be_disabled()
+
+    def draw(stroke: list[tuple[float, float]]) -> None:
+        box = pad.bounding_box()
+        assert box is not None
+        places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in stroke]
+        page.mouse.move(*places[0])
+        page.mouse.down()
+        for place in places[1:]:
+            page.mouse.move(*place)
+        page.mouse.up()
+
+    # One line is no drawing, and what is undone is gone.
+    draw([(0.1, 0.9), (0.9, 0.9)])
+    guess.click()
+    expect(dialog).to_contain_text("single line")
+    dialog.get_by_role("button", name="Undo").click()
+    expect(guess).to_be_disabled()
+    for stroke in STROKES:
+        draw(stroke)
+    guess.click()
+    guesses = dialog.get_by_role("radiogroup", name="Guesses").get_by_role("radio")
+    expect(guesses).to_have_count(3)
+    expect(dialog.get_by_role("radio", name="Table")).to_be_checked()
+    expect(dialog.locator(".sketch-guess img[src^='blob:']")).to_have_count(3)
+    legs = dialog.get_by_label("Legs", exact=True)
+    with page.expect_response("**/v1/sketches:mesh") as made:
+        legs.select_option("column")
+    sent = made.value.request.post_data_json
+    assert (sent["family"], sent["values"]["legs"]) == ("table", "column")
+    expect(use).to_be_enabled()
+    use.click()
+    expect(dialog).to_have_count(0)
+    expect(page.locator(".guide-head")).to_contain_text("table.glb")
+    set_steps(page, 2)
+    expect(page.locator("#estimate")).to_contain_text("2 steps")
+    job = start(page)
+    document = service.job(job)
+    assert (document["params"]["guidance"], document["target"]["filename"]) == ("target", "table.glb")
+    assert service.http.get(f"/v1/jobs/{job}/target").content == made.value.body()
