@@ -16,7 +16,7 @@ from meshdeform.errors import NumericalError
 from meshdeform.record.models import Job, JobState, NewJob
 from meshdeform.record.schema import jobs
 from meshdeform.requests.document import resolve
-from meshdeform.runs.base import InputFile
+from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.worker_world import STEPS, World, new_world
@@ -101,6 +101,25 @@ def test_a_cancel_stops_the_job(world: World) -> None:
     job = world.record.get(job.id)
     assert job.state is JobState.CANCELED
     assert world.record.artifacts(job.id) == []
+
+
+@pytest.mark.parametrize(("stop", "state"), [("cancel", JobState.CANCELED), ("shutdown", JobState.QUEUED)])
+def test_a_start_that_takes_long_hears_that_it_must_stop(world: World, stop: str, state: JobState) -> None:
+    job = world.create()
+
+    def start(given: RunInput) -> JobRun:
+        if stop == "cancel":
+            world.record.request_cancel(job.id)
+        else:
+            world.stop = True
+        until_at = time.monotonic() + 30
+        while time.monotonic() < until_at:
+            given.on_wait()
+        raise AssertionError("nothing stopped the start")
+
+    # As above, the record alone must be enough for a cancel.
+    world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
+    assert world.record.get(job.id).state is state
 
 
 def test_a_cancel_during_the_last_step_still_cancels(world: World) -> None:
