@@ -105,7 +105,8 @@ async def make_sketch_mesh(request: Request, app: AppStateDep, principal: Princi
     with app.workspace.temporary_folder() as folder:
         async with app.sketching.slot(principal.owner_id):
             data = await to_thread.run_sync(_shaped, sketch, folder)
-    return Response(data, media_type="model/gltf-binary")
+    # As described: code generators know no other media type for bytes.
+    return Response(data, media_type="application/octet-stream")
 
 
 async def _receive(request: Request, path: Path) -> None:
