@@ -55,7 +55,16 @@ SHARING = {
     ),
     # Two halves that take about as long: one after the other they would outlast everything else.
     "the rest of the page": ("tests/browser/test_",),
-    "Stable Diffusion": ("tests/unit/priors/test_stable_diffusion", "tests/unit/priors/test_text_to_3d.py"),
+    # What imports diffusers or transformers, which takes seconds, and shares their small models.
+    "Stable Diffusion": (
+        "tests/integration/test_api_stages.py",
+        "tests/integration/test_eval.py",
+        "tests/unit/evaluation/test_clip_judge.py",
+        "tests/unit/priors/test_stable_diffusion",
+        "tests/unit/priors/test_text_to_3d.py",
+        "tests/unit/runs/test_generated_target.py",
+        "tests/unit/test_testing.py",
+    ),
     "the S3 server": (
         "tests/acceptance/test_storage_faults.py",
         "tests/acceptance/test_worker_outages.py",

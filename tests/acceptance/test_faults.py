@@ -40,6 +40,18 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         made.clean_up()
 
 
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A deployment with an API and a worker, for tests that leave both running. They take seconds to start."""
+    folder = tmp_path_factory.mktemp("running")
+    with running_redis(folder) as redis:
+        made = Cluster(folder, redis)
+        made.start_api()
+        made.start_worker()
+        yield made
+        made.clean_up()
+
+
 def waiting_at(cluster: Cluster, points: list[str]) -> dict[str, str]:
     """What makes a process wait at failpoints: it makes `POINT.reached`, and goes on when there is `POINT.go`."""
     return {"MESHDEFORM_FAILPOINTS": ",".join(f"{point}=pause:{cluster.folder / point}" for point in points)}
@@ -209,29 +221,29 @@ def _kill_redis_at(cluster: Cluster, points: list[str]) -> None:
         (cluster.folder / f"{point}.go").touch()
 
 
-def test_a_redis_that_is_away_for_a_while_delays_jobs_only(cluster: Cluster) -> None:
-    cluster.start_api()
-    cluster.start_worker()
-    running = cluster.submit(400)
-    cluster.at_step(running, 20)
-    cluster.redis.kill()
-    posted = cluster.post(STEPS)
+def test_a_redis_that_is_away_for_a_while_delays_jobs_only(running: Cluster) -> None:
+    job_id = running.submit(400)
+    running.at_step(job_id, 20)
+    running.redis.kill()
+    posted = running.post(STEPS)
     assert posted.status_code == 202, posted.text
-    cluster.check(running, steps=400)
-    cluster.redis.start()
-    cluster.check(posted.json()["id"], steps=STEPS)
+    running.check(job_id, steps=400)
+    running.redis.start()
+    running.check(posted.json()["id"], steps=STEPS)
 
 
-def test_jobs_that_redis_forgot_are_told_again(cluster: Cluster) -> None:
-    cluster.start_api()
-    jobs = [cluster.submit(STEPS) for _ in range(21)]
+def test_jobs_that_redis_forgot_are_told_again(running: Cluster) -> None:
+    first = running.submit(400)
+    running.at_step(first, 1)
+    waiting = [running.submit(STEPS) for _ in range(21)]
     import redis
 
-    with redis.Redis.from_url(cluster.redis.url) as connection:
+    with redis.Redis.from_url(running.redis.url) as connection:
         connection.flushall()
-    cluster.start_worker()
-    for job_id in jobs:
-        assert cluster.check(job_id, steps=STEPS).attempt == 1
+    assert {running.job(job_id).state for job_id in waiting} == {JobState.QUEUED}, "too late"
+    assert running.check(first, steps=400).attempt == 1
+    for job_id in waiting:
+        assert running.check(job_id, steps=STEPS).attempt == 1
 
 
 # A worker that sleeps past its lease
@@ -367,16 +379,14 @@ def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_mos
 # The end of a job has the last word
 
 
-def test_a_cancel_while_parts_die_ends_in_one_state(cluster: Cluster, tmp_path: Path) -> None:
-    cluster.start_api()
-    job_id = cluster.submit(20_000)
-    worker = cluster.start_worker()
-    cluster.at_step(job_id, 10)
-    cluster.put_to_sleep(worker.child())
-    answer = cluster.http.post(f"/v1/jobs/{job_id}/cancel")
+def test_a_cancel_while_parts_die_ends_in_one_state(running: Cluster) -> None:
+    job_id, worker = running.submit(20_000), running.parts["worker"]
+    running.at_step(job_id, 10)
+    running.put_to_sleep(worker.child())
+    answer = running.http.post(f"/v1/jobs/{job_id}/cancel")
     assert answer.json().get("state") == "canceling", answer.text
     worker.child().kill()
-    cluster.check(job_id, state=JobState.CANCELED)
+    running.check(job_id, state=JobState.CANCELED)
 
 
 @pytest.mark.long  # test_leases.py counts the attempts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -22,9 +23,38 @@ pytestmark = pytest.mark.acceptance
 STEPS = 12
 
 
+@contextlib.contextmanager
+def deployed(folder: Path, **environment: str) -> Iterator[Cluster]:
+    """A deployment on SQLite and a folder, with a worker and no API."""
+    with running_redis(folder) as redis:
+        made = Cluster(folder, redis)
+        try:
+            made.start_worker(**environment)
+            yield made
+        finally:
+            made.clean_up()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One whose worker is out of memory once, and whose jobs have two attempts."""
+    folder = tmp_path_factory.mktemp("usual")
+    with deployed(folder, FAKE_OOM_ONCE=str(folder / "once"), MESHDEFORM_MAX_ATTEMPTS="2") as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One whose steps may take four seconds, and whose jobs have two attempts."""
+    with deployed(
+        tmp_path_factory.mktemp("impatient"), MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2"
+    ) as made:
+        yield made
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """A deployment on SQLite and a folder, with nothing started but Redis."""
+def alone(tmp_path: Path) -> Iterator[Cluster]:
+    """A deployment with nothing started but Redis."""
     with running_redis(tmp_path) as redis:
         made = Cluster(tmp_path, redis)
         yield made
@@ -32,16 +62,14 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 
 def test_jobs_are_run_by_a_process_that_holds_no_torch(cluster: Cluster) -> None:
-    worker = cluster.start_worker()
     for _ in range(3):
         cluster.check(cluster.submit(STEPS), steps=STEPS)
-    assert "libtorch" not in Path(f"/proc/{worker.child().pid}/maps").read_text()
-    assert worker.stop() == 0
+    assert "libtorch" not in Path(f"/proc/{cluster.parts['worker'].child().pid}/maps").read_text()
 
 
-def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
-    # Attempts may not be lost: this one is none.
-    worker = cluster.start_worker(FAKE_OOM_ONCE=str(tmp_path / "once"), MESHDEFORM_MAX_ATTEMPTS="2")
+def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluster: Cluster) -> None:
+    # Two attempts may be lost: this one is none.
+    worker = cluster.parts["worker"]
     first = worker.child().pid
     job = cluster.check(cluster.submit(STEPS, prompt="ooms once"), steps=STEPS)
     assert (job.attempt, job.oom_attempts) == (2, 1)
@@ -53,36 +81,37 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluste
 
 
 @pytest.mark.long  # test_leases.py counts the same attempts
-def test_a_device_without_memory_fails_the_job_at_last(cluster: Cluster) -> None:
-    worker = cluster.start_worker()
-    job = cluster.check(cluster.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
+def test_a_device_without_memory_fails_the_job_at_last(alone: Cluster) -> None:
+    worker = alone.start_worker()
+    job = alone.check(alone.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
     assert job.error is not None
     assert (job.error.code, job.attempt) == ("gpu_oom", 3)
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    alone.check(alone.submit(STEPS), steps=STEPS)
     assert worker.stop() == 0
 
 
-def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(cluster: Cluster) -> None:
-    worker = cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2")
-    job = cluster.check(cluster.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
+def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(impatient: Cluster) -> None:
+    worker = impatient.parts["worker"]
+    noticed = worker.log.count("has made no progress")
+    job = impatient.check(impatient.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
     assert job.error is not None
     assert (job.error.code, job.attempt) == ("worker_lost", 2)
-    assert worker.log.count("has made no progress") == 2
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert worker.log.count("has made no progress") == noticed + 2
+    impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
-def test_a_worker_without_work_is_not_taken_for_hung(cluster: Cluster) -> None:
-    worker = cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="4")
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None:
+    worker = impatient.parts["worker"]
+    impatient.check(impatient.submit(STEPS), steps=STEPS)
     process = worker.child()
     rested = time.monotonic() + 6.0
     until("more than the limit has passed", lambda: time.monotonic() > rested)
     assert worker.child() == process
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
 def test_a_job_that_fails_leaves_the_worker_as_it_was(cluster: Cluster) -> None:
-    worker = cluster.start_worker()
+    worker = cluster.parts["worker"]
     job = cluster.check(cluster.submit(STEPS, prompt="fails"), state=JobState.FAILED)
     assert job.error is not None
     assert (job.error.code, job.attempt) == ("numerical_failure", 1)
@@ -92,19 +121,18 @@ def test_a_job_that_fails_leaves_the_worker_as_it_was(cluster: Cluster) -> None:
 
 
 @pytest.mark.long  # test_leases.py has the order of all jobs
-def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
-    usual = [cluster.submit(STEPS) for _ in range(3)]
-    urgent = cluster.submit(STEPS, priority=10)
-    cluster.start_worker()
+def test_the_urgent_job_comes_first(alone: Cluster) -> None:
+    usual = [alone.submit(STEPS) for _ in range(3)]
+    urgent = alone.submit(STEPS, priority=10)
+    alone.start_worker()
     for job_id in [*usual, urgent]:
-        cluster.check(job_id, steps=STEPS)
-    started = {job_id: cluster.job(job_id).started_at for job_id in [*usual, urgent]}
+        alone.check(job_id, steps=STEPS)
+    started = {job_id: alone.job(job_id).started_at for job_id in [*usual, urgent]}
     assert sorted(started, key=lambda job_id: str(started[job_id])) == [urgent, *usual]
 
 
 def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> None:
-    worker = cluster.start_worker()
-    until("the worker is there", lambda: cluster.record.leases.alive("meshdeform") == 1)
+    worker = cluster.parts["worker"]
     job_id = cluster.submit(50_000, deadline_s=3600.0)
     cluster.at_step(job_id, 1)
     with cluster.record.database.write() as connection:
@@ -116,19 +144,19 @@ def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> No
 
 
 @pytest.mark.long  # test_alive.py asks the same
-def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) -> None:
+def test_the_record_and_the_health_check_know_of_the_worker(alone: Cluster) -> None:
     def healthy() -> bool:
-        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(cluster.folder)}
+        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(alone.folder)}
         return subprocess.run([sys.executable, "-m", "worker.health"], env=environment, check=False).returncode == 0
 
     assert not healthy()
-    worker = cluster.start_worker()
-    until("the record knows", lambda: cluster.record.leases.alive("meshdeform") == 1)
+    worker = alone.start_worker()
+    until("the record knows", lambda: alone.record.leases.alive("meshdeform") == 1)
     assert healthy()
     process = worker.child()
     process.kill()
     until("another one", lambda: next((p for p in worker.children() if p != process and p.is_running()), None))
-    until("the record knows the new one only", lambda: cluster.record.leases.alive("meshdeform") == 1)
+    until("the record knows the new one only", lambda: alone.record.leases.alive("meshdeform") == 1)
     assert worker.stop() == 0
-    assert cluster.record.leases.alive("meshdeform") == 0
+    assert alone.record.leases.alive("meshdeform") == 0
     assert not healthy()
