@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from meshdeform.assets.rig_contents import Rig
+from meshdeform.assets.parts import Rig
 from meshdeform.requests.choices import RigMode
 
 __all__ = ["rig_warnings"]

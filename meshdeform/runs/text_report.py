@@ -15,6 +15,7 @@ import meshdeform
 from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.subdivide import Subdivision
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
@@ -24,7 +25,6 @@ from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.texture_stretch import measure_texture_stretch, texel_corners
-from meshdeform.geometry.up_axis import up_axis_warnings
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
