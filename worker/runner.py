@@ -13,7 +13,7 @@ from meshdeform.support.logs import bound
 from meshdeform.support.telemetry import span
 from worker.attempt import Attempt, Ended, Outcome
 from worker.context import WorkerContext
-from worker.retry import Retry
+from worker.outputs import Retry
 from worker.watch import JobWatch
 
 __all__ = ["JobRunner"]
