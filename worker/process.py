@@ -43,8 +43,7 @@ from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from meshdeform.support.logs import configure_logging
-from meshdeform.support.telemetry import start_tracing, stop_tracing
+from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
 from worker.context import WorkerContext
 from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
 from worker.runner import JobRunner

@@ -32,7 +32,7 @@ from meshdeform.runs.fitted_source import fitted_source
 from meshdeform.runs.generated_target import generated_target
 from meshdeform.runs.sketched_target import read_targets
 from meshdeform.settings import Settings
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["LocalJob", "Outputs", "ctrl_c_between_steps", "try_folder", "writing"]
 

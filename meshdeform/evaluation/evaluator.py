@@ -35,7 +35,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.normalization import Frame
 from meshdeform.runs.text_guidance import score_distillation
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
 
