@@ -33,7 +33,7 @@ from meshdeform.evaluation.suite import Item
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.runs.text_guidance import score_distillation
 from meshdeform.support.files import write_files
 

@@ -16,7 +16,7 @@ from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import control
 from meshdeform.requests.choices import RegionAction, Symmetry
 from meshdeform.requests.document import ResolvedParams

@@ -12,7 +12,7 @@ from meshdeform.deformation.handles import handle_rows
 from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.control import Control

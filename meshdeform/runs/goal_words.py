@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import PurePath
 
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.prompts import prompt_words
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
-from meshdeform.requests.stages import Stage
+from meshdeform.requests.stages import Stage, prompt_words
 
 __all__ = ["goal_of"]
 

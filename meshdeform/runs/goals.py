@@ -22,8 +22,7 @@ from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.requests.prompts import prompt_words
-from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage
+from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage, prompt_words
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.generated_target import GenerateTarget
 from meshdeform.runs.movement import HoldCounter, measure_movement

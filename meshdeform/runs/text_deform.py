@@ -26,9 +26,8 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
-from meshdeform.rendering.normalization import Frame
-from meshdeform.rendering.preview import preview_png
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.appearance_report import appearance_report, sees_colours

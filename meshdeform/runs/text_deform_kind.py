@@ -20,12 +20,12 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
-from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
 from meshdeform.requests.stages import (
     TARGET_PARTS,
+    active_prompts,
     generated_targets,
     named_targets,
     needs_prior,

@@ -22,9 +22,8 @@ from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.geometry.procrustes import closest_motion
-from meshdeform.geometry.quality import measure
+from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.texture_stretch import measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
