@@ -20,7 +20,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 
 PAIRS = (
     ("a vase", "a tall vase", "a short vase"),

@@ -30,10 +30,8 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.runs.appearance_report import appearance_report, sees_colours
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
-from meshdeform.runs.control import Control, read_control
-from meshdeform.runs.control_report import control_report
+from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
@@ -45,7 +43,15 @@ from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
+from meshdeform.runs.text_report import (
+    RunFacts,
+    appearance_report,
+    build_report,
+    likeness,
+    provenance,
+    read_result,
+    sees_colours,
+)
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -135,7 +141,7 @@ def start(
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         own = {} if target is None else {"target": InputFile(target, target_filename)}
         meshes = {**(targets or {}), **own}
-        silhouettes = SilhouetteFit.of(params, pictures)
+        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
         given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
         identities = [goal.guidance.identity for goal in goals]
@@ -355,16 +361,12 @@ class TextDeformRun:
             return self._compared(goal.prompt, verts)
 
     def _compared(self, prompt: str, verts: Tensor) -> dict[str, Any] | None:
-        from meshdeform.runs.likeness import likeness
-
         return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
 
     def _compared_prompts(self, verts: Tensor) -> list[dict[str, Any]] | None:
         """Compare the result with each of several prompts, if there are any."""
         if self._prompts is None:
             return None
-        from meshdeform.runs.likeness import likeness
-
         judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
         with self._clock.phase("measure"):
             mesh = TriangleMesh(verts, self._welded.mesh.faces)
