@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -32,7 +32,6 @@ from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
-from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
@@ -52,6 +51,9 @@ from meshdeform.runs.text_report import (
     read_result,
     sees_colours,
 )
+
+if TYPE_CHECKING:
+    from meshdeform.runs.fitted_source import FittedSource
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -206,8 +208,7 @@ class TextDeformRun:
         self._deformation = deformation
         self._facts = facts
         self._clock = clock
-        self._history = LossHistory()
-        self._holds = HoldCounter()
+        self._history, self._holds = LossHistory(), HoldCounter()
         self._rebuilt_normals = 0
         self._first_step = deformation.step
 
@@ -240,9 +241,8 @@ class TextDeformRun:
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         state, source = self._deformation.checkpoint(), self._facts.source
-        return dump_checkpoint(
-            source.kept_in(state) if source else state, self._facts.fingerprint, self._facts.shape_id
-        )
+        state = source.kept_in(state) if source else state
+        return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:
         """Return the current world positions (N, 3), float64, of the asset's own vertices."""
@@ -326,9 +326,8 @@ class TextDeformRun:
         if self._facts.params.stages:
             shapes = dict(zip(unique_names(self._goals), self._ends(verts), strict=True))
             return write_stages(self._asset, self._welded, shapes, surface, way, **options)
-        return write_morph(
-            self._asset, AssetPath(self._asset, surface.positions, self._welded), surface, way, **options
-        )
+        path = AssetPath(self._asset, surface.positions, self._welded)
+        return write_morph(self._asset, path, surface, way, **options)
 
     def _ends(self, verts: Tensor) -> list[Tensor]:
         """Return the world positions in which the stages ended; `verts` are those of the last one."""

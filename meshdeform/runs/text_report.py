@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +36,12 @@ from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.requests.stages import with_target_models
-from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+
+if TYPE_CHECKING:
+    from meshdeform.runs.fitted_source import FittedSource
 
 __all__ = [
     "RunFacts",
