@@ -118,7 +118,7 @@ def bed(rng: Rng, traits: Traits) -> Part:
 
 
 def bench(rng: Rng, traits: Traits) -> Part:
-    """Draw a park bench: a wide seat and a leaning back of round planks, with thick legs and arm rests at its ends."""
+    """Draw a park bench: a wide seat and a leaning back of round planks, on thick legs at its ends."""
     width, plank = rng.uniform(1.8, 2.15), rng.uniform(0.12, 0.14)
     height = traits.draw(rng, "legs", (0.1, 0.16), (0.44, 0.54), (1.1, 1.3))
     places = [(height, z) for z in np.linspace(0.3, -0.18, 3)]
@@ -136,13 +136,6 @@ def bench(rng: Rng, traits: Traits) -> Part:
         limb([[end, 0.06, -0.38], [end, height, -0.26], [end, height + 0.72, -0.54]], [0.11, 0.1, 0.08], segments=10)
     )
     parts.append(limb([[end, height - 0.02, 0.3], [end, height - 0.02, -0.3]], [0.1, 0.1], segments=10))
-    parts.append(
-        limb(
-            [[end, height, 0.34], [end, height + 0.3, 0.36], [end, height + 0.34, -0.4]],
-            [0.08, 0.09, 0.09],
-            segments=10,
-        )
-    )
     return join([*planks, *(side for part in parts for side in pair(part))])
 
 
@@ -178,7 +171,7 @@ def desk(rng: Rng, traits: Traits) -> Part:
 
 
 def piano(rng: Rng, traits: Traits) -> Part:
-    """Draw an upright piano: a tall case with a lid, a shelf of keys in front (+Z) on two legs, a music rest, pedals."""
+    """Draw an upright piano: a tall case with a lid, a shelf of keys in front (+Z) on two legs, a music rest."""
     width, depth, above = rng.uniform(1.4, 1.6), rng.uniform(0.36, 0.42), rng.uniform(0.55, 0.68)
     legs = traits.draw(rng, "legs", (0.16, 0.22), (0.5, 0.6), (1.15, 1.35))
     shelf = rng.uniform(0.44, 0.52)

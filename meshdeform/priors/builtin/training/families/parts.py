@@ -27,6 +27,7 @@ __all__ = [
     "moved",
     "normalised",
     "pair",
+    "plate",
     "turned",
 ]
 
@@ -177,6 +178,26 @@ def extrude(outline: ArrayLike, thickness: float, *, bevel: float = 0.3, puff: f
         [np.column_stack([middle + (rim - middle) * scale, np.full(len(rim), depth)]) for scale, depth in levels]
     )
     return _loft(rings, flip=True)
+
+
+def plate(outline: ArrayLike, thickness: float, *, across: str, puff: float = 0.0) -> Part:
+    """Return a flat blade, such as a fin or a wing, whose thickness lies along the axis `across`.
+
+    Parameters
+    ----------
+    outline : (N, 2)
+        Corners of a star-shaped outline in either sense: (z, y) across x, (x, z) across y, (x, y) across z.
+    thickness, puff
+        As in `extrude`.
+    across : str
+        "x", "y" or "z".
+    """
+    rim = np.asarray(outline, float)
+    after = np.roll(rim, -1, axis=0)
+    if float((rim[:, 0] * after[:, 1] - rim[:, 1] * after[:, 0]).sum()) < 0:
+        rim = rim[::-1]
+    flat = extrude(rim, thickness, puff=puff)
+    return {"x": turned(flat, -90, "y"), "y": turned(flat, 90, "x"), "z": flat}[across]
 
 
 def turned(part: Part, degrees: float, axis: str) -> Part:
