@@ -20,6 +20,7 @@ from meshdeform.priors.builtin.training.families import (
     plants,
     things,
     vehicles,
+    wheeled,
 )
 from meshdeform.priors.builtin.training.families.parts import Part
 from meshdeform.priors.builtin.training.families.traits import Traits, deformed
@@ -38,6 +39,7 @@ FAMILIES: dict[str, Family] = {
     "boat": vehicles.boat,
     "bottle": household.bottle,
     "bowl": household.bowl,
+    "bus": wheeled.bus,
     "cabinet": furniture.cabinet,
     "cactus": plants.cactus,
     "camel": beasts.camel,
@@ -64,6 +66,7 @@ FAMILIES: dict[str, Family] = {
     "house": things.house,
     "lamp": household.lamp,
     "lion": beasts.lion,
+    "motorcycle": wheeled.motorcycle,
     "mouse": beasts.mouse,
     "mushroom": plants.mushroom,
     "octopus": creatures.octopus,
@@ -81,8 +84,12 @@ FAMILIES: dict[str, Family] = {
     "star": things.star,
     "stool": furniture.stool,
     "table": furniture.table,
+    "tank": wheeled.tank,
     "television": furniture.television,
+    "tractor": wheeled.tractor,
+    "train": wheeled.train,
     "tree": plants.tree,
+    "truck": wheeled.truck,
     "turtle": creatures.turtle,
     "umbrella": household.umbrella,
     "vase": household.vase,
