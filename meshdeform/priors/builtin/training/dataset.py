@@ -234,6 +234,7 @@ _TOLD_MEMBERS = 8
 
 def _recipe(noun: str, members: int, pictures_each: int, seed: int) -> dict[str, str]:
     """Return what the pictures of a noun depend on."""
+    prompts = [_drawn_prompt(noun, number, seed)[0] for number in range(members)]
     digest = hashlib.sha256(repr((CAMERAS, STYLE, SINGLE_STYLE)).encode())
     for number in range(min(members, _TOLD_MEMBERS)):
         prompt, shape, _ = _drawn_member(noun, number, seed)
@@ -242,7 +243,7 @@ def _recipe(noun: str, members: int, pictures_each: int, seed: int) -> dict[str,
         digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
     return {
         "noun": noun,
-        "attributes": ", ".join(map(str, attributes_of(noun))),
+        "prompts": hashlib.sha256("\n".join(map(str, prompts)).encode()).hexdigest(),
         "members": str(members),
         "pictures": str(pictures_each),
         "singles": str(SINGLES_EACH),
