@@ -14,6 +14,7 @@ from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.training.families import (
     animals,
     beasts,
+    buildings,
     creatures,
     furniture,
     household,
@@ -45,8 +46,10 @@ FAMILIES: dict[str, Family] = {
     "camel": beasts.camel,
     "car": vehicles.car,
     "carrot": plants.carrot,
+    "castle": buildings.castle,
     "cat": creatures.cat,
     "chair": furniture.chair,
+    "church": buildings.church,
     "cow": beasts.cow,
     "crocodile": beasts.crocodile,
     "deer": beasts.deer,
@@ -64,7 +67,9 @@ FAMILIES: dict[str, Family] = {
     "hedgehog": beasts.hedgehog,
     "horse": animals.horse,
     "house": things.house,
+    "igloo": buildings.igloo,
     "lamp": household.lamp,
+    "lighthouse": buildings.lighthouse,
     "lion": beasts.lion,
     "motorcycle": wheeled.motorcycle,
     "mouse": beasts.mouse,
@@ -79,6 +84,7 @@ FAMILIES: dict[str, Family] = {
     "rhino": beasts.rhino,
     "rocket": vehicles.rocket,
     "sheep": beasts.sheep,
+    "skyscraper": buildings.skyscraper,
     "snowman": things.snowman,
     "sofa": furniture.sofa,
     "star": things.star,
@@ -86,6 +92,7 @@ FAMILIES: dict[str, Family] = {
     "table": furniture.table,
     "tank": wheeled.tank,
     "television": furniture.television,
+    "tent": buildings.tent,
     "tractor": wheeled.tractor,
     "train": wheeled.train,
     "tree": plants.tree,
@@ -94,6 +101,7 @@ FAMILIES: dict[str, Family] = {
     "umbrella": household.umbrella,
     "vase": household.vase,
     "whale": creatures.whale,
+    "windmill": buildings.windmill,
 }
 """The family of each noun; the keys are those of `grammar.NOUNS`."""
 
