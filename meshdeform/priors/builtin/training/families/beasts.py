@@ -151,7 +151,7 @@ def crocodile(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.0, 0.03), (0.14, 0.2), (0.55, 0.68))
     nose = traits.draw(rng, "nose", (0.02, 0.07), (0.42, 0.52), (0.95, 1.15))
     tail = traits.draw(rng, "tail", (0.05, 0.12), (0.58, 0.72), (1.2, 1.45))
-    half, wide, gape = rng.uniform(0.42, 0.5), rng.uniform(0.38, 0.44), rng.uniform(0.3, 0.5)
+    half, wide, gape = rng.uniform(0.42, 0.5), rng.uniform(0.38, 0.44), rng.uniform(0.22, 0.4)
     y = leg + 0.26
     rump, root = np.array([0.0, y, -half]), np.array([0.0, y + 0.06, half + 0.26])
     bend = rump + [rng.uniform(-0.15, 0.15), -0.02, -0.15 - 0.5 * tail]
