@@ -37,6 +37,7 @@ Family = Callable[[np.random.Generator, Traits], Part]
 FAMILIES: dict[str, Family] = {
     "airplane": vehicles.airplane,
     "armchair": furniture.armchair,
+    "balloon": vehicles.balloon,
     "bathtub": furniture.bathtub,
     "bear": figures.bear,
     "bed": furniture.bed,
@@ -78,6 +79,7 @@ FAMILIES: dict[str, Family] = {
     "hat": things.hat,
     "heart": things.heart,
     "hedgehog": beasts.hedgehog,
+    "helicopter": vehicles.helicopter,
     "horse": animals.horse,
     "house": things.house,
     "igloo": buildings.igloo,
@@ -110,6 +112,7 @@ FAMILIES: dict[str, Family] = {
     "spider": small.spider,
     "star": things.star,
     "stool": furniture.stool,
+    "submarine": vehicles.submarine,
     "swan": winged.swan,
     "table": furniture.table,
     "tank": wheeled.tank,
