@@ -14,6 +14,7 @@ from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.training.families import (
     animals,
     beasts,
+    buildings,
     creatures,
     figures,
     furniture,
@@ -52,9 +53,11 @@ FAMILIES: dict[str, Family] = {
     "camel": beasts.camel,
     "car": vehicles.car,
     "carrot": plants.carrot,
+    "castle": buildings.castle,
     "cat": creatures.cat,
     "chair": furniture.chair,
     "chicken": winged.chicken,
+    "church": buildings.church,
     "cow": beasts.cow,
     "crab": small.crab,
     "crocodile": beasts.crocodile,
@@ -77,7 +80,9 @@ FAMILIES: dict[str, Family] = {
     "hedgehog": beasts.hedgehog,
     "horse": animals.horse,
     "house": things.house,
+    "igloo": buildings.igloo,
     "lamp": household.lamp,
+    "lighthouse": buildings.lighthouse,
     "lion": beasts.lion,
     "monkey": figures.monkey,
     "motorcycle": wheeled.motorcycle,
@@ -97,6 +102,7 @@ FAMILIES: dict[str, Family] = {
     "rocket": vehicles.rocket,
     "shark": swimmers.shark,
     "sheep": beasts.sheep,
+    "skyscraper": buildings.skyscraper,
     "snail": small.snail,
     "snake": small.snake,
     "snowman": things.snowman,
@@ -108,6 +114,7 @@ FAMILIES: dict[str, Family] = {
     "table": furniture.table,
     "tank": wheeled.tank,
     "television": furniture.television,
+    "tent": buildings.tent,
     "tractor": wheeled.tractor,
     "train": wheeled.train,
     "tree": plants.tree,
@@ -116,6 +123,7 @@ FAMILIES: dict[str, Family] = {
     "umbrella": household.umbrella,
     "vase": household.vase,
     "whale": creatures.whale,
+    "windmill": buildings.windmill,
 }
 """The family of each noun; the keys are those of `grammar.NOUNS`."""
 
