@@ -40,9 +40,9 @@ def rabbit(rng: Rng, traits: Traits) -> Part:
     skull = np.array([0.0, body * 1.55 + head * 0.35, body * 0.95])
     parts.append(ellipsoid(skull, [head * 0.95, head * 0.95, head * 1.1]))
     parts.append(ellipsoid(skull + [0, -0.2 * head, 0.85 * head], [head * 0.5, head * 0.42, head * 0.42], rings=8))
-    ear, splay = skull + [head * 0.42, head * 0.6, -0.04], rng.uniform(0.1, 0.2)
+    ear, splay = skull + [head * 0.56, head * 0.55, -0.04], rng.uniform(0.32, 0.46)
     tip = ear + [splay * ears + 0.02, ears, -0.16 * ears]
-    parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.07], [0.12, 0.08], [0.075, 0.06]], segments=10))
+    parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.075], [0.12, 0.085], [0.075, 0.065]], segments=10))
     parts += pair(ellipsoid([body * 0.72, 0.12, 0.08], [0.17, 0.13, 0.36], rings=9))
     parts += pair(limb([[0.15, 0.08, body * 1.05], [0.15, body * 0.8, body * 0.7]], [0.095, 0.11], segments=10))
     parts.append(ellipsoid([0, body * 0.75, -body * 1.32], 0.15, rings=8))

@@ -25,7 +25,7 @@ def bear(rng: Rng, traits: Traits) -> Part:
     ears = traits.draw(rng, "ears", (0.06, 0.075), (0.15, 0.18), (0.29, 0.34))
     head = traits.draw(rng, "head", (0.19, 0.21), (0.36, 0.41), (0.6, 0.68))
     legs = traits.draw(rng, "legs", (0.0, 0.05), (0.28, 0.36), (0.85, 1.05))
-    girth, height = rng.uniform(0.42, 0.5), rng.uniform(0.46, 0.54)
+    girth, height = rng.uniform(0.4, 0.52), rng.uniform(0.44, 0.56)
     parts = [ellipsoid([0, height * 0.9, 0], [girth, height, girth * 0.92])]
     skull = np.array([0.0, height * 1.6 + 0.72 * head, 0.06])
     parts.append(ellipsoid(skull, [head * 1.06, head * 0.95, head * 0.95]))
@@ -46,7 +46,7 @@ def monkey(rng: Rng, traits: Traits) -> Part:
     arms = traits.draw(rng, "arms", (0.18, 0.24), (0.68, 0.8), (1.25, 1.45))
     ears = traits.draw(rng, "ears", (0.05, 0.07), (0.19, 0.23), (0.36, 0.42))
     tail = traits.draw(rng, "tail", (0.12, 0.18), (0.72, 0.85), (1.35, 1.55))
-    head, girth, height = rng.uniform(0.31, 0.35), rng.uniform(0.27, 0.32), rng.uniform(0.46, 0.54)
+    head, girth, height = rng.uniform(0.3, 0.36), rng.uniform(0.26, 0.34), rng.uniform(0.44, 0.56)
     parts = [ellipsoid([0, height * 0.85, 0], [girth, height * 0.95, girth * 0.9])]
     skull = np.array([0.0, height * 1.65 + 0.7 * head, 0.05])
     parts.append(ellipsoid(skull, head))
@@ -75,7 +75,7 @@ def person(rng: Rng, traits: Traits) -> Part:
     arms = traits.draw(rng, "arms", (0.14, 0.22), (0.62, 0.74), (1.2, 1.4))
     head = traits.draw(rng, "head", (0.11, 0.125), (0.21, 0.24), (0.38, 0.44))
     legs = traits.draw(rng, "legs", (0.12, 0.2), (0.72, 0.86), (1.4, 1.6))
-    wide, trunk, thick = rng.uniform(0.28, 0.34), rng.uniform(0.6, 0.7), rng.uniform(0.1, 0.12)
+    wide, trunk, thick = rng.uniform(0.26, 0.36), rng.uniform(0.57, 0.73), rng.uniform(0.094, 0.126)
     hips = legs + 0.1
     spine = [[0, hips + 0.05, 0], [0, hips + 0.4 * trunk, 0], [0, hips + trunk - 0.1, 0]]
     parts = [limb(spine, [[wide * 0.8, 0.18], [wide * 0.75, 0.17], [wide, 0.19]], segments=18)]
@@ -89,7 +89,7 @@ def person(rng: Rng, traits: Traits) -> Part:
     hand = elbow + 0.55 * arms * np.array([np.sin(lift) * 0.9, -np.cos(lift), 0.2])
     parts += pair(limb([shoulder, elbow, hand], [thick * 1.1, thick * 0.95, thick * 0.85], segments=12))
     parts += pair(ellipsoid(hand, thick * 1.15, rings=8))
-    foot = np.array([wide * rng.uniform(0.65, 0.85), 0.09, 0.0])
+    foot = np.array([wide * rng.uniform(0.59, 0.91), 0.09, 0.0])
     parts += pair(limb([[wide * 0.45, hips + 0.02, 0], foot], [thick * 1.45, thick * 1.05], segments=12))
     return join([*parts, *pair(ellipsoid(foot + [0.01, -0.01, 0.1], [0.115, 0.09, 0.22], rings=8))])
 
@@ -99,7 +99,7 @@ def robot(rng: Rng, traits: Traits) -> Part:
     arms = traits.draw(rng, "arms", (0.1, 0.16), (0.5, 0.6), (1.1, 1.3))
     head = traits.draw(rng, "head", (0.17, 0.2), (0.36, 0.42), (0.66, 0.76))
     legs = traits.draw(rng, "legs", (0.02, 0.08), (0.36, 0.46), (1.0, 1.2))
-    wide, tall, deep = rng.uniform(0.66, 0.8), rng.uniform(0.62, 0.74), rng.uniform(0.42, 0.5)
+    wide, tall, deep = rng.uniform(0.62, 0.84), rng.uniform(0.58, 0.78), rng.uniform(0.4, 0.52)
     bottom = 0.18 + legs
     top = bottom + tall
     parts = [box([0, bottom + tall / 2, 0], [wide, tall, deep], round_by=0.12)]
@@ -129,7 +129,7 @@ def robot(rng: Rng, traits: Traits) -> Part:
 def ghost(rng: Rng, traits: Traits) -> Part:
     """Draw a ghost: a hanging sheet with deep folds that flare at the hem, hollow eyes and mouth, two arms held out."""
     arms = traits.draw(rng, "arms", (0.0, 0.06), (0.3, 0.4), (0.9, 1.1))
-    girth, height, flare = rng.uniform(0.4, 0.46), rng.uniform(1.25, 1.45), rng.uniform(0.2, 0.32)
+    girth, height, flare = rng.uniform(0.38, 0.48), rng.uniform(1.19, 1.51), rng.uniform(0.2, 0.32)
     rise = np.linspace(0.0, 1.0, 16)
     dome = [(girth * np.sqrt(max(0.0, 1 - ((t - 0.68) / 0.32) ** 2)) if t > 0.68 else girth, t) for t in rise]
     wall = [(radius + flare * (1 - t) ** 2, height * t) for radius, t in dome]

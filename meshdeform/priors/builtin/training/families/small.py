@@ -14,7 +14,7 @@ def crab(rng: Rng, traits: Traits) -> Part:
     """Draw a crab: a wide low shell, eyes on stalks, three bent legs a side, two raised claws with open pincers."""
     claws = traits.draw(rng, "claws", (0.12, 0.14), (0.26, 0.3), (0.46, 0.52))
     legs = traits.draw(rng, "legs", (0.04, 0.1), (0.32, 0.4), (0.85, 1.0))
-    wide, deep = rng.uniform(0.64, 0.74), rng.uniform(0.48, 0.56)
+    wide, deep = rng.uniform(0.61, 0.77), rng.uniform(0.46, 0.58)
     y = 0.26 + 0.35 * legs
     parts = [ellipsoid([0, y, 0], [wide, 0.34, deep])]
     stalk = np.array([0.17, y + 0.18, deep * 0.75])
@@ -40,7 +40,7 @@ def frog(rng: Rng, traits: Traits) -> Part:
     """Draw a sitting frog: a wide face with bulging eyes on top, front legs planted, hind legs folded at the sides."""
     eyes = traits.draw(rng, "eyes", (0.07, 0.085), (0.16, 0.185), (0.29, 0.34))
     legs = traits.draw(rng, "legs", (0.24, 0.28), (0.5, 0.6), (0.95, 1.1))
-    wide = rng.uniform(0.44, 0.5)
+    wide = rng.uniform(0.42, 0.52)
     rump, chest = np.array([0.0, 0.26, -0.3]), np.array([0.0, 0.34 + 0.3 * legs, 0.26])
     parts = [limb([rump, chest], [[wide * 0.75, 0.26], [wide * 0.85, 0.28]], segments=20)]
     skull = chest + [0, 0.12, 0.16]
@@ -64,10 +64,10 @@ def snail(rng: Rng, traits: Traits) -> Part:
     """Draw a snail: a coiled shell upright on a long flat foot, a raised head with two eyes on stalks."""
     head = traits.draw(rng, "head", (0.1, 0.12), (0.19, 0.22), (0.36, 0.42))
     shell = traits.draw(rng, "shell", (0.26, 0.31), (0.56, 0.64), (0.88, 1.0))
-    length = rng.uniform(0.75, 0.9)
+    length = rng.uniform(0.7, 0.94)
     spine = [[0, 0.1, -length - 0.1], [0, 0.14, -0.3], [0, 0.14, 0.3], [0, 0.22, length * 0.75]]
     parts = [limb(spine, [[0.1, 0.06], [0.24, 0.14], [0.26, 0.15], [0.2, 0.17]])]
-    turn = np.linspace(0.0, rng.uniform(2.3, 2.6) * 2 * np.pi, 26)
+    turn = np.linspace(0.0, rng.uniform(2.21, 2.69) * 2 * np.pi, 26)
     # The coil shrinks toward its middle and stands out there on both sides.
     shrink = np.exp(-0.13 * turn)
     centre = np.array([0.0, 0.16 + 0.98 * shell, -0.12])
@@ -90,9 +90,9 @@ def snail(rng: Rng, traits: Traits) -> Part:
 def snake(rng: Rng, traits: Traits) -> Part:
     """Draw a snake: two coils on the ground, a neck that rises from their middle, a flat head that looks ahead."""
     head = traits.draw(rng, "head", (0.13, 0.15), (0.23, 0.27), (0.44, 0.52))
-    thick, rise = rng.uniform(0.14, 0.17), rng.uniform(0.7, 0.95)
-    turn = np.linspace(0.0, rng.uniform(1.85, 2.1) * 2 * np.pi, 22)
-    radius = np.linspace(0.75, 0.36, 22) * rng.uniform(0.95, 1.1)
+    thick, rise = rng.uniform(0.131, 0.179), rng.uniform(0.7, 0.95)
+    turn = np.linspace(0.0, rng.uniform(1.78, 2.18) * 2 * np.pi, 22)
+    radius = np.linspace(0.75, 0.36, 22) * rng.uniform(0.9, 1.15)
     level = thick + np.linspace(0.0, 2.1 * thick, 22) ** 1.1
     coil = np.stack([radius * np.sin(turn + 2.4), level, radius * np.cos(turn + 2.4)], 1)
     neck = np.array(
@@ -117,7 +117,7 @@ def spider(rng: Rng, traits: Traits) -> Part:
     """Draw a spider: a large round abdomen behind, a small head with fangs, eight legs with high knees."""
     head = traits.draw(rng, "head", (0.11, 0.13), (0.2, 0.24), (0.4, 0.46))
     legs = traits.draw(rng, "legs", (0.16, 0.22), (0.54, 0.66), (1.2, 1.4))
-    belly = rng.uniform(0.42, 0.5)
+    belly = rng.uniform(0.4, 0.52)
     y = 0.18 + 0.32 * legs
     parts = [ellipsoid([0, y + 0.1, -belly * 1.05], [belly, belly * 0.9, belly * 1.15])]
     parts.append(limb([[0, y, -0.2], [0, y, 0.2]], [0.2, 0.2]))
@@ -127,7 +127,7 @@ def spider(rng: Rng, traits: Traits) -> Part:
     fang = skull + [0.35 * head, -0.6 * head, 0.6 * head]
     parts += pair(limb([fang, fang + [0, -0.16, 0.05]], [0.07, 0.05], segments=8))
     for turn in (-58.0, -20.0, 18.0, 52.0):
-        reach, lift = legs * rng.uniform(0.95, 1.05), rng.uniform(0.5, 0.62)
+        reach, lift = legs * rng.uniform(0.92, 1.08), rng.uniform(0.62, 0.8)
         knee = [0.2 + 0.62 * reach, y + lift * reach, 0.0]
         path = [[0.06, y, 0.0], knee, [0.3 + 1.05 * reach, 0.05, 0.0]]
         parts += pair(

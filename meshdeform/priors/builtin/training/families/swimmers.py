@@ -14,7 +14,7 @@ def dolphin(rng: Rng, traits: Traits) -> Part:
     """Draw a leaping dolphin: an arched smooth body, a round brow over a beak, a curved back fin, level flukes."""
     fins = traits.draw(rng, "fins", (0.1, 0.14), (0.34, 0.42), (0.72, 0.85))
     nose = traits.draw(rng, "nose", (0.02, 0.06), (0.2, 0.27), (0.58, 0.7))
-    girth, arch = rng.uniform(0.27, 0.32), rng.uniform(0.35, 0.55)
+    girth, arch = rng.uniform(0.26, 0.34), rng.uniform(0.35, 0.55)
     along = np.array([0.62, 0.35, 0.0, -0.4, -0.75, -1.05])
     spine = np.stack([np.zeros(6), -arch * along**2, along], 1)
     parts = [limb(spine, girth * np.array([0.75, 0.95, 1.0, 0.78, 0.45, 0.26]), segments=20)]
@@ -36,8 +36,8 @@ def fish(rng: Rng, traits: Traits) -> Part:
     """Draw a fish: a round-bellied body, a flat forked tail, a flat back fin and belly fin, two side fins, eyes."""
     fins = traits.draw(rng, "fins", (0.08, 0.12), (0.28, 0.36), (0.62, 0.75))
     tail = traits.draw(rng, "tail", (0.14, 0.19), (0.4, 0.5), (0.85, 1.0))
-    length, height = rng.uniform(0.7, 0.82), rng.uniform(0.42, 0.5)
-    parts = [ellipsoid([0, 0, 0], [rng.uniform(0.27, 0.33), height, length])]
+    length, height = rng.uniform(0.66, 0.86), rng.uniform(0.4, 0.52)
+    parts = [ellipsoid([0, 0, 0], [rng.uniform(0.25, 0.35), height, length])]
     root = -length * 0.85
     fork = np.array([(0.0, 0.12), (-0.55, 0.8), (-0.95, 0.95), (-0.8, 0.4), (-0.7, 0.0)])
     fork = np.concatenate([fork, (fork * [1, -1])[-2::-1]]) * tail
@@ -62,7 +62,7 @@ def shark(rng: Rng, traits: Traits) -> Part:
     """Draw a shark: a pointed body, a tall triangular back fin, level side fins, an upright crescent tail."""
     fins = traits.draw(rng, "fins", (0.12, 0.16), (0.44, 0.54), (0.9, 1.05))
     tail = traits.draw(rng, "tail", (0.16, 0.22), (0.52, 0.62), (1.0, 1.15))
-    girth, length = rng.uniform(0.27, 0.32), rng.uniform(0.95, 1.1)
+    girth, length = rng.uniform(0.26, 0.34), rng.uniform(0.9, 1.15)
     spine = np.stack(
         [np.zeros(6), [0.04, 0.0, 0.0, 0.0, 0.03, 0.06], np.array([0.95, 0.55, 0.1, -0.4, -0.8, -1.05]) * length], 1
     )

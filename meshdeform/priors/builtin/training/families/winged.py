@@ -16,7 +16,7 @@ def bird(rng: Rng, traits: Traits) -> Part:
     beak = traits.draw(rng, "beak", (0.02, 0.05), (0.18, 0.24), (0.5, 0.62))
     tail = traits.draw(rng, "tail", (0.06, 0.12), (0.46, 0.56), (1.0, 1.2))
     wings = traits.draw(rng, "wings", (0.28, 0.36), (0.8, 0.95), (1.5, 1.75))
-    girth, length = rng.uniform(0.27, 0.32), rng.uniform(0.5, 0.58)
+    girth, length = rng.uniform(0.26, 0.34), rng.uniform(0.48, 0.6)
     parts = [ellipsoid([0, 0, 0], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.75, length * 0.85])
     parts.append(limb([[0, 0.05, length * 0.5], skull], [girth * 0.8, girth * 0.75]))
@@ -36,7 +36,7 @@ def bird(rng: Rng, traits: Traits) -> Part:
 def butterfly(rng: Rng, traits: Traits) -> Part:
     """Draw a butterfly upright: two large upper and two small lower wings, a slim body with two feelers."""
     wings = traits.draw(rng, "wings", (0.3, 0.38), (0.82, 1.0), (1.6, 1.85))
-    body, fold = rng.uniform(0.4, 0.48), rng.uniform(15, 30)
+    body, fold = rng.uniform(0.38, 0.5), rng.uniform(15, 30)
     parts = [limb([[0, -body, 0], [0, 0, 0], [0, body * 0.8, 0]], [0.085, 0.13, 0.12]), ellipsoid([0, body, 0], 0.15)]
     parts += pair(
         limb([[0.05, body, 0.02], [0.2, body + 0.32, 0.06], [0.34, body + 0.42, 0.06]], [0.05] * 3, segments=8)
@@ -45,8 +45,8 @@ def butterfly(rng: Rng, traits: Traits) -> Part:
         [(0, -0.05), (0.5, -0.1), (0.85, 0.15), (1.0, 0.6), (0.95, 0.85), (0.6, 0.8), (0.2, 0.45), (0, 0.2)]
     )
     lower = np.array([(0, 0.1), (0, -0.2), (0.2, -0.75), (0.45, -0.85), (0.7, -0.65), (0.75, -0.3), (0.5, 0.05)])
-    size = wings * np.array([rng.uniform(0.9, 1.05), rng.uniform(0.9, 1.05)])
-    for outline in (upper * size, lower * size * rng.uniform(0.85, 1.0)):
+    size = wings * np.array([rng.uniform(0.86, 1.1), rng.uniform(0.86, 1.1)])
+    for outline in (upper * size, lower * size * rng.uniform(0.81, 1.05)):
         parts += pair(moved(turned(plate(outline, 0.11, across="z"), fold, "y"), [0.05, 0.04, 0]))
     return join(parts)
 
@@ -56,7 +56,7 @@ def chicken(rng: Rng, traits: Traits) -> Part:
     head = traits.draw(rng, "head", (0.11, 0.13), (0.2, 0.23), (0.36, 0.42))
     leg = traits.draw(rng, "legs", (0.06, 0.1), (0.3, 0.38), (0.8, 1.0))
     tail = traits.draw(rng, "tail", (0.04, 0.1), (0.36, 0.46), (0.85, 1.0))
-    girth, length = rng.uniform(0.36, 0.42), rng.uniform(0.48, 0.56)
+    girth, length = rng.uniform(0.34, 0.44), rng.uniform(0.46, 0.58)
     y = leg + 0.12 + girth * 0.8
     parts = [ellipsoid([0, y, 0], [girth, girth * 0.95, length])]
     skull = np.array([0.0, y + girth * 0.9 + 0.22, length * 0.8])
@@ -85,7 +85,7 @@ def owl(rng: Rng, traits: Traits) -> Part:
     ears = traits.draw(rng, "ears", (0.02, 0.05), (0.22, 0.28), (0.58, 0.7))
     eyes = traits.draw(rng, "eyes", (0.09, 0.11), (0.2, 0.23), (0.31, 0.35))
     wings = traits.draw(rng, "wings", (0.2, 0.26), (0.5, 0.6), (0.95, 1.1))
-    girth, height = rng.uniform(0.44, 0.5), rng.uniform(0.55, 0.66)
+    girth, height = rng.uniform(0.42, 0.52), rng.uniform(0.52, 0.69)
     parts = [ellipsoid([0, height, 0], [girth, height, girth * 0.85])]
     face = np.array([0.0, height * 1.62, 0.06])
     parts.append(ellipsoid(face, [girth * 1.02, girth * 0.8, girth * 0.85]))
@@ -112,7 +112,7 @@ def swan(rng: Rng, traits: Traits) -> Part:
     head = traits.draw(rng, "head", (0.1, 0.115), (0.165, 0.19), (0.31, 0.36))
     neck = traits.draw(rng, "neck", (0.16, 0.24), (0.72, 0.86), (1.4, 1.65))
     wings = traits.draw(rng, "wings", (0.18, 0.24), (0.6, 0.7), (1.05, 1.2))
-    girth, length = rng.uniform(0.36, 0.42), rng.uniform(0.62, 0.72)
+    girth, length = rng.uniform(0.34, 0.44), rng.uniform(0.59, 0.75)
     parts = [ellipsoid([0, 0.26, 0], [girth, 0.32, length])]
     parts.append(limb([[0, 0.3, -length * 0.6], [0, 0.55, -length * 1.2]], [[0.18, 0.2], [0.07, 0.06]], segments=12))
     base = np.array([0.0, 0.32, length * 0.75])
@@ -136,7 +136,7 @@ def dragon(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.08, 0.14), (0.48, 0.6), (1.05, 1.25))
     tail = traits.draw(rng, "tail", (0.1, 0.16), (0.7, 0.85), (1.4, 1.65))
     wings = traits.draw(rng, "wings", (0.26, 0.34), (0.85, 1.0), (1.45, 1.65))
-    body = Body(rng.uniform(0.45, 0.55), rng.uniform(0.29, 0.34), rng.uniform(0.2, 0.28), rng.uniform(0.12, 0.14))
+    body = Body(rng.uniform(0.42, 0.58), rng.uniform(0.27, 0.36), rng.uniform(0.2, 0.28), rng.uniform(0.114, 0.146))
     half, y = body.length / 2, body.height
     parts = body.parts(slope=0.06)
     chest = np.array([0.0, y + 0.08, half])
