@@ -6,7 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.priors.builtin.training.families.parts import (
+    Part,
+    curved,
+    ellipsoid,
+    join,
+    lathe,
+    limb,
+    moved,
+    pair,
+    turned,
+)
 from meshdeform.priors.builtin.training.families.traits import Rng, Traits
 
 __all__ = ["Body", "at", "dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
@@ -131,16 +141,20 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
     tail = traits.draw(rng, "tail", (0.1, 0.18), (0.8, 0.98), (1.5, 1.8))
     head = traits.draw(rng, "head", (0.08, 0.09), (0.135, 0.16), (0.27, 0.32))
     body = Body(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
-    half = body.length / 2
-    chest = np.array([0.0, body.height + 0.05, half + 0.12])
-    middle = chest + at(36, 0.5 * neck)
+    half, girth = body.length / 2, body.radius
+    chest = np.array([0.0, body.height + 0.03, half])
+    middle = chest + [0, 0, 0.22] + at(42, 0.5 * neck)
     crown = middle + at(66, 0.5 * neck)
-    parts = body.parts()
-    parts.append(limb([chest - [0, 0, 0.1], middle, crown], [0.26, 0.155, 0.105]))
+    rump = np.array([0.0, body.height, -half])
+    tip = rump + [0, -0.1 - 0.18 * tail, -0.34 - tail]
+    behind = (2 * rump + tip) / 3 + [0, -0.03, 0]
+    # One smooth tube from the tail's tip to the head: parts of their own would leave seams along the back.
+    path = np.array([tip, behind, rump, chest - [0, 0, half], chest, middle, crown])
+    girths = [[0.07], [0.6 * girth], [0.95 * girth], [1.02 * girth], [0.9 * girth], [0.18], [0.13]]
+    spine = curved(np.column_stack([path, girths]))
+    legs = body.parts()[1:]
+    parts = [*legs, limb(spine[:, :3], spine[:, 3], segments=20, samples=2)]
     parts.append(limb([crown, crown + [0, -0.1 * head, 1.5 * head]], [head, head * 0.75]))
-    rump = np.array([0.0, body.height + 0.02, -half - 0.1])
-    tip = rump + [0, -0.16 - 0.16 * tail, -0.25 - tail]
-    parts.append(limb([rump, (rump + tip) / 2 + [0, -0.06, 0], tip], [0.28, 0.15, 0.06]))
     return join(parts)
 
 

@@ -16,7 +16,7 @@ def camel(rng: Rng, traits: Traits) -> Part:
     humps = traits.draw(rng, "humps", (0.04, 0.1), (0.34, 0.42), (0.72, 0.88))
     leg = traits.draw(rng, "legs", (0.16, 0.24), (0.6, 0.72), (1.15, 1.35))
     neck = traits.draw(rng, "neck", (0.1, 0.16), (0.42, 0.52), (0.95, 1.15))
-    body = Body(rng.uniform(0.82, 0.94), rng.uniform(0.27, 0.31), leg, rng.uniform(0.1, 0.115))
+    body = Body(rng.uniform(0.78, 0.98), rng.uniform(0.26, 0.32), leg, rng.uniform(0.096, 0.12))
     parts = body.parts()
     for z in (-0.27, 0.27):
         base = np.array([0.0, body.height + 0.08, z])
@@ -37,7 +37,7 @@ def cow(rng: Rng, traits: Traits) -> Part:
     horns = traits.draw(rng, "horns", (0.02, 0.06), (0.26, 0.34), (0.7, 0.85))
     leg = traits.draw(rng, "legs", (0.1, 0.15), (0.36, 0.44), (0.85, 1.05))
     tail = traits.draw(rng, "tail", (0.06, 0.12), (0.46, 0.56), (1.0, 1.2))
-    body = Body(rng.uniform(0.85, 1.0), rng.uniform(0.36, 0.41), leg, rng.uniform(0.11, 0.13))
+    body = Body(rng.uniform(0.81, 1.05), rng.uniform(0.35, 0.42), leg, rng.uniform(0.104, 0.136))
     half = body.length / 2
     parts = [*body.parts(), ellipsoid([0, body.height - body.radius * 0.9, -half * 0.6], [0.2, 0.17, 0.2], rings=8)]
     skull = np.array([0.0, body.height + 0.34, half + body.radius + 0.14])
@@ -60,14 +60,14 @@ def deer(rng: Rng, traits: Traits) -> Part:
     horns = traits.draw(rng, "horns", (0.1, 0.16), (0.5, 0.6), (1.0, 1.2))
     leg = traits.draw(rng, "legs", (0.2, 0.28), (0.6, 0.72), (1.1, 1.3))
     neck = traits.draw(rng, "neck", (0.12, 0.18), (0.4, 0.5), (0.9, 1.1))
-    body = Body(rng.uniform(0.62, 0.74), rng.uniform(0.23, 0.26), leg, rng.uniform(0.085, 0.1))
+    body = Body(rng.uniform(0.58, 0.78), rng.uniform(0.22, 0.27), leg, rng.uniform(0.081, 0.104))
     parts = body.parts()
     chest = np.array([0.0, body.height + 0.02, body.length / 2 + 0.06])
     poll = chest + at(rng.uniform(62, 72), neck + 0.16)
     parts.append(limb([chest, poll], [0.18, 0.13]))
     parts.append(limb([poll, poll + [0, -0.12, 0.32]], [0.145, 0.09]))
     parts += pair(limb([poll + [0.08, 0.06, -0.03], poll + [0.3, 0.12, -0.08]], [0.075, 0.05], segments=8))
-    root, spread = poll + [0.07, 0.1, 0.0], rng.uniform(0.5, 0.65)
+    root, spread = poll + [0.07, 0.1, 0.0], rng.uniform(0.45, 0.69)
     middle = root + horns * np.array([spread, 0.5, -0.15])
     tip = root + horns * np.array([spread * 1.1, 1.15, 0.0])
     parts += pair(limb([root, middle, tip], [0.085, 0.08, 0.065], segments=8))
@@ -83,7 +83,7 @@ def rhino(rng: Rng, traits: Traits) -> Part:
     """Draw a rhinoceros: a heavy body on pillars, a low long head with a tall horn on its nose and a second behind."""
     horns = traits.draw(rng, "horns", (0.0, 0.06), (0.5, 0.62), (1.1, 1.3))
     leg = traits.draw(rng, "legs", (0.06, 0.1), (0.26, 0.33), (0.75, 0.95))
-    body = Body(rng.uniform(0.75, 0.9), rng.uniform(0.4, 0.45), leg, rng.uniform(0.15, 0.17))
+    body = Body(rng.uniform(0.7, 0.94), rng.uniform(0.39, 0.47), leg, rng.uniform(0.144, 0.176))
     parts = body.parts()
     front = np.array([0.0, body.height + 0.04, body.length / 2 + 0.16])
     brow = front + [0, 0.02, 0.42]
@@ -104,7 +104,7 @@ def lion(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.1, 0.15), (0.36, 0.45), (0.85, 1.05))
     mane = traits.draw(rng, "mane", (0.25, 0.28), (0.44, 0.52), (0.76, 0.9))
     tail = traits.draw(rng, "tail", (0.08, 0.14), (0.5, 0.62), (1.05, 1.25))
-    body = Body(rng.uniform(0.72, 0.86), rng.uniform(0.23, 0.27), leg, rng.uniform(0.1, 0.12))
+    body = Body(rng.uniform(0.68, 0.9), rng.uniform(0.22, 0.28), leg, rng.uniform(0.094, 0.126))
     skull = np.array([0.0, body.height + 0.3, body.length / 2 + 0.3])
     parts = [*body.parts(), limb([[0, body.height, body.length / 2], skull], [0.24, 0.24])]
     turn = np.linspace(0, 2 * np.pi, 44, endpoint=False)
@@ -127,14 +127,14 @@ def sheep(rng: Rng, traits: Traits) -> Part:
     """Draw a sheep: a woolly body of many bulges on thin legs, a smooth head with drooping ears."""
     head = traits.draw(rng, "head", (0.12, 0.14), (0.22, 0.26), (0.42, 0.48))
     leg = traits.draw(rng, "legs", (0.1, 0.14), (0.34, 0.42), (0.85, 1.05))
-    length, girth = rng.uniform(0.52, 0.62), rng.uniform(0.4, 0.46)
+    length, girth = rng.uniform(0.49, 0.65), rng.uniform(0.38, 0.48)
     centre = np.array([0.0, leg + 0.75 * girth, 0.0])
     parts = [ellipsoid(centre, [girth, girth * 0.95, length])]
     for layer, (lift, count) in enumerate([(-0.75, 5), (-0.15, 8), (0.5, 7), (0.95, 3)]):
         for k in range(count):
             angle, wide = 2 * np.pi * (k + 0.5 * layer + 0.2 * rng.uniform(-1, 1)) / count, np.sqrt(1 - lift**2)
             bulge = centre + [girth * wide * np.cos(angle), girth * 0.95 * lift, length * wide * np.sin(angle)]
-            parts.append(ellipsoid(bulge, rng.uniform(0.15, 0.18), rings=8))
+            parts.append(ellipsoid(bulge, rng.uniform(0.141, 0.189), rings=8))
     for z in (-0.55, 0.55):
         foot = np.array([girth * 0.55, 0.06, length * z])
         parts += pair(limb([foot, foot + [0, leg + 0.2, 0]], [0.1, 0.105], segments=10))
@@ -151,7 +151,7 @@ def crocodile(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.0, 0.03), (0.14, 0.2), (0.55, 0.68))
     nose = traits.draw(rng, "nose", (0.02, 0.07), (0.42, 0.52), (0.95, 1.15))
     tail = traits.draw(rng, "tail", (0.05, 0.12), (0.58, 0.72), (1.2, 1.45))
-    half, wide, gape = rng.uniform(0.42, 0.5), rng.uniform(0.38, 0.44), rng.uniform(0.3, 0.5)
+    half, wide, gape = rng.uniform(0.4, 0.52), rng.uniform(0.36, 0.46), rng.uniform(0.22, 0.4)
     y = leg + 0.26
     rump, root = np.array([0.0, y, -half]), np.array([0.0, y + 0.06, half + 0.26])
     bend = rump + [rng.uniform(-0.15, 0.15), -0.02, -0.15 - 0.5 * tail]
@@ -181,7 +181,7 @@ def mouse(rng: Rng, traits: Traits) -> Part:
     """Draw a crouching mouse: a drop-shaped body with a pointed nose, large round ears, a long curving tail."""
     ears = traits.draw(rng, "ears", (0.1, 0.13), (0.28, 0.34), (0.54, 0.64))
     tail = traits.draw(rng, "tail", (0.1, 0.18), (0.85, 1.05), (1.7, 2.0))
-    girth, length = rng.uniform(0.38, 0.44), rng.uniform(0.5, 0.6)
+    girth, length = rng.uniform(0.36, 0.46), rng.uniform(0.47, 0.63)
     parts = [ellipsoid([0, girth * 0.9, -0.1], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.95, length * 0.62])
     parts.append(limb([skull, skull + [0, -0.14, 0.46]], [0.27, 0.07]))
@@ -200,7 +200,7 @@ def hedgehog(rng: Rng, traits: Traits) -> Part:
     """Draw a hedgehog: a dome covered with cones, a smooth pointed face with a ball of a nose, four small feet."""
     nose = traits.draw(rng, "nose", (0.02, 0.06), (0.3, 0.38), (0.8, 0.95))
     spikes = traits.draw(rng, "spikes", (0.0, 0.03), (0.14, 0.19), (0.5, 0.62))
-    girth, length = rng.uniform(0.48, 0.54), rng.uniform(0.6, 0.7)
+    girth, length = rng.uniform(0.46, 0.56), rng.uniform(0.57, 0.73)
     centre = np.array([0.0, 0.12 + 0.5 * girth, 0.0])
     radii = np.array([girth, girth, length])
     parts = [ellipsoid(centre, radii)]

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "Part",
     "box",
+    "curved",
     "ellipsoid",
     "extrude",
     "join",
@@ -119,6 +120,20 @@ def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int 
         other = np.cross(direction, across)
         rings.append(place + np.cos(angle)[:, None] * across * size[0] + np.sin(angle)[:, None] * other * size[1])
     return _loft(np.stack(rings), flip=True)
+
+
+def curved(knots: ArrayLike, *, samples: int = 4) -> Array:
+    """Return points of the Catmull-Rom curve through `knots` (N, D), `samples` a piece, with both ends.
+
+    The columns may hold more than a place: a radius beside each point becomes as smooth as the path. Source: Catmull
+    and Rom 1974, A class of local interpolating splines.
+    """
+    through = np.asarray(knots, float)
+    held = np.concatenate([2 * through[:1] - through[1:2], through, 2 * through[-1:] - through[-2:-1]])
+    a, b, c, d = (held[k : len(held) - 3 + k, None] for k in range(4))
+    t = np.linspace(0.0, 1.0, samples, endpoint=False)[:, None]
+    curve = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+    return np.concatenate([curve.reshape(-1, through.shape[1]), through[-1:]])
 
 
 def box(centre: ArrayLike, size: ArrayLike, *, round_by: float = 0.25, cells: int = 6) -> Part:
