@@ -50,7 +50,7 @@ def banana(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     share = np.linspace(-1, 1, 9)
     flesh = limb(path, girth * (1 - 0.62 * np.abs(share) ** 2.6), segments=5, samples=3)
     end = np.array(path[-1])
-    stalk = limb([path[-2], end, end + [0.06, 0.22, 0]], [girth * 0.45, 0.08, 0.095], segments=6)
+    stalk = limb(np.stack([np.array(path[-2]), end, end + [0.06, 0.22, 0]]), [girth * 0.45, 0.08, 0.095], segments=6)
     return join([flesh, stalk])
 
 
@@ -63,7 +63,9 @@ def burger(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     reach = np.hypot(cheese.verts[:, 0], cheese.verts[:, 2])
     sag = np.stack([0 * reach, -0.3 * np.clip(reach - girth, 0, None), 0 * reach], 1)
     parts.append(moved(Part(cheese.verts + sag, cheese.faces), [0, level + 0.03, 0]))
-    leaf = lathe([(0.3, 0.05), (girth * 1.14, 0.05), (girth * 1.18, 0.1), (girth * 1.14, 0.16), (0.3, 0.16)], segments=48)
+    leaf = lathe(
+        [(0.3, 0.05), (girth * 1.14, 0.05), (girth * 1.18, 0.1), (girth * 1.14, 0.16), (0.3, 0.16)], segments=48
+    )
     x, y, z = leaf.verts.T
     wave = 0.055 * np.sin(8 * np.arctan2(x, z)) * np.clip(np.hypot(x, z) / girth, 0, 1)
     parts.append(Part(np.stack([x, y + wave + level, z], 1), leaf.faces))
@@ -114,7 +116,9 @@ def corn(rng: Rng, traits: Traits) -> Part:
         reach = leaf * (1.0 if quarter % 2 else 0.75)
         path = [[0, 0.0, girth * 0.7], [0, 0.1 + 0.4 * reach, girth + 0.1 * spread + 0.1 * reach]]
         path.append([0, 0.1 + 0.8 * reach, girth + 0.05 + spread * reach])
-        parts.append(turned(limb(path, [[0.2, 0.07], [0.2, 0.07], [0.05, 0.05]], segments=10), start + 90 * quarter, "y"))
+        parts.append(
+            turned(limb(path, [[0.2, 0.07], [0.2, 0.07], [0.05, 0.05]], segments=10), start + 90 * quarter, "y")
+        )
     return join(parts)
 
 
