@@ -25,6 +25,9 @@ class VocabularyView(BaseModel):
     examples: list[str] = Field(
         description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
     )
+    groups: dict[str, list[str]] = Field(
+        default_factory=dict, description="The nouns by kind.", examples=[{"animals": ["giraffe"]}]
+    )
 
 
 class LessonView(BaseModel):

@@ -139,6 +139,11 @@ def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:
             advice=f"Name it by adjectives ({', '.join(ADJECTIVES)}) or by one sized part (long neck, big handle), "
             "or give the files themselves instead of their folder.",
         ) from error
+    if missing := [attribute.part for attribute in found if attribute.part not in new.words.tokens]:
+        raise ParameterError(
+            f"The folder {name!r} names a part that these weights do not know: {missing[0]}.",
+            advice="Start from the weights in the package, or give the files themselves instead of their folder.",
+        )
     if not found:
         raise ParameterError(
             f"The folder {name!r} does not name attributes of a {new.noun}.", advice="Rename it, or give its files."
