@@ -19,6 +19,7 @@ __all__ = [
     "Part",
     "box",
     "curved",
+    "disc",
     "ellipsoid",
     "extrude",
     "join",
@@ -85,6 +86,11 @@ def lathe(profile: ArrayLike, *, segments: int = SEGMENTS) -> Part:
     rings = points[:, :1, None] * circle[None]
     rings[..., 1] = points[:, 1:2]
     return _loft(rings, flip=True)
+
+
+def disc(radius: float, bottom: float, top: float, *, edge: float = 0.04) -> Part:
+    """Return an upright cylinder from height `bottom` to `top` whose two rims are cut off by `edge`."""
+    return lathe([(radius - edge, bottom), (radius, bottom + edge), (radius, top - edge), (radius - edge, top)])
 
 
 def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
