@@ -50,11 +50,11 @@ def castle(rng: Rng, traits: Traits) -> Part:
     top = wall + rise
     crown = [(radius, top - 0.1), (1.2 * radius, top), (1.2 * radius, top + 0.1), (0.8 * radius, top + 0.1)]
     tower = lathe([(1.12 * radius, 0.0), (radius, 0.2), (radius, 0.6 * top), *crown, (0.8 * radius, top)], segments=24)
-    tooth = box([0, top + 0.14, radius], [0.17, 0.26, 0.14], round_by=0.2)
+    tooth = box([0, top + 0.14, radius], [0.17, 0.26, 0.14], round_by=0.2, cells=4)
     turret = join([tower, *(turned(tooth, 60 * step, "y") for step in range(6))])
     parts = [part for z in (half, -half) for part in pair(moved(turret, [half, 0, z]))]
     parts.append(box([0, wall / 2, 0], [2 * half, wall, 2 * half], round_by=0.04))
-    row = [box([x, wall, half], [0.17, 0.26, 0.14], round_by=0.2) for x in (-0.34 * half, 0.0, 0.34 * half)]
+    row = [box([x, wall, half], [0.17, 0.26, 0.14], round_by=0.2, cells=4) for x in (-0.34 * half, 0.0, 0.34 * half)]
     parts += [turned(part, 90 * side, "y") for side in range(4) for part in row]
     # The gate lies deep between two posts and a lintel.
     parts.append(box([0, 0.5 * wall + keep, half + 0.1], [0.64, 0.7 * wall, 0.24], round_by=0.15))

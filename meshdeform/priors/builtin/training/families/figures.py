@@ -7,6 +7,7 @@ import numpy as np
 from meshdeform.priors.builtin.training.families.parts import (
     Part,
     box,
+    curved,
     ellipsoid,
     join,
     lathe,
@@ -24,14 +25,20 @@ def bear(rng: Rng, traits: Traits) -> Part:
     """Draw a sitting bear: a round belly, thick legs stretched ahead, arms, a big head with round ears and a muzzle."""
     ears = traits.draw(rng, "ears", (0.06, 0.075), (0.15, 0.18), (0.29, 0.34))
     head = traits.draw(rng, "head", (0.19, 0.21), (0.36, 0.41), (0.6, 0.68))
-    legs = traits.draw(rng, "legs", (0.0, 0.05), (0.28, 0.36), (0.85, 1.05))
+    legs = traits.draw(rng, "legs", (0.0, 0.05), (0.34, 0.42), (0.95, 1.15))
     girth, height = rng.uniform(0.4, 0.52), rng.uniform(0.44, 0.56)
     parts = [ellipsoid([0, height * 0.9, 0], [girth, height, girth * 0.92])]
     skull = np.array([0.0, height * 1.6 + 0.72 * head, 0.06])
     parts.append(ellipsoid(skull, [head * 1.06, head * 0.95, head * 0.95]))
     parts.append(ellipsoid(skull + [0, -0.22 * head, 0.85 * head], [0.46 * head, 0.38 * head, 0.4 * head], rings=10))
     parts.append(ellipsoid(skull + [0, -0.08 * head, 1.22 * head], 0.15 * head + 0.01, rings=8))
-    parts += pair(ellipsoid(skull + [0.72 * head, 0.72 * head, -0.02], [ears, ears, 0.6 * ears + 0.02], rings=10))
+    parts += pair(
+        ellipsoid(
+            skull + [0.68 * head + 0.4 * ears, 0.68 * head + 0.4 * ears, -0.02],
+            [ears, ears, 0.6 * ears + 0.02],
+            rings=10,
+        )
+    )
     hip, splay = np.array([girth * 0.55, 0.19, girth * 0.3]), rng.uniform(0.1, 0.3)
     foot = hip + (0.3 + legs) * np.array([splay, 0.0, 1.0])
     parts += pair(limb([hip, foot], [0.2, 0.18]))
@@ -65,8 +72,8 @@ def monkey(rng: Rng, traits: Traits) -> Part:
     parts += pair(ellipsoid([girth * 1.15, 0.08, 0.66], [0.12, 0.085, 0.2], rings=8))
     rump = np.array([0.0, 0.12, -girth * 0.6])
     curl = [(0.0, 0.0), (-0.45, -0.02), (-0.75, 0.2), (-0.75, 0.6), (-0.5, 0.85), (-0.25, 0.75), (-0.28, 0.52)]
-    path = [rump + tail * np.array([0.0, y, z]) for z, y in curl]
-    parts.append(limb(path, [0.1, 0.09, 0.085, 0.08, 0.075, 0.07, 0.065], segments=10, samples=4))
+    path = curved([rump + tail * np.array([0.0, y, z]) for z, y in curl])
+    parts.append(limb(path, np.linspace(0.1, 0.065, len(path)), segments=10, samples=1))
     return join(parts)
 
 
@@ -145,8 +152,8 @@ def ghost(rng: Rng, traits: Traits) -> Part:
     verts[:, 2] -= rng.uniform(0.1, 0.3) * low**2
     parts = [Part(verts, sheet.faces)]
     face = height * 0.76
-    parts += pair(ellipsoid([0.15, face, girth * 0.82], [0.085, 0.13, 0.09], rings=8))
-    parts.append(ellipsoid([0, face - 0.28, girth * 0.95], [0.1, 0.13, 0.08], rings=8))
+    parts += pair(ellipsoid([0.15, face, girth * 0.82], [0.1, 0.16, 0.11], rings=8))
+    parts.append(ellipsoid([0, face - 0.32, girth * 0.98], [0.11, 0.14, 0.1], rings=8))
     shoulder = np.array([girth * 0.7, height * 0.55, 0.06])
     hand = shoulder + [0.26 + 0.75 * arms, 0.06 + rng.uniform(0.0, 0.3) * arms, 0.1 + 0.45 * arms]
     return join([*parts, *pair(limb([shoulder, hand], [0.17, 0.115], segments=12))])

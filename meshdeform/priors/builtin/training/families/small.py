@@ -91,17 +91,17 @@ def snake(rng: Rng, traits: Traits) -> Part:
     """Draw a snake: two coils on the ground, a neck that rises from their middle, a flat head that looks ahead."""
     head = traits.draw(rng, "head", (0.13, 0.15), (0.23, 0.27), (0.44, 0.52))
     thick, rise = rng.uniform(0.131, 0.179), rng.uniform(0.7, 0.95)
-    turn = np.linspace(0.0, rng.uniform(1.78, 2.18) * 2 * np.pi, 22)
-    radius = np.linspace(0.75, 0.36, 22) * rng.uniform(0.9, 1.15)
-    level = thick + np.linspace(0.0, 2.1 * thick, 22) ** 1.1
+    turn = np.linspace(0.0, rng.uniform(1.78, 2.18) * 2 * np.pi, 34)
+    radius = np.linspace(0.75, 0.36, 34) * rng.uniform(0.9, 1.15)
+    level = thick + np.linspace(0.0, 2.1 * thick, 34) ** 1.1
     coil = np.stack([radius * np.sin(turn + 2.4), level, radius * np.cos(turn + 2.4)], 1)
     neck = np.array(
         [[0.0, level[-1] + 0.35 * rise, -0.26], [0, level[-1] + 0.8 * rise, -0.2], [0, level[-1] + rise, 0.05]]
     )
     widths = np.concatenate(
-        [np.linspace(0.06, thick, 8), np.full(14, thick), [thick * 0.95, thick * 0.9, thick * 0.85]]
+        [np.linspace(0.06, thick, 12), np.full(22, thick), [thick * 0.95, thick * 0.9, thick * 0.85]]
     )
-    parts = [limb(np.concatenate([coil, neck]), widths, segments=14, samples=3)]
+    parts = [limb(np.concatenate([coil, neck]), widths, segments=14, samples=2)]
     # Fill the ring: nothing could deform a ball into its hole.
     parts.append(ellipsoid([0, thick, 0], [0.5, 1.3 * thick, 0.5], rings=8))
     skull = neck[-1] + [0, 0.02, 0.05]

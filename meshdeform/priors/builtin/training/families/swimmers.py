@@ -13,7 +13,7 @@ __all__ = ["dolphin", "fish", "shark"]
 def dolphin(rng: Rng, traits: Traits) -> Part:
     """Draw a leaping dolphin: an arched smooth body, a round brow over a beak, a curved back fin, level flukes."""
     fins = traits.draw(rng, "fins", (0.1, 0.14), (0.34, 0.42), (0.72, 0.85))
-    nose = traits.draw(rng, "nose", (0.02, 0.06), (0.2, 0.27), (0.58, 0.7))
+    nose = traits.draw(rng, "nose", (0.0, 0.03), (0.26, 0.33), (0.7, 0.85))
     girth, arch = rng.uniform(0.26, 0.34), rng.uniform(0.35, 0.55)
     along = np.array([0.62, 0.35, 0.0, -0.4, -0.75, -1.05])
     spine = np.stack([np.zeros(6), -arch * along**2, along], 1)

@@ -70,9 +70,9 @@ def balloon(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has
 
 def helicopter(rng: Rng, traits: Traits) -> Part:
     """Draw a helicopter: an egg-shaped cabin with a windscreen, four broad blades, a boom with a tail rotor, skids."""
-    length, girth = rng.uniform(0.58, 0.66), rng.uniform(0.33, 0.38)
+    length, girth = rng.uniform(0.66, 0.76), rng.uniform(0.4, 0.46)
     tail = traits.draw(rng, "tail", (0.12, 0.22), (0.8, 0.95), (1.7, 2.0))
-    reach, mast = rng.uniform(1.0, 1.15), girth + rng.uniform(0.18, 0.24)
+    reach, mast = rng.uniform(0.9, 1.05), girth + rng.uniform(0.18, 0.24)
     end = -0.4 * length - tail
     parts = [
         ellipsoid([0, 0, 0], [girth, girth, length]),

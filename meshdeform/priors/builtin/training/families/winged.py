@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.priors.builtin.training.families.animals import Body, at
-from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, join, limb, moved, pair, plate, turned
+from meshdeform.priors.builtin.training.families.parts import (
+    Part,
+    curved,
+    ellipsoid,
+    join,
+    limb,
+    moved,
+    pair,
+    plate,
+    turned,
+)
 from meshdeform.priors.builtin.training.families.traits import Rng, Traits
 
 __all__ = ["bird", "butterfly", "chicken", "dragon", "owl", "swan"]
@@ -14,9 +24,9 @@ __all__ = ["bird", "butterfly", "chicken", "dragon", "owl", "swan"]
 def bird(rng: Rng, traits: Traits) -> Part:
     """Draw a bird in flight: a plump body, a round head with a pointed beak, raised wings, a fanned tail."""
     beak = traits.draw(rng, "beak", (0.02, 0.05), (0.18, 0.24), (0.5, 0.62))
-    tail = traits.draw(rng, "tail", (0.06, 0.12), (0.46, 0.56), (1.0, 1.2))
+    tail = traits.draw(rng, "tail", (0.02, 0.07), (0.52, 0.62), (1.15, 1.35))
     wings = traits.draw(rng, "wings", (0.28, 0.36), (0.8, 0.95), (1.5, 1.75))
-    girth, length = rng.uniform(0.26, 0.34), rng.uniform(0.48, 0.6)
+    girth, length = rng.uniform(0.31, 0.4), rng.uniform(0.46, 0.56)
     parts = [ellipsoid([0, 0, 0], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.75, length * 0.85])
     parts.append(limb([[0, 0.05, length * 0.5], skull], [girth * 0.8, girth * 0.75]))
@@ -117,9 +127,10 @@ def swan(rng: Rng, traits: Traits) -> Part:
     parts.append(limb([[0, 0.3, -length * 0.6], [0, 0.55, -length * 1.2]], [[0.18, 0.2], [0.07, 0.06]], segments=12))
     base = np.array([0.0, 0.32, length * 0.75])
     curve = [(0.2, 0.12), (0.26, 0.35), (0.06, 0.6), (-0.08, 0.85), (0.04, 1.05), (0.2, 1.08)]
-    path = [base, *(base + [0, 0.06 + neck * up, 0.08 + 0.75 * neck * out] for out, up in curve)]
-    parts.append(limb(path, [0.2, 0.15, 0.12, 0.11, 0.11, 0.11, 0.11], samples=3))
-    skull = path[-1] + [0, -0.02, 0.06]
+    knots = [base, *(base + [0, 0.06 + neck * up, 0.08 + 0.75 * neck * out] for out, up in curve)]
+    path = curved(np.column_stack([knots, [0.2, 0.15, 0.12, 0.11, 0.11, 0.11, 0.11]]))
+    parts.append(limb(path[:, :3], path[:, 3], samples=1))
+    skull = knots[-1] + [0, -0.02, 0.06]
     parts.append(ellipsoid(skull, [head * 0.9, head * 0.9, head * 1.1], rings=10))
     bill = skull + [0, -0.1 * head, 0.6 * head]
     parts.append(
