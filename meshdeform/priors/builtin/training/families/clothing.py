@@ -176,7 +176,7 @@ def shirt(rng: Rng, traits: Traits) -> Part:
 def trousers(rng: Rng, traits: Traits) -> Part:
     """Draw trousers: an open waist with a belt and a buckle, hips, two separate legs, pockets behind."""
     width, hip = rng.uniform(0.42, 0.48), rng.uniform(0.42, 0.5)
-    leg = traits.draw(rng, "legs", (0.06, 0.14), (0.95, 1.15), (2.1, 2.4))
+    leg = traits.draw(rng, "legs", (0.28, 0.38), (0.95, 1.15), (2.1, 2.4))
     cuff, swing = rng.uniform(0.2, 0.25), rng.uniform(7, 12)
     wall = [(width * 0.7, -0.16), (width, -0.04), (width * 0.96, 0.16), (width * 0.86, hip)]
     seat = lathe([*wall, (width * 0.7, hip), (width * 0.66, hip - 0.14)])

@@ -114,7 +114,7 @@ def pineapple(rng: Rng, traits: Traits) -> Part:
 def flower(rng: Rng, traits: Traits) -> Part:
     """Draw a flower that looks toward +Z and a little up: round petals about a button, a stem, two leaves."""
     head = traits.draw(rng, "head", (0.2, 0.25), (0.52, 0.6), (1.0, 1.15))
-    stem = traits.draw(rng, "stem", (0.1, 0.2), (0.95, 1.15), (2.1, 2.4))
+    stem = traits.draw(rng, "stem", (0.44, 0.54), (0.95, 1.15), (2.1, 2.4))
     leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.42, 0.52), (1.0, 1.2))
     petals, tilt, bow = int(rng.integers(6, 9)), rng.uniform(15, 35), rng.uniform(-0.08, 0.08)
     parts = [
@@ -137,17 +137,17 @@ def flower(rng: Rng, traits: Traits) -> Part:
 
 def palm(rng: Rng, traits: Traits) -> Part:
     """Draw a palm: a ringed trunk that sways to one side, a crown of broad fronds that hang over, coconuts."""
-    trunk = traits.draw(rng, "trunk", (0.3, 0.42), (1.25, 1.45), (2.6, 3.0))
+    trunk = traits.draw(rng, "trunk", (0.5, 0.62), (1.25, 1.45), (2.6, 3.0))
     leaf = traits.draw(rng, "leaves", (0.36, 0.46), (0.85, 1.0), (1.6, 1.85))
     thick, sway, count = rng.uniform(0.14, 0.17), rng.uniform(0.15, 0.35), int(rng.integers(6, 9))
     share = np.linspace(0.0, 1.0, 15)
     ring = thick * (1.25 - 0.35 * share + 0.14 * (-1.0) ** np.arange(15))
     parts = [limb(np.stack([sway * share**1.6, trunk * share, 0 * share], 1), ring, segments=12, samples=2)]
-    top, start = [sway, trunk, 0], rng.uniform(0, 60)
+    top, start, broad = [sway, trunk, 0], rng.uniform(0, 60), 0.6 + 0.45 * leaf
     for number in range(count):
-        droop = rng.uniform(0.4, 0.6) * leaf
+        droop = rng.uniform(0.14, 0.34) * leaf
         path = [[0.0, 0.0, 0.0], [0, 0.3 * leaf, 0.4 * leaf], [0, 0.16 * leaf, 0.82 * leaf], [0, -droop, 1.05 * leaf]]
-        frond = limb(path, [[0.1, 0.08], [0.2, 0.08], [0.17, 0.075], [0.05, 0.05]], segments=10)
+        frond = limb(path, np.array([[0.1, 0.08], [0.2, 0.08], [0.18, 0.08], [0.05, 0.05]]) * broad, segments=10)
         parts.append(moved(turned(frond, start + 360 * number / count, "y"), top))
     nuts = [turned(ellipsoid([0.17, -0.12, 0], 0.14, rings=8), start + 120 * third, "y") for third in range(3)]
     return join([*parts, *(moved(nut, top) for nut in nuts)])
