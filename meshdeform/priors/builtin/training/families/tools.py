@@ -54,8 +54,8 @@ def anvil(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
 
 def axe(rng: Rng, traits: Traits) -> Part:
     """Draw an axe standing on its handle: a flared blade with a round edge toward +X, a blunt poll."""
-    handle = traits.draw(rng, "handle", (0.08, 0.2), (0.9, 1.1), (1.9, 2.2))
-    blade = traits.draw(rng, "blade", (0.16, 0.22), (0.5, 0.6), (1.0, 1.2))
+    handle = traits.draw(rng, "handle", (0.3, 0.4), (0.9, 1.1), (1.9, 2.2))
+    blade = traits.draw(rng, "blade", (0.22, 0.28), (0.5, 0.6), (1.0, 1.2))
     thick, neck, flare = rng.uniform(0.13, 0.155), rng.uniform(0.2, 0.24), rng.uniform(0.46, 0.56)
     turn = np.linspace(-1.0, 1.0, 11)
     edge = [(blade + 0.16 * (1 - t**2), flare * t) for t in turn]
@@ -187,7 +187,7 @@ def dumbbell(rng: Rng, traits: Traits) -> Part:
 
 def hammer(rng: Rng, traits: Traits) -> Part:
     """Draw a hammer standing on its handle: a round face toward +X, a claw that bends down toward -X."""
-    handle = traits.draw(rng, "handle", (0.08, 0.2), (0.9, 1.1), (1.9, 2.2))
+    handle = traits.draw(rng, "handle", (0.3, 0.4), (0.9, 1.1), (1.9, 2.2))
     head = traits.draw(rng, "head", (0.58, 0.66), (1.0, 1.12), (1.6, 1.8))
     thick = rng.uniform(0.145, 0.17)
     shaft = limb(
@@ -231,7 +231,7 @@ def shield(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def sword(rng: Rng, traits: Traits) -> Part:
     """Draw a sword standing on its pommel: a broad two-edged blade with a ridge, a cross guard, a grip."""
-    blade = traits.draw(rng, "blade", (0.2, 0.34), (1.1, 1.3), (2.3, 2.7))
+    blade = traits.draw(rng, "blade", (0.4, 0.52), (1.1, 1.3), (2.3, 2.7))
     grip = traits.draw(rng, "handle", (0.06, 0.12), (0.36, 0.46), (1.1, 1.3))
     broad, guard = rng.uniform(0.22, 0.28), rng.uniform(0.46, 0.56)
     edge = [[broad, 0.15], [broad * 0.95, 0.145], [broad * 0.85, 0.13], [0.04, 0.04]]
