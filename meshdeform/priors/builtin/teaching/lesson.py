@@ -52,7 +52,7 @@ def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_k
     Parameters
     ----------
     name : str
-        For example "a teapot" or "teddy bear".
+        For example "a gnome" or "teddy bear".
     known : Words
         The words of the weights that the training starts from.
     synonyms : sequence of str
@@ -105,7 +105,7 @@ def _canonical(name: str) -> str:
     if not _NOUN.fullmatch(noun) or len(noun) > _LONGEST:
         raise ParameterError(
             f"{name!r} is no noun that can be taught.",
-            advice=f'Use one to four words of the letters a to z, at most {_LONGEST} letters: "a teapot".',
+            advice=f'Use one to four words of the letters a to z, at most {_LONGEST} letters: "a gnome".',
         )
     return noun
 

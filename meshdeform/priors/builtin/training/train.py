@@ -35,7 +35,7 @@ __all__ = ["TrainConfig", "Trainer", "main"]
 
 _log = logging.getLogger(__name__)
 _TIMED_STEPS = 30
-_NOISY_FROM, _NOISY_SHARE = 0.7, 0.6
+_NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
 """Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
 and almost none of it where only the azimuth distinguishes front from back."""
 
