@@ -24,7 +24,6 @@ from torch import Tensor
 from meshdeform.priors.builtin.grammar import (
     ATTRIBUTES,
     OPPOSITES,
-    SEQUENCE_LENGTH,
     Attribute,
     ParsedPrompt,
     tokenise,
