@@ -41,7 +41,7 @@ def cow(rng: Rng, traits: Traits) -> Part:
     half = body.length / 2
     parts = [*body.parts(), ellipsoid([0, body.height - body.radius * 0.9, -half * 0.6], [0.2, 0.17, 0.2], rings=8)]
     skull = np.array([0.0, body.height + 0.34, half + body.radius + 0.14])
-    parts.append(limb([[0, body.height + 0.06, half], skull], [0.28, 0.2]))
+    parts.append(limb([[0, body.height + 0.06, half], [*skull]], [0.28, 0.2]))
     parts.append(limb([skull, skull + [0, -0.22, 0.26]], [[0.2, 0.21], [0.19, 0.21]]))
     parts.append(ellipsoid(skull + [0, -0.27, 0.36], [0.23, 0.15, 0.14], rings=8))
     parts += pair(limb([skull + [0.15, 0.02, -0.05], skull + [0.38, -0.05, -0.08]], [0.08, 0.06], segments=8))
@@ -106,7 +106,7 @@ def lion(rng: Rng, traits: Traits) -> Part:
     tail = traits.draw(rng, "tail", (0.08, 0.14), (0.5, 0.62), (1.05, 1.25))
     body = Body(rng.uniform(0.68, 0.9), rng.uniform(0.22, 0.28), leg, rng.uniform(0.094, 0.126))
     skull = np.array([0.0, body.height + 0.3, body.length / 2 + 0.3])
-    parts = [*body.parts(), limb([[0, body.height, body.length / 2], skull], [0.24, 0.24])]
+    parts = [*body.parts(), limb([[0, body.height, body.length / 2], [*skull]], [0.24, 0.24])]
     turn = np.linspace(0, 2 * np.pi, 44, endpoint=False)
     reach = mane * (1 + 0.1 * np.cos(11 * turn))
     ruff = plate(np.stack([reach * np.cos(turn), reach * np.sin(turn)], 1), 0.24 + 0.2 * mane, across="z", puff=0.25)
@@ -157,7 +157,7 @@ def crocodile(rng: Rng, traits: Traits) -> Part:
     bend = rump + [rng.uniform(-0.15, 0.15), -0.02, -0.15 - 0.5 * tail]
     tip = rump + [0, 0.02, -0.3 - tail]
     parts = [
-        limb([rump, [0, y, 0], [0, y, half]], [[0.24, wide * 0.85], [0.28, wide], [0.24, wide * 0.8]], segments=18)
+        limb([[*rump], [0, y, 0], [0, y, half]], [[0.24, wide * 0.85], [0.28, wide], [0.24, wide * 0.8]], segments=18)
     ]
     parts.append(limb([rump, bend, tip], [[0.22, wide * 0.8], [0.18, 0.2], [0.1, 0.08]]))
     parts.append(ellipsoid(root, [0.3, 0.22, 0.32]))
@@ -169,7 +169,7 @@ def crocodile(rng: Rng, traits: Traits) -> Part:
     for z in (-0.75, 0.75):
         hip = np.array([wide * 0.7, y - 0.02, half * z])
         knee = hip + [0.3, -0.02, 0.0]
-        parts += pair(limb([hip, knee, [knee[0] + 0.04, 0.09, knee[2] + 0.1]], [0.15, 0.13, 0.12], segments=10))
+        parts += pair(limb([[*hip], [*knee], [knee[0] + 0.04, 0.09, knee[2] + 0.1]], [0.15, 0.13, 0.12], segments=10))
     for t in np.linspace(0.0, 1.0, 7):
         top = np.array([0.0, y + 0.2, half * 0.7]) * (1 - t) + (tip + [0, 0.1, 0.1]) * t
         top[0] = bend[0] * np.exp(-(((top[2] - bend[2]) / 0.3) ** 2))

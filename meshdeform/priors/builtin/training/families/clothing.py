@@ -40,7 +40,7 @@ def _sleeve(length: float, shoulder: float, cuff: float, degrees: float) -> Part
 
 def backpack(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a backpack: a round-topped sack, a flap and a pocket in front, side pockets, two straps behind."""
-    width, height, deep = rng.uniform(0.9, 1.05), rng.uniform(1.25, 1.45), rng.uniform(0.5, 0.6)
+    width, height, deep = rng.uniform(0.86, 1.12), rng.uniform(1.2, 1.55), rng.uniform(0.48, 0.64)
     front = deep / 2
     parts = [box([0, height * 0.45, 0], [width, height * 0.9, deep], round_by=0.4, cells=8)]
     parts.append(ellipsoid([0, height * 0.78, 0], [width * 0.48, height * 0.26, front * 0.96]))
@@ -59,7 +59,7 @@ def backpack(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family ha
 def boot(rng: Rng, traits: Traits) -> Part:
     """Draw a boot, its toe toward +Z: an open shaft with a cuff, a round toe, a sole, a heel."""
     heel = traits.draw(rng, "heel", (0.0, 0.03), (0.16, 0.22), (0.48, 0.6))
-    shaft, girth, reach = rng.uniform(0.85, 1.1), rng.uniform(0.26, 0.3), rng.uniform(0.66, 0.78)
+    shaft, girth, reach = rng.uniform(0.65, 1.25), rng.uniform(0.25, 0.31), rng.uniform(0.64, 0.82)
     top, cuff = 0.2 + shaft, girth * rng.uniform(1.08, 1.2)
     wall = [(girth * 0.9, 0.2), (girth * 0.95, 0.3), (girth * 0.92, 0.5), (cuff * 0.95, top - 0.24)]
     rim = [(cuff + 0.07, top - 0.22), (cuff + 0.07, top), (cuff - 0.06, top), (cuff - 0.08, top - 0.25)]
@@ -76,7 +76,7 @@ def boot(rng: Rng, traits: Traits) -> Part:
 
 def dress(rng: Rng, traits: Traits) -> Part:
     """Draw a dress: a wide pleated skirt, a narrow waist with a sash and a bow behind, a bodice, two sleeves."""
-    hem, waist, skirt = rng.uniform(0.68, 0.82), rng.uniform(0.22, 0.26), rng.uniform(1.0, 1.15)
+    hem, waist, skirt = rng.uniform(0.6, 0.92), rng.uniform(0.22, 0.27), rng.uniform(0.9, 1.25)
     bust, bodice = rng.uniform(0.33, 0.37), rng.uniform(0.56, 0.66)
     sleeve = traits.draw(rng, "sleeves", (0.0, 0.04), (0.3, 0.38), (0.85, 1.05))
     flare = [(waist + (hem - waist) * (1 - t) ** 1.25, skirt * t) for t in np.linspace(0.0, 1.0, 10)]
@@ -97,7 +97,7 @@ def dress(rng: Rng, traits: Traits) -> Part:
 
 def glove(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a glove, its back toward +Z: four spread fingers up, a thumb toward +X, an open flared cuff below."""
-    width, palm, finger = rng.uniform(0.7, 0.8), rng.uniform(0.6, 0.7), rng.uniform(0.5, 0.65)
+    width, palm, finger = rng.uniform(0.7, 0.8), rng.uniform(0.58, 0.72), rng.uniform(0.44, 0.7)
     thick, spread = width / 7.6, rng.uniform(5, 9)
     parts = [box([0, palm / 2, 0], [width, palm + 0.1, 0.34], round_by=0.45, cells=8)]
     for number, share in enumerate((0.82, 1.0, 0.94, 0.7)):
@@ -154,7 +154,7 @@ def helmet(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def shirt(rng: Rng, traits: Traits) -> Part:
     """Draw a shirt with arms held out: a flat trunk, two sleeves, a folded collar, buttons in front."""
-    width, height, deep = rng.uniform(0.86, 0.98), rng.uniform(1.05, 1.25), rng.uniform(0.38, 0.46)
+    width, height, deep = rng.uniform(0.82, 1.02), rng.uniform(1.0, 1.35), rng.uniform(0.38, 0.46)
     sleeve = traits.draw(rng, "sleeves", (0.08, 0.14), (0.36, 0.44), (1.1, 1.3))
     trunk = box([0, height / 2, 0], [width, height, deep], round_by=0.42, cells=8)
     slope = 1 - 0.2 * np.clip(trunk.verts[:, 1:2] / height - 0.86, 0, 1) * 5 * np.abs(trunk.verts[:, :1]) / width
@@ -177,7 +177,7 @@ def trousers(rng: Rng, traits: Traits) -> Part:
     """Draw trousers: an open waist with a belt and a buckle, hips, two separate legs, pockets behind."""
     width, hip = rng.uniform(0.42, 0.48), rng.uniform(0.42, 0.5)
     leg = traits.draw(rng, "legs", (0.28, 0.38), (0.95, 1.15), (2.1, 2.4))
-    cuff, swing = rng.uniform(0.2, 0.25), rng.uniform(7, 12)
+    cuff, swing = rng.uniform(0.18, 0.31), rng.uniform(7, 12)
     wall = [(width * 0.7, -0.16), (width, -0.04), (width * 0.96, 0.16), (width * 0.86, hip)]
     seat = lathe([*wall, (width * 0.7, hip), (width * 0.66, hip - 0.14)])
     belt = lathe(

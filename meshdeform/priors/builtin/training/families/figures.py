@@ -68,7 +68,7 @@ def monkey(rng: Rng, traits: Traits) -> Part:
     parts += pair(limb([shoulder, elbow, hand], [0.11, 0.1, 0.095], segments=10))
     parts += pair(ellipsoid(hand, [0.13, 0.14, 0.12], rings=8))
     knee = np.array([girth * 1.5, 0.42, 0.42])
-    parts += pair(limb([[girth * 0.6, 0.14, 0.0], knee, [girth * 1.15, 0.09, 0.55]], [0.14, 0.12, 0.1], segments=10))
+    parts += pair(limb([[girth * 0.6, 0.14, 0.0], [*knee], [girth * 1.15, 0.09, 0.55]], [0.14, 0.12, 0.1], segments=10))
     parts += pair(ellipsoid([girth * 1.15, 0.08, 0.66], [0.12, 0.085, 0.2], rings=8))
     rump = np.array([0.0, 0.12, -girth * 0.6])
     curl = [(0.0, 0.0), (-0.45, -0.02), (-0.75, 0.2), (-0.75, 0.6), (-0.5, 0.85), (-0.25, 0.75), (-0.28, 0.52)]
@@ -88,7 +88,7 @@ def person(rng: Rng, traits: Traits) -> Part:
     parts = [limb(spine, [[wide * 0.8, 0.18], [wide * 0.75, 0.17], [wide, 0.19]], segments=18)]
     top = hips + trunk
     skull = np.array([0.0, top + 0.18 + 0.85 * head, 0.02])
-    parts.append(limb([[0, top - 0.05, 0], skull], [0.115, 0.1]))
+    parts.append(limb([[0, top - 0.05, 0], [*skull]], [0.115, 0.1]))
     parts.append(ellipsoid(skull, [head * 0.92, head * 1.08, head * 0.98]))
     parts.append(ellipsoid(skull + [0, -0.1 * head, 0.95 * head], 0.2 * head + 0.01, rings=8))
     shoulder, lift = np.array([wide * 0.95, top - 0.08, 0.0]), np.radians(rng.uniform(25, 50))
@@ -97,7 +97,7 @@ def person(rng: Rng, traits: Traits) -> Part:
     parts += pair(limb([shoulder, elbow, hand], [thick * 1.1, thick * 0.95, thick * 0.85], segments=12))
     parts += pair(ellipsoid(hand, thick * 1.15, rings=8))
     foot = np.array([wide * rng.uniform(0.59, 0.91), 0.09, 0.0])
-    parts += pair(limb([[wide * 0.45, hips + 0.02, 0], foot], [thick * 1.45, thick * 1.05], segments=12))
+    parts += pair(limb([[wide * 0.45, hips + 0.02, 0], [*foot]], [thick * 1.45, thick * 1.05], segments=12))
     return join([*parts, *pair(ellipsoid(foot + [0.01, -0.01, 0.1], [0.115, 0.09, 0.22], rings=8))])
 
 
@@ -129,7 +129,7 @@ def robot(rng: Rng, traits: Traits) -> Part:
         claw = hand + [side, -0.12, 0.08]
         parts += pair(box(claw, [0.1, 0.24, 0.14], round_by=0.25))
     hip = np.array([wide * 0.28, bottom, 0.0])
-    parts += pair(limb([hip, [hip[0], 0.12, 0]], [0.11, 0.11], segments=10))
+    parts += pair(limb([hip, hip * [1, 0, 0] + [0, 0.12, 0]], [0.11, 0.11], segments=10))
     return join([*parts, *pair(box([hip[0], 0.1, 0.06], [0.27, 0.2, 0.46], round_by=0.2))])
 
 

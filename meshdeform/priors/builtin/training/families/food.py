@@ -29,7 +29,7 @@ def _fluted(part: Part, count: int, depth: float) -> Part:
 
 def apple(rng: Rng, traits: Traits) -> Part:
     """Draw an apple: a round fruit, widest above the middle, with dimples at both ends, a stalk and a leaf."""
-    girth, height = rng.uniform(0.62, 0.7), rng.uniform(0.52, 0.6)
+    girth, height = rng.uniform(0.6, 0.74), rng.uniform(0.5, 0.64)
     stem = traits.draw(rng, "stem", (0.0, 0.04), (0.3, 0.4), (0.85, 1.05))
     turn = np.linspace(0.0, np.pi, 25)
     radius = girth * np.sin(turn) ** 0.8 * (1 - 0.16 * np.cos(turn / 2) ** 4)
@@ -56,7 +56,7 @@ def banana(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def burger(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a burger: two halves of a bun, between them a wavy leaf, a square of cheese and a patty that stand out."""
-    girth, dome, patty = rng.uniform(0.72, 0.8), rng.uniform(0.42, 0.52), rng.uniform(0.16, 0.22)
+    girth, dome, patty = rng.uniform(0.7, 0.84), rng.uniform(0.38, 0.6), rng.uniform(0.14, 0.26)
     parts = [disc(girth * 0.94, 0.0, 0.24, edge=0.09), disc(girth * 1.06, 0.2, 0.24 + patty, edge=0.07)]
     level = 0.24 + patty
     cheese = turned(box([0, 0, 0], [girth * 1.66, 0.09, girth * 1.66]), 45 + rng.uniform(-12, 12), "y")
@@ -83,8 +83,8 @@ def burger(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def cake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a birthday cake: two round tiers on a plate, icing that drips from their edges, candles on top."""
-    girth, low, high = rng.uniform(0.76, 0.86), rng.uniform(0.4, 0.5), rng.uniform(0.26, 0.36)
-    upper = girth * rng.uniform(0.6, 0.7)
+    girth, low, high = rng.uniform(0.7, 0.92), rng.uniform(0.36, 0.56), rng.uniform(0.22, 0.44)
+    upper = girth * rng.uniform(0.54, 0.76)
     top = 0.08 + low + high
     parts = [disc(girth * 1.2, 0.0, 0.12), disc(girth, 0.08, 0.06 + low), disc(upper, 0.0, top - 0.02)]
     for radius, level in ((girth, 0.08 + low), (upper, top)):
@@ -103,7 +103,7 @@ def cake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has on
 
 def corn(rng: Rng, traits: Traits) -> Part:
     """Draw an ear of corn: an upright cob with rows of kernels in husk leaves that open outward."""
-    girth, height = rng.uniform(0.28, 0.33), rng.uniform(1.5, 1.7)
+    girth, height = rng.uniform(0.26, 0.36), rng.uniform(1.4, 1.8)
     leaf = traits.draw(rng, "leaves", (0.2, 0.3), (0.8, 0.95), (1.5, 1.75))
     turn = np.linspace(0.0, 1.0, 56)
     cob = lathe(np.stack([girth * (1 - turn**3.2) ** 0.75 * (0.9 + 0.1 * turn), height * turn], 1), segments=48)
@@ -124,7 +124,7 @@ def corn(rng: Rng, traits: Traits) -> Part:
 
 def cupcake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a cupcake: a pleated paper cup, a swirl of cream in three steps, a cherry."""
-    foot, rim, cup = rng.uniform(0.36, 0.42), rng.uniform(0.54, 0.62), rng.uniform(0.5, 0.6)
+    foot, rim, cup = rng.uniform(0.36, 0.42), rng.uniform(0.52, 0.66), rng.uniform(0.44, 0.66)
     paper = lathe([(foot, 0.0), (foot + 0.3 * (rim - foot), 0.3 * cup), (rim, cup), (rim * 0.9, cup)], segments=96)
     parts = [_fluted(paper, 16, 0.16)]
     swell, level, radius = [], cup - 0.05, rim * 1.14
@@ -142,7 +142,7 @@ def cupcake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has
 
 def pumpkin(rng: Rng, traits: Traits) -> Part:
     """Draw a pumpkin: a wide round fruit with deep ribs and a thick stalk that leans."""
-    girth, height, ribs = rng.uniform(0.8, 0.9), rng.uniform(1.0, 1.2), int(rng.integers(8, 11))
+    girth, height, ribs = rng.uniform(0.74, 0.94), rng.uniform(0.88, 1.3), int(rng.integers(8, 11))
     stem = traits.draw(rng, "stem", (-0.08, -0.02), (0.26, 0.34), (0.85, 1.05))
     turn = np.linspace(0.0, np.pi, 21)
     radius = girth * np.sin(turn) ** 0.75
@@ -158,7 +158,7 @@ def pumpkin(rng: Rng, traits: Traits) -> Part:
 
 def strawberry(rng: Rng, traits: Traits) -> Part:
     """Draw a strawberry, its point down: a cone with round shoulders, pitted by seeds, under a star of leaves."""
-    girth, height = rng.uniform(0.56, 0.64), rng.uniform(1.15, 1.35)
+    girth, height = rng.uniform(0.52, 0.66), rng.uniform(1.1, 1.45)
     leaf = traits.draw(rng, "leaves", (0.1, 0.17), (0.42, 0.52), (0.95, 1.15))
     turn = np.linspace(0.0, 1.0, 49)
     flesh = lathe(np.stack([girth * 1.5 * turn**0.62 * (1 - turn**3) ** 0.6 * 0.86, height * turn], 1), segments=60)

@@ -93,10 +93,11 @@ def disc(radius: float, bottom: float, top: float, *, edge: float = 0.04) -> Par
     return lathe([(radius - edge, bottom), (radius, bottom + edge), (radius, top - edge), (radius - edge, top)])
 
 
-def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
+def limb(path: ArrayLike | Sequence[object], radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
     """Return a tube with round ends along a polyline `path` (N, 3) with a radius at each point.
 
-    Radii may be (N,) for a round tube or (N, 2) for an elliptic one: (across, along the bend's normal).
+    The points may be lists and arrays side by side. Radii may be (N,) for a round tube or (N, 2) for an elliptic one:
+    (across, along the bend's normal).
     """
     points = np.asarray(path, float)
     widths = np.asarray(radii, float)

@@ -156,7 +156,7 @@ def palm(rng: Rng, traits: Traits) -> Part:
 def pine(rng: Rng, traits: Traits) -> Part:
     """Draw a fir: a pointed stack of cones with jagged rims, each smaller than the one below, on a trunk."""
     trunk = traits.draw(rng, "trunk", (0.04, 0.1), (0.36, 0.46), (1.2, 1.45))
-    girth, height, tiers = rng.uniform(0.6, 0.72), rng.uniform(1.4, 1.65), int(rng.integers(3, 5))
+    girth, height, tiers = rng.uniform(0.54, 0.8), rng.uniform(1.35, 1.75), int(rng.integers(3, 5))
     thick, parts = rng.uniform(0.13, 0.17), []
     parts.append(lathe([(thick * 1.3, 0.0), (thick, 0.1), (thick, trunk + 0.3)]))
     for tier in range(tiers):

@@ -31,8 +31,12 @@ def crab(rng: Rng, traits: Traits) -> Part:
     parts += pair(ellipsoid(palm, [0.85 * claws, claws, 0.6 * claws], rings=10))
     for out in (0.55, -0.55):
         root = palm + claws * np.array([out, 0.5, 0.0])
-        path = [root, root + claws * np.array([0.75 * out, 0.8, 0.0]), root + claws * np.array([-0.1 * out, 1.6, 0.0])]
-        parts += pair(limb(path, np.array([0.45, 0.36, 0.16]) * claws + 0.01, segments=10))
+        pincer = [
+            root,
+            root + claws * np.array([0.75 * out, 0.8, 0.0]),
+            root + claws * np.array([-0.1 * out, 1.6, 0.0]),
+        ]
+        parts += pair(limb(pincer, np.array([0.45, 0.36, 0.16]) * claws + 0.01, segments=10))
     return join(parts)
 
 

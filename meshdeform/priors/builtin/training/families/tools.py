@@ -74,7 +74,7 @@ def axe(rng: Rng, traits: Traits) -> Part:
 
 def barrel(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw an upright barrel: staves that bulge, four hoops that stand out, sunken ends."""
-    end, belly, height = rng.uniform(0.44, 0.5), rng.uniform(0.6, 0.68), rng.uniform(1.3, 1.5)
+    end, belly, height = rng.uniform(0.42, 0.52), rng.uniform(0.6, 0.7), rng.uniform(1.2, 1.65)
 
     def wall(share: float) -> float:
         return end + (belly - end) * float(np.sin(np.pi * share))
@@ -96,7 +96,7 @@ def barrel(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def bucket(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a bucket: a deep open cone with a thick rim, its bail folded down in front."""
-    foot, rim, height = rng.uniform(0.42, 0.5), rng.uniform(0.64, 0.74), rng.uniform(1.05, 1.25)
+    foot, rim, height = rng.uniform(0.38, 0.52), rng.uniform(0.64, 0.76), rng.uniform(0.98, 1.35)
     wall = [(foot + (rim - foot) * t, height * t) for t in np.linspace(0.06, 0.9, 7)]
     brim = [(rim + 0.08, height * 0.92), (rim + 0.08, height), (rim - 0.07, height), (rim - 0.08, height * 0.9)]
     parts = [lathe([(foot + 0.05, 0.0), (foot + 0.05, 0.08), (foot, 0.1), *wall, *brim, (foot - 0.06, 0.14)])]
@@ -113,7 +113,7 @@ def bucket(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def camera(rng: Rng, traits: Traits) -> Part:
     """Draw a camera: a wide body with a grip, a hump for the finder, a round lens toward +Z, a button on top."""
-    width, height, deep = rng.uniform(1.3, 1.5), rng.uniform(0.78, 0.9), rng.uniform(0.4, 0.5)
+    width, height, deep = rng.uniform(1.25, 1.6), rng.uniform(0.78, 0.95), rng.uniform(0.38, 0.52)
     lens = traits.draw(rng, "lens", (0.04, 0.09), (0.36, 0.46), (1.05, 1.3))
     girth = rng.uniform(0.34, 0.4)
     parts = [box([0, height / 2, 0], [width, height, deep], round_by=0.2)]
@@ -135,7 +135,7 @@ def camera(rng: Rng, traits: Traits) -> Part:
 
 def candle(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a burning candle: a saucer with a finger hold behind, a thick candle with runs of wax, a flame."""
-    girth, tall, dish = rng.uniform(0.32, 0.38), rng.uniform(0.85, 1.1), rng.uniform(0.62, 0.72)
+    girth, tall, dish = rng.uniform(0.32, 0.38), rng.uniform(0.75, 1.3), rng.uniform(0.6, 0.76)
     saucer = lathe([(dish * 0.6, 0.0), (dish, 0.16), (dish + 0.03, 0.22), (dish - 0.06, 0.22), (girth, 0.1)])
     stick = lathe([(girth, 0.05), (girth, tall - 0.04), (girth - 0.05, tall), (0.1, tall - 0.08)])
     parts = [saucer, stick, ellipsoid([0, 0.16, -dish - 0.04], [0.08, 0.13, 0.17], rings=8)]
@@ -152,8 +152,8 @@ def candle(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
 
 def chest(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a treasure chest: a long box, a lid curved from front to back, iron bands, a lock in front."""
-    width, deep, body = rng.uniform(1.3, 1.5), rng.uniform(0.78, 0.9), rng.uniform(0.5, 0.6)
-    bow = rng.uniform(0.85, 1.05)
+    width, deep, body = rng.uniform(1.2, 1.65), rng.uniform(0.74, 0.94), rng.uniform(0.44, 0.64)
+    bow = rng.uniform(0.75, 1.1)
 
     def lid(length: float, over: float) -> Part:
         half = deep / 2 + over
@@ -173,7 +173,7 @@ def chest(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
 def dumbbell(rng: Rng, traits: Traits) -> Part:
     """Draw a dumbbell lying along X: a thick handle between two stacks of round plates."""
     grip = traits.draw(rng, "handle", (0.12, 0.18), (0.6, 0.75), (1.6, 1.9))
-    plate, thick = rng.uniform(0.46, 0.56), rng.uniform(0.2, 0.26)
+    plate, thick = rng.uniform(0.42, 0.6), rng.uniform(0.18, 0.3)
     inner, outer = grip / 2, grip / 2 + thick
     small = plate * rng.uniform(0.66, 0.76)
     side = [
@@ -209,7 +209,7 @@ def hammer(rng: Rng, traits: Traits) -> Part:
 
 def shield(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
     """Draw a knight's shield facing +Z: straight top, pointed foot, bent back at the sides, with a rim and a cross."""
-    width, height, straight = rng.uniform(0.66, 0.76), rng.uniform(1.6, 1.8), rng.uniform(0.3, 0.4)
+    width, height, straight = rng.uniform(0.62, 0.8), rng.uniform(1.5, 1.95), rng.uniform(0.25, 0.45)
     share = np.linspace(0.98, 0.0, 22)
     swell = width * np.sqrt(1 - np.clip((share - straight) / (1 - straight), 0, 1) ** 1.9)
     right = np.stack([swell, -height * share], 1)
@@ -247,7 +247,7 @@ def sword(rng: Rng, traits: Traits) -> Part:
 
 def teapot(rng: Rng, traits: Traits) -> Part:
     """Draw a teapot: a round body, a lid with a knob, a spout toward +X, a handle toward -X as a solid ear."""
-    girth, height = rng.uniform(0.6, 0.7), rng.uniform(0.85, 1.0)
+    girth, height = rng.uniform(0.58, 0.72), rng.uniform(0.78, 1.08)
     spout = traits.draw(rng, "spout", (0.0, 0.06), (0.38, 0.48), (1.15, 1.4))
     turn = np.linspace(0.0, np.pi, 17)
     wall = [(max(girth * np.sin(t) ** 0.65, 0.38), height * (1 - np.cos(t)) / 2) for t in turn[1:-1]]
