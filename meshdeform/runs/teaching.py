@@ -57,7 +57,7 @@ class TeachRequest:
     Attributes
     ----------
     noun : str
-        As the user wrote it: "a teapot".
+        As the user wrote it: "a gnome".
     synonyms : tuple of str
     replace : bool
         Whether a noun that the weights know may get a new meaning.

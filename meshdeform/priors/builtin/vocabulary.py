@@ -14,6 +14,7 @@ __all__ = [
     "LENGTH",
     "LENGTHWISE",
     "NOUNS",
+    "NOUN_GROUPS",
     "NOUN_SYNONYMS",
     "OPPOSITES",
     "PARTS",
@@ -149,6 +150,31 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "windmill": ("sail",),
 }
 """Every noun with the parts whose size a prompt can set."""
+
+NOUN_GROUPS: dict[str, tuple[str, ...]] = {
+    name: tuple(nouns.split())
+    for name, nouns in {
+        "animals": (
+            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck elephant "
+            "fish frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig rabbit rhino shark "
+            "sheep snail snake spider swan turtle whale"
+        ),
+        "figures": "dragon ghost person robot snowman",
+        "vehicles": "airplane balloon boat bus car helicopter motorcycle rocket submarine tank tractor train truck",
+        "furniture": "armchair bathtub bed bench cabinet chair desk lamp piano sofa stool table television",
+        "buildings": "castle church house igloo lighthouse skyscraper tent windmill",
+        "plants and food": (
+            "apple banana burger cactus cake carrot corn cupcake flower mushroom palm pear pine pineapple "
+            "pumpkin strawberry tree"
+        ),
+        "vessels and tools": (
+            "anvil axe barrel bell bottle bowl bucket camera candle chest dumbbell goblet guitar hammer shield "
+            "sword teapot vase"
+        ),
+        "clothes and other things": "backpack boot dress glove hat heart helmet shirt star trousers umbrella",
+    }.items()
+}
+"""The nouns by kind, for people who choose one."""
 
 ADJECTIVES: dict[str, str] = {
     "tall": "stretched upward",
