@@ -85,6 +85,19 @@ def person(rng: Rng) -> list[Solid]:
             made += [block((0, top / 2 + 0.2, -0.22), (2.2 * wide, top * 0.7, 0.09), 0.5, (-6, 0, 0))]
         case _:
             pass
+    if rng.random() < 0.3:
+        # A fighter of a kit of figures: something long in one hand, often a shield in the other.
+        side = rng.choice([-1.0, 1.0])
+        x, y = side * (wide + u(0.2, 0.5)), top * u(0.45, 0.7)
+        if rng.random() < 0.5:
+            made += [rod((x, y, -0.2), (x, y + u(-0.1, 0.1), u(0.6, 0.9)), 0.05)]
+        else:
+            made += [
+                rod((x, 0.1, 0.15), (x, top + u(0.0, 0.5), 0.15), 0.05),
+                block((x, top, 0.15), (0.3, 0.25, 0.08), 0.2),
+            ]
+        if rng.random() < 0.6:
+            made += [block((-x, y, 0.15), (0.09, u(0.4, 0.6), u(0.35, 0.5)), 0.5, (0, u(0, 70) * -side, 0))]
     return made
 
 
@@ -110,6 +123,8 @@ def robot(rng: Rng) -> list[Solid]:
     else:
         made += both(drum((head * 0.9, top + 0.07 + tall / 2, 0), (head + 0.13, top + 0.07 + tall / 2, 0), 0.13))
     reach = np.array([wide + u(0.15, 0.3), legs + u(0.05, 0.25), u(0.0, 0.35)])
+    if rng.random() < 0.35:
+        reach = np.array([wide + u(0.4, 0.6), top - u(0.05, 0.3), 0.1])
     shoulder = np.array([wide + 0.1, top - 0.16, 0])
     made += both(
         [ball(shoulder, 0.15), *rods([shoulder, (shoulder + reach) / 2 + [0.08, 0, -0.05], reach], [0.09, 0.09, 0.1])]
