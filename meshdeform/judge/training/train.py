@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -179,6 +180,15 @@ def _unknown(data: ViewSet, rows: Tensor, candidates: Prompts) -> Tensor:
     return 1e4 * (data.other[rows][:, None] & same & about_parts[None]).float()
 
 
+def _start_from(trainer: Trainer, path: Path) -> None:
+    """Copy from a file of weights what has the same shape: all but the nouns' own rows, if the vocabulary grew."""
+    state = trainer.network.state_dict()
+    for name, tensor in load_file(path).items():
+        if name in state and state[name].shape == tensor.shape and not name.endswith("sharpness"):
+            state[name].copy_(tensor)
+            trainer.average[name].copy_(tensor)
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m meshdeform.judge.training.train", description=(__doc__ or "").split("\n")[0]
@@ -190,6 +200,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--others", type=int, default=80, help="members of each noun by the judge's own code")
     parser.add_argument("--nothings", type=int, default=500, help="shapes that are no noun")
     parser.add_argument("--calibration", type=int, default=3, help="further members of each kind, for calibration")
+    parser.add_argument("--initial", type=Path, help="weights to start from, possibly for another vocabulary")
     parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
@@ -204,6 +215,8 @@ def main() -> None:
         torch.set_num_threads(arguments.threads)
     data = ViewSet.cached(arguments.cache, arguments.nouns, arguments.members, arguments.others, arguments.nothings)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
+    if arguments.initial:
+        _start_from(trainer, arguments.initial)
     begun, smooth = time.monotonic(), torch.zeros(3)
     while trainer.done < arguments.steps:
         losses = trainer.step()
