@@ -12,7 +12,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge.training.members import HELD_OUT, seeded
 from meshdeform.priors import load_prior
-from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.training.families import member
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
