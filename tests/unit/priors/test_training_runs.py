@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from meshdeform.judge.network import JudgeNetwork
-from meshdeform.judge.training import members
 from meshdeform.judge.training import train as judge_training
 from meshdeform.judge.weights_file import read_judge
 from meshdeform.priors.builtin import weights_file
@@ -51,9 +50,8 @@ def test_odds_that_are_no_noun_and_number_are_refused(odds: str, monkeypatch: py
 def test_the_judge_is_trained_for_a_step_calibrated_and_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(members, "NOUNS", TWO_NOUNS)
-    cache, weights = tmp_path / "views.safetensors", tmp_path / "judge.safetensors"
-    options = "--steps 1 --members 1 --nothings 1 --calibration 1"
+    cache, weights = tmp_path / "views", tmp_path / "judge.safetensors"
+    options = "--steps 1 --nouns bowl heart --members 1 --others 1 --nothings 1 --calibration 1"
     arguments = ["train", *options.split(), "--cache", str(cache), "--output", str(weights)]
     monkeypatch.setattr(sys, "argv", arguments)
     judge_training.main()
