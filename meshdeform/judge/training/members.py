@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -168,8 +168,8 @@ class ViewSet:
         return cls(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(cls)))
 
     @classmethod
-    def drawn(cls, split: int, kind: str, members: int, *, rough: bool = True) -> ViewSet:
-        """Draw `members` of a kind: a noun, which means its family; "other " and a noun; or "nothing".
+    def drawn(cls, split: int, kind: str, members: int, *, first: int = 0, rough: bool = True) -> ViewSet:
+        """Draw `members` of a kind, from number `first` on: a noun (its family), "other " and a noun, or "nothing".
 
         The training range is rendered from four random cameras, the others from the judge's eight cameras.
         """
@@ -178,7 +178,7 @@ class ViewSet:
         images = torch.empty(members, 4 if split == TRAINING else 8, VIEW_SIZE, VIEW_SIZE, dtype=torch.uint8)
         attributes = torch.zeros(members, len(ATTRIBUTES), dtype=torch.uint8)
         for row in range(members):
-            prompt, shape, rng = _drawn_shape(split, kind, row)
+            prompt, shape, rng = _drawn_shape(split, kind, first + row)
             if prompt is not None:
                 attributes[row] = encoded([prompt]).attributes[0].to(torch.uint8)
             if rough:
@@ -201,23 +201,23 @@ class ViewSet:
     def cached(cls, folder: Path, nouns: Sequence[str], members: int, others: int, nothings: int = 0) -> ViewSet:
         """Read training views from a folder with a file for each kind; draw what is missing or was drawn otherwise.
 
-        A kind is drawn anew if its count, its prompts or the shapes of its first members differ from its file's.
+        A kind is drawn anew if its first members differ from those of its file, and its file is continued if it has
+        too few.
         """
         folder.mkdir(parents=True, exist_ok=True)
         sets = []
         for kind, count in _counts(nouns, members, others, nothings).items():
-            path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind, count)
-            if _stored_recipe(path) != recipe:
-                views = cls.drawn(TRAINING, kind, count)
+            path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind)
+            held = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
+            if len(held) < count:
+                held = cls.joined([held, cls.drawn(TRAINING, kind, count - len(held), first=len(held))])
                 part = path.with_suffix(".part")
-                save_file({field.name: getattr(views, field.name) for field in fields(cls)}, part, recipe)
+                save_file({field.name: getattr(held, field.name) for field in fields(cls)}, part, recipe)
                 part.replace(path)
-                _log.info("drew %d of %s", count, kind)
-            # Read from the file in both cases: numbers of nouns are those of today's vocabulary.
-            held = load_file(path)
-            noun = kind.removeprefix("other ")
-            held["noun"].fill_(-1 if kind == NOTHING else list(NOUNS).index(noun))
-            sets.append(cls(**held))
+                _log.info("drew %s, %d in all", kind, count)
+            # Numbers of nouns are those of today's vocabulary.
+            number = -1 if kind == NOTHING else list(NOUNS).index(kind.removeprefix("other "))
+            sets.append(replace(held.rows(torch.arange(count)), noun=torch.full((count,), number)))
         return cls.joined(sets)
 
 
@@ -241,15 +241,15 @@ def _drawn_shape(split: int, kind: str, number: int) -> tuple[ParsedPrompt | Non
     return *draw(kind.removeprefix("other "), rng), rng
 
 
-def _recipe(kind: str, count: int) -> dict[str, str]:
+def _recipe(kind: str) -> dict[str, str]:
     """Return what the training views of a kind depend on."""
     digest = hashlib.sha256()
-    for number in range(min(count, _TOLD_MEMBERS)):
+    for number in range(_TOLD_MEMBERS):
         prompt, shape, _ = _drawn_shape(TRAINING, kind, number)
         digest.update(str(prompt).encode())
         digest.update(np.round(shape.verts, 6).tobytes())
         digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
-    return {"kind": kind, "members": str(count), "attributes": str(len(ATTRIBUTES)), "shapes": digest.hexdigest()}
+    return {"kind": kind, "attributes": str(len(ATTRIBUTES)), "shapes": digest.hexdigest()}
 
 
 def _stored_recipe(path: Path) -> dict[str, str]:
