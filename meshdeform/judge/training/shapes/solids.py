@@ -232,6 +232,11 @@ def _mirror_image(solid: Solid) -> Solid:
     return Solid(lambda p: solid.field(p * flip), low, high, solid.hole)
 
 
+def carved(solid: Solid) -> Solid:
+    """Return the solid as a hole."""
+    return replace(solid, hole=True)
+
+
 def around(count: int, turn: float = 0.0) -> list[tuple[Floats, float]]:
     """Return horizontal directions evenly around +Y, with their angles in degrees."""
     angles = turn + 2 * np.pi * np.arange(count) / count
