@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from functools import partial
 from pathlib import Path
 
 import DracoPy
@@ -21,7 +22,9 @@ from meshdeform.client import Client
 from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, CheckpointError, ParameterError
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import clean
+from meshdeform.fields.learned_scalars import learned_scalars, places_on
 from meshdeform.fields.reader import read_field
+from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import icosphere, join, torus
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, kind_of, start_run
@@ -45,14 +48,20 @@ def begin(
     *,
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
+    scalars: bytes | None = None,
     **params: object,
 ) -> JobRun:
     request = JobRequest.model_validate({"kind": "surface_fit", "params": {**SMALL, **params}})
-    return start_run(RunInput(request, {"asset": InputFile(data, name)}, checkpoint=checkpoint, initial=initial))
+    files = {"asset": InputFile(data, name)} | ({"scalars": InputFile(scalars, "scalars.npz")} if scalars else {})
+    return start_run(RunInput(request, files, checkpoint=checkpoint, initial=initial))
 
 
-def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes) -> None:
-    run = begin(ring)
+def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.runs.surface_fit.learned_scalars", partial(learned_scalars, steps=60))
+    mesh = torus(n=24, m=12)
+    scalars = io.BytesIO()
+    np.savez(scalars, points=mesh.verts.numpy(), height=mesh.verts.numpy()[:, 2])
+    run = begin(ring, scalars=scalars.getvalue())
     assert [report.step for report in run] == [1, 2, 3, 4]
     assert len(load_asset(run.snapshot().data).surface.triangles) > 100
     found = run.finish()
@@ -69,6 +78,10 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes) ->
     assert np.abs(surface.positions - verts).max() < 1e-6
     assert len(surface.triangles) == len(faces) == 4 * len(field.faces) == report["levels"][1]["faces"]
     assert report["input"]["genus"] == 1
+    (fact,) = report["scalars"]
+    assert (fact["name"], fact["relative_error"] < 0.3) == ("height", True), fact
+    height = read_scalars(field)[0].values(*places_on(field, verts, np.zeros_like(verts)))
+    assert np.corrcoef(height[:, 0], verts[:, 2])[0, 1] > 0.95
     assert report["intrinsic"]["all_delaunay"] is True
     assert report["bytes"]["surface.ndf"] == len(found["surface.ndf"].data)
     assert len(report["eigenvalues"]["input"]) == 20
