@@ -5,8 +5,8 @@ python -m bench.unfold_in_browser torus.ndf --level 3
 
 Prints a JSON line: the faces, the milliseconds of the first time, and the least and the median of those that follow,
 as the worker's clock has them. Levels come in their order first, as on the page. Weights have no effect on the time.
-`prepare_ms` is what a new worker needs to read the file, to unfold the level and to evaluate all scalars of the file
-at its vertices, with every function still to be compiled; `scalars_ms` is the scalars' part of it, by name.
+`prepare` is what a new worker needs to read the file, to unfold the level and to evaluate all scalars of the file at
+its vertices, with every function still to be compiled; `scalars_ms` is the scalars' part of it in the last of seven.
 """
 
 from __future__ import annotations
@@ -45,18 +45,25 @@ SCRIPT = """async ([text, level, rounds]) => {
     faces = found.faces;
     times.push(found.ms);
   }
-  const fresh = new Worker("/viewer/field-worker.js", { type: "module" });
-  [worker] = [fresh, worker.terminate()];
-  const again = await ask({ task: "open", bytes });
-  let prepare = again.readMs + (await ask({ task: "level", level })).ms;
-  const scalars = {};
-  for (const [at, { name, outputs }] of again.scalars.entries())
-    for (let output = 0; output < outputs; output++) {
-      const { ms } = await ask({ task: "scalar", level, scalars: at, output });
-      scalars[name] = (scalars[name] ?? 0) + ms;
-      prepare += ms;
-    }
-  return { bytes: opened.bytes, read_ms: opened.readMs, faces, times, prepare_ms: prepare, scalars_ms: scalars };
+  // What someone waits for who opens the file: in new workers, with every function still to be compiled.
+  const prepared = [];
+  let scalars = {};
+  for (let round = 0; round < Math.min(rounds, 7); round++) {
+    worker.terminate();
+    worker = new Worker("/viewer/field-worker.js", { type: "module" });
+    await ask({ task: "level", level: 0 }).catch(() => null); // it has started
+    const again = await ask({ task: "open", bytes: bytes.slice(0) });
+    let prepare = again.readMs + (await ask({ task: "level", level })).ms;
+    scalars = {};
+    for (const [at, { name, outputs }] of again.scalars.entries())
+      for (let output = 0; output < outputs; output++) {
+        const { ms } = await ask({ task: "scalar", level, scalars: at, output });
+        scalars[name] = (scalars[name] ?? 0) + ms;
+        prepare += ms;
+      }
+    prepared.push(prepare);
+  }
+  return { bytes: opened.bytes, read_ms: opened.readMs, faces, times, prepared, scalars_ms: scalars };
 }"""
 
 
@@ -79,8 +86,10 @@ def measure(data: bytes, level: int, rounds: int) -> dict[str, Any]:
             browser.close()
         server.shutdown()
     first, *more = found.pop("times")
+    prepared = found.pop("prepared")
+    prepare = {"prepare_least_ms": min(prepared), "prepare_median_ms": statistics.median(prepared)}
     least = {"first_ms": first, "least_ms": min(more), "median_ms": statistics.median(more)}
-    return {**found, **{name: round(value, 1) for name, value in least.items()}, "chromium": version}
+    return {**found, **{name: round(value, 1) for name, value in (least | prepare).items()}, "chromium": version}
 
 
 def main() -> None:

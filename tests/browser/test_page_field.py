@@ -237,7 +237,6 @@ def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fi
     mode.fill("1")
     expect(facts).to_contain_text("Eigenvalue")
     expect(page.get_by_role("button", name="Distances")).to_have_attribute("aria-pressed", "false")
-    expect(page.get_by_role("button", name="Distances")).to_have_attribute("aria-pressed", "false")
     scalars = page.get_by_label("Scalars", exact=True)
     expect(scalars.get_by_role("option")).to_have_text(["none", "height", "half"])
     scalars.select_option("height")

@@ -33,7 +33,7 @@ export class FieldStage {
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
-    this.beside = h("table", { class: "files field-sizes", hidden: true });
+    this.beside = h("table", { class: "field-sizes", hidden: true });
     this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
