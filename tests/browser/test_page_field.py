@@ -42,11 +42,12 @@ def fitted(service: Service, small_sphere: Path) -> str:
     return job
 
 
-def scalars_of_ball() -> bytes:
-    """Return the height of a sphere's points, and its two halves."""
+def scalars_of_ball(*names: str) -> bytes:
+    """Return the height of a sphere's points, and its two halves, or what is named of them."""
     points = icosphere(3).verts.numpy()
+    found = {"height": 10 * points[:, 1], "half": (points[:, 1] > 0).astype(int) + 4}
     file = io.BytesIO()
-    np.savez(file, points=points, height=10 * points[:, 1], half=(points[:, 1] > 0).astype(int) + 4)
+    np.savez(file, points=points, **{name: found[name] for name in names or found})
     return file.getvalue()
 
 
@@ -99,7 +100,7 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     base = {"name": "base.glb", "mimeType": "", "buffer": build_glb(mesh.verts.numpy(), mesh.faces.numpy())}
     page.set_input_files("#scalars-file", base)
     expect(page.get_by_text("base.glb isn't supported. Use NPZ.")).to_be_visible()
-    page.set_input_files("#scalars-file", {"name": "scalars.npz", "mimeType": "", "buffer": scalars_of_ball()})
+    page.set_input_files("#scalars-file", {"name": "scalars.npz", "mimeType": "", "buffer": scalars_of_ball("half")})
     page.set_input_files("#base-file", base)
     page.get_by_role("button", name="Fit", exact=True).click()
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
