@@ -42,8 +42,7 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh, face_normals, safe_normalize
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
 
