@@ -46,7 +46,7 @@ from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
+from meshdeform.runs.text_report import RunFacts, build_report, precision_of, provenance, read_result
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -152,8 +152,8 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    given_as = asset_sha256, len(asset), filename
-    facts = RunFacts(request, params, *given_as, identities[-1], run, device, shape, division, source, sketch)
+    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior))
+    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 

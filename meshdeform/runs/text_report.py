@@ -26,6 +26,7 @@ from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.texture_stretch import measure_texture_stretch, texel_corners
 from meshdeform.geometry.up_axis import up_axis_warnings
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import JobRequest, ResolvedParams
@@ -36,7 +37,7 @@ from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 from meshdeform.runs.rig import rig_warnings
 
-__all__ = ["RunFacts", "build_report", "provenance", "read_result"]
+__all__ = ["RunFacts", "build_report", "precision_of", "provenance", "read_result"]
 
 
 @dataclass(frozen=True)
@@ -51,10 +52,16 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+    precision: str | None = None
     shape_id: str = ""
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
     sketch: Mapping[str, Any] | None = None
+
+
+def precision_of(prior: Prior | None) -> str | None:
+    """Return what a prior computes in, such as `float32`; None if there is none."""
+    return None if prior is None else str(prior.dtype).removeprefix("torch.")
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -181,6 +188,7 @@ def build_report(
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
+        "precision": facts.precision,
         "versions": versions(),
         "result": {"bytes": len(result), "sha256": sha256_hex(result)},
         "mesh": {
