@@ -98,7 +98,7 @@ def run_of(options: argparse.Namespace) -> Iterator[object]:
     named = dict(text.split("=", 1) for text in options.set)
     given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
     params = resolve(DeformParams(steps=50_000, **given))
-    prior = load_prior("builtin", device="cpu")
+    prior = load_prior("builtin", device="cpu", dtype=options.dtype)
     guidance = ScoreDistillation(prior, options.prompt, guidance_scale=params.guidance_scale)
     return iter(Deformation(icosphere(options.subdivisions, 0.6), guidance, params))
 
@@ -135,7 +135,13 @@ def compare(options: argparse.Namespace) -> None:
     sides = []
     for root, changed in ((Path(options.against), []), (Path(__file__).parents[1], options.set)):
         command = [sys.executable, __file__, "--serve", "--threads", str(options.threads), "--prompt", options.prompt]
-        command += ["--subdivisions", str(options.subdivisions), *(f"--set={text}" for text in changed)]
+        command += [
+            "--dtype",
+            options.dtype,
+            "--subdivisions",
+            str(options.subdivisions),
+            *(f"--set={text}" for text in changed),
+        ]
         environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
         sides.append(
             subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -161,6 +167,7 @@ def main() -> None:
     parser.add_argument("--subdivisions", type=int, default=4, help="icosphere of 20 * 4^n faces (4: 5,120)")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--steps", type=int, default=100)
+    parser.add_argument("--dtype", default="auto", help="precision of the prior: auto, float32 or bfloat16")
     parser.add_argument("--prompt", default="a mushroom")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change this parameter")
     parser.add_argument("--against", metavar="CHECKOUT", help="compare with this working copy")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.operators import COLLAPSED_SHAPE
 
 __all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals"]
@@ -30,19 +31,6 @@ _SHORTEST = 1e-12
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _crosses(verts: _Floats, faces: _Index) -> _Floats:
-    """Return the cross products (F, 3) of two edges of each face."""
-    cross = np.empty((len(faces), 3))
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = verts[i, 0], verts[i, 1], verts[i, 2]
-        bx, by, bz = verts[j, 0] - ax, verts[j, 1] - ay, verts[j, 2] - az
-        cx, cy, cz = verts[k, 0] - ax, verts[k, 1] - ay, verts[k, 2] - az
-        cross[f, 0], cross[f, 1], cross[f, 2] = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-    return cross
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -69,7 +57,7 @@ def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view:
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _draw(verts: _Floats, faces: _Index, eye: _Floats, axes: _Floats, face_ids: _Index, image: _Floats) -> None:
     """Colour the covered pixels of an image (B, H, W, 3)."""
-    normals = _crosses(verts, faces)
+    normals = area_vectors(verts, faces)
     _scaled(normals)
     for view in range(face_ids.shape[0]):
         for row in range(face_ids.shape[1]):
@@ -116,7 +104,7 @@ def _backward(
 ) -> None:
     """Add to the gradients of the vertices (V, 3) and of their places in the pictures (B, V, 4)."""
     height, width = face_ids.shape[1], face_ids.shape[2]
-    normals = _crosses(verts, faces)
+    normals = area_vectors(verts, faces)
     smooth = np.zeros((len(verts), 3))
     for f in range(len(faces)):
         for i in range(3):

@@ -38,8 +38,7 @@ class BuiltinPrior:
     device : str or torch.device
         Device of the network.
     dtype : "auto", "float32", "float16" or "bfloat16"
-        What the network computes in. `auto`: bfloat16 on a CPU with instructions for it, otherwise float32. There is no
-        float16, which names a precision of other models: it gives float32.
+        What the network computes in. `auto` is float32, and so is float16, a precision of other models.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
@@ -56,7 +55,7 @@ class BuiltinPrior:
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS, dtype: str = "float32") -> None:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
-        self.dtype = _dtype(dtype, self.device)
+        self.dtype = torch.bfloat16 if dtype == "bfloat16" else torch.float32
         self._network = network.computing_in(self.dtype).to(self.device)
         self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
@@ -127,10 +126,3 @@ class BuiltinPrior:
         embeddings = embedding.repeat_interleave(count, 0)
         clean = self._network(inputs, steps, embeddings, azimuth, single)
         return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)
-
-
-def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return what the network computes in by the setting's name."""
-    # A CPU with AVX-512 but without these instructions would convert at every product, which takes longer.
-    fast = device.type == "cpu" and torch.cpu._is_avx512_bf16_supported()
-    return torch.bfloat16 if name == "bfloat16" or (name == "auto" and fast) else torch.float32
