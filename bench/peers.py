@@ -38,13 +38,12 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import cotangent_laplacian
+from meshdeform.geometry.rest_mesh import cotangent_laplacian
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 

@@ -19,7 +19,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
+from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset, surface_format
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.picture_summary import PictureSummary
@@ -249,11 +249,11 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     """Check a surface without triangles, or a mesh if it is none."""
-    from meshdeform.assets.surface_files import read_surface_file, summary_of, surface_format
-
     with path.open("rb") as file:
         if surface_format(file.read(65_536), filename) is None:
             return _decode(path, filename, limits)
+    from meshdeform.assets.surface_files import read_surface_file, summary_of
+
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
     if path.stat().st_size > limits.max_bytes:
         raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")

@@ -125,7 +125,7 @@ def surface_fit(
             check_checkpoint(checkpoint)
     from meshdeform.cli.local_job import ctrl_c_between_steps, try_folder, writing
     from meshdeform.cli.progress import show_progress
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with writing():
         try_folder(output)
@@ -222,7 +222,7 @@ def _start(paths: dict[str, Path], request: JobRequest, resume: Path | None, set
 
 def _optimize(run: JobRun, progress: ProgressView, path: Path | None, every: int) -> None:
     from meshdeform.cli.local_job import ctrl_c_between_steps, writing
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:
         for report in run:

@@ -34,8 +34,7 @@ from meshdeform.deformation.ldl import Factor, factorise
 from meshdeform.deformation.linear_system import solve_linear
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import COLLAPSED_SHAPE
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE, RestMesh
 
 __all__ = ["PoissonSystem"]
 

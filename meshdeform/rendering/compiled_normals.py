@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.geometry.area_vectors import area_vectors
-from meshdeform.geometry.operators import COLLAPSED_SHAPE
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 
 __all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals"]
 

@@ -26,7 +26,7 @@ from meshdeform.fields.measures import Reference, distances
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
-from meshdeform.rendering.preview import comparison_png
+from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions

@@ -17,8 +17,8 @@ from typing import Any
 import torch
 
 from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.notices import looks_z_up
 from meshdeform.errors import MeshdeformError
-from meshdeform.geometry.up_axis import looks_z_up
 from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, metadata_of, words_of

@@ -17,10 +17,9 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Cameras, Frame, fixed_cameras
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 
 

@@ -17,7 +17,7 @@ from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_w
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.taught import THREE_NOUNS

@@ -16,7 +16,7 @@ from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.training.families import member
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.likeness import likeness, summarize
+from meshdeform.runs.text_report import likeness, summarize
 from tests.cases import each_case
 
 

@@ -1,24 +1,41 @@
-"""Decode Draco-compressed primitives (KHR_draco_mesh_compression) into plain accessors.
+"""Decode what exists only in compressed form into plain accessors: Draco's primitives and meshopt's buffer views.
 
-Source: the extension's specification (Khronos, ratified), sections "Conformance" and "Restrictions on geometry type".
+A view of meshopt whose buffer has real data is read directly, as core glTF specifies. Views into a placeholder buffer
+are decoded and appended; the placeholders and the extension are removed. Lossy decoding loses exact sums and lengths
+that glTF requires of attributes; they are restored.
+
+Sources: the specification of KHR_draco_mesh_compression (Khronos, ratified), sections "Conformance" and "Restrictions
+on geometry type"; glTF 2.0, sections 3.7.2.1 (tangents) and 3.7.3.3 (skinned mesh attributes).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import DTYPES, refresh_bounds
-from meshdeform.assets.decoded import restore_exactness
+from meshdeform.assets.accessors import DTYPES, read_floats, refresh_bounds
 from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.json_text import Json
+from meshdeform.assets.meshopt.attributes import decode_attributes
+from meshdeform.assets.meshopt.filters import apply_filter
+from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
 from meshdeform.assets.scenegraph import DRACO, TRIANGLE_STRIP, TRIANGLES, instances_of
-from meshdeform.assets.storage import TYPE_COMPONENTS, UNSIGNED_INT
+from meshdeform.assets.storage import (
+    FLOAT,
+    MESHOPT_EXTENSIONS,
+    TYPE_COMPONENTS,
+    UNSIGNED_INT,
+    CompressedView,
+    compressed_view,
+    is_placeholder,
+)
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
-__all__ = ["decode_draco", "drop_extension"]
+__all__ = ["decode_draco", "decode_meshopt", "decode_view", "drop_extension", "normalize_weights", "restore_exactness"]
+
 
 _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"
 
@@ -150,3 +167,123 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
     accessors[at]["bufferView"] = document.append_view(corners.astype(dtype).tobytes(), ELEMENT_ARRAY_BUFFER)
     refresh_bounds(document, at)  # encoders may reorder or remove vertices and leave the old maximum
     primitive["indices"] = at
+
+
+def decode_view(data: bytes, view: CompressedView) -> bytes:
+    """Decode one compressed view.
+
+    Raises
+    ------
+    AssetError
+        The stream is not valid.
+    """
+    if view.mode == "ATTRIBUTES":
+        return apply_filter(view.filter, decode_attributes(data, view.count, view.stride)).tobytes()
+    decode = decode_triangles if view.mode == "TRIANGLES" else decode_indices
+    return decode(data, view.count).astype("<u2" if view.stride == 2 else "<u4").tobytes()
+
+
+def decode_meshopt(document: Document) -> None:
+    """Decode in place every view that has no uncompressed data."""
+    root = document.root
+    if not any(name in root.get("extensionsUsed", []) for name in MESHOPT_EXTENSIONS) and not _mentions(root):
+        return
+    placeholders = {i for i in range(len(root.get("buffers", []))) if is_placeholder(root, i, document.binary_length)}
+    filtered = set()
+    for i, view in enumerate(root.get("bufferViews", [])):
+        if view["buffer"] in placeholders and _decode_in_place(document, i, view) != "NONE":
+            filtered.add(i)
+    for i, accessor in enumerate(root.get("accessors", [])):
+        if accessor.get("bufferView") in filtered:
+            refresh_bounds(document, i)
+    normalize_weights(document, filtered)
+    for buffer in placeholders:
+        _drop(root["buffers"][buffer])
+    document.remove_buffers(placeholders - {0})
+    for name in MESHOPT_EXTENSIONS:
+        if not any(name in item.get("extensions", {}) for item in root.get("bufferViews", [])):
+            drop_extension(root, name)
+
+
+def _mentions(root: Json) -> bool:
+    return any(
+        name in view.get("extensions", {}) for view in root.get("bufferViews", []) for name in MESHOPT_EXTENSIONS
+    )
+
+
+def _decode_in_place(document: Document, i: int, view: Json) -> str:
+    """Decode one view in place and return the name of its filter, which is lossy."""
+    found = compressed_view(document.root, i)
+    assert found is not None  # checked before: every view into a placeholder is compressed
+    name, compressed = found
+    start = compressed.offset
+    data = bytes(document.buffer_bytes(compressed.buffer)[start : start + compressed.length])
+    try:
+        plain = decode_view(data, compressed)
+    except AssetError as error:
+        raise AssetError(f"bufferViews[{i}]: {error.detail}", advice=error.advice_text) from error
+    view["buffer"], view["byteOffset"] = 0, document.append_bytes(plain)
+    _drop(view, name)
+    return compressed.filter
+
+
+def _drop(holder: Json, *names: str) -> None:
+    extensions = holder.get("extensions")
+    for name in names or MESHOPT_EXTENSIONS:
+        if isinstance(extensions, dict) and name in extensions:
+            del extensions[name]
+    if extensions == {}:
+        del holder["extensions"]
+
+
+_WEIGHTS = "WEIGHTS_"
+
+
+def restore_exactness(rows: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return a primitive's decoded attributes with weights that sum to 1 and unit tangents with a handedness of +-1.
+
+    Parameters
+    ----------
+    rows : mapping of str to (N, K) array
+        Decoded elements by attribute name. Integers are lossless and stay as they are.
+    """
+    fixed = dict(rows)
+    weights = [name for name, values in rows.items() if name.startswith(_WEIGHTS) and values.dtype.kind == "f"]
+    if weights:
+        total = _sum_to_one([rows[name] for name in weights])
+        fixed |= {name: (rows[name] / total).astype(np.float32) for name in weights}
+    tangents = rows.get("TANGENT")
+    if tangents is not None and tangents.dtype.kind == "f":
+        length = np.linalg.norm(tangents[:, :3], axis=1, keepdims=True)
+        unit = tangents[:, :3] / np.where(length > 0.0, length, 1.0)
+        fixed["TANGENT"] = np.column_stack([unit, np.where(tangents[:, 3] < 0.0, -1.0, 1.0)]).astype(np.float32)
+    return fixed
+
+
+def _sum_to_one(sets: list[NDArray[Any]]) -> NDArray[np.float64]:
+    """Return the divisors (N, 1) that make each vertex's weights sum to 1; vertices without weights keep theirs."""
+    total = np.sum([values.astype(np.float64).sum(axis=1) for values in sets], axis=0)[:, None]
+    return np.asarray(np.where(np.isfinite(total) & (total > 0.0), total, 1.0))
+
+
+def normalize_weights(document: Document, views: set[int]) -> None:
+    """Replace the float weights that are stored in these lossily decoded views by weights that sum to 1, in place."""
+    accessors = document.root.get("accessors", [])
+    replaced: dict[tuple[int, ...], list[int]] = {}
+    for mesh in document.root.get("meshes", []):
+        for primitive in mesh.get("primitives", []):
+            attributes = primitive.get("attributes", {})
+            names = sorted(name for name in attributes if name.startswith(_WEIGHTS))
+            sets = tuple(attributes[name] for name in names)
+            if not any(accessors[at].get("bufferView") in views for at in sets):
+                continue
+            if any(accessors[at]["componentType"] != FLOAT for at in sets):
+                continue
+            if len({accessors[at]["count"] for at in sets}) != 1:
+                continue
+            if sets not in replaced:
+                rows = restore_exactness({n: read_floats(document, at) for n, at in zip(names, sets, strict=True)})
+                replaced[sets] = [
+                    document.append_accessor(rows[n], like=accessors[at]) for n, at in zip(names, sets, strict=True)
+                ]
+            attributes |= dict(zip(names, replaced[sets], strict=True))

@@ -1,8 +1,9 @@
-"""Notice a ground plane or a backdrop that makes the object itself small in every picture that the guidance sees.
+"""Notice what makes a deformation of an asset go wrong, for its warnings: a backdrop, large triangles, Z for up.
 
-Beside a backdrop that is far larger, the object is smaller than a few cells of a lattice, and a ground of two triangles
-is only a chord of the map that carries the object: the two would part. Such a backdrop is left as it is
-(`params.backdrop`).
+A ground plane or backdrop makes the object itself small in every picture that the guidance sees. Beside one that is far
+larger, the object is smaller than a few cells of a lattice, and a ground of two triangles is only a chord of the map
+that carries the object: the two would part. Such a backdrop is left as it is (`params.backdrop`). Without torch,
+because the service's check of assets uses this.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
 
-__all__ = ["Backdrop", "find_backdrop"]
+__all__ = ["Backdrop", "coarse_share", "coarseness_warnings", "find_backdrop", "looks_z_up", "up_axis_warnings"]
+
 
 _LARGE = 0.6
 """Share of the scene's diagonal from which a part spans the scene."""
@@ -135,3 +137,89 @@ def _percent(share: float) -> str:
 def _name(document: Document, node: int) -> str:
     name = document.root["nodes"][node].get("name")
     return f"{name[:60]!r} (node {node})" if isinstance(name, str) and name else f"Node {node}"
+
+
+_LONG_EDGE = 1 / 3
+"""Length of an edge, as a share of the longest side of the bounding box, above which a triangle is too large. A lattice
+has 24 cells on that side (`deformation.lattice.CELLS`), so such an edge is a chord across at least eight of them."""
+_MOSTLY = 0.5
+
+
+def coarse_share(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> float:
+    """Return the share of the surface that is in triangles with an edge longer than a third of the asset.
+
+    Parameters
+    ----------
+    positions : (N, 3) float64
+    triangles : (T, 3) int64
+    """
+    corners = positions[triangles]
+    edges = np.roll(corners, -1, axis=1) - corners
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    total = float(areas.sum())
+    if not total > 0:
+        return 0.0
+    size = float(np.ptp(positions[np.unique(triangles)], axis=0).max())
+    return float(areas[(edges**2).sum(2).max(1) > (_LONG_EDGE * size) ** 2].sum()) / total
+
+
+def coarseness_warnings(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a sentence about an asset that is mostly too coarse to bend, with the remedy; nothing for others."""
+    share = coarse_share(positions, triangles)
+    if share < _MOSTLY:
+        return ()
+    return (
+        f"{share:.0%} of the surface is in triangles with edges longer than a third of the asset. Triangles stay "
+        "flat, so these surfaces cannot bend. Set output.subdivide, which splits edges longer than a tenth of the "
+        "asset, or subdivide them in a modelling program.",
+    )
+
+
+_DOWN = 0.97
+"""Least cosine between a face of a base and the downward axis."""
+_LAYER = 0.01
+"""Height of the layer in which a base lies, as a share of the mesh's height."""
+_BASE = 0.03
+"""Least area of a base, as a share of the mesh's footprint."""
+_MUCH_LESS = 0.1
+"""Share of the base that the mesh may have of the other flat sides."""
+
+
+def looks_z_up(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> bool:
+    """Return whether a mesh stands on a flat base at its lowest Z, with no such side at its lowest Y or highest Z.
+
+    A flat side opposite the base would also be the front and back of a flat panel that stands upright.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+    triangles : (F, 3) int64
+        Counter-clockwise from outside.
+    """
+    if not len(triangles):
+        return False
+    corners = positions[triangles]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    base = _flat_share(corners, cross, axis=2, sign=-1)
+    others = max(_flat_share(corners, cross, axis=1, sign=-1), _flat_share(corners, cross, axis=2, sign=1))
+    return base >= _BASE and others < _MUCH_LESS * base
+
+
+def up_axis_warnings(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a sentence about a mesh that looks as if Z were up; nothing for others."""
+    if not looks_z_up(positions, triangles):
+        return ()
+    return ("The asset seems to have Z up, so the model sees it on its side. Export it with +Y up.",)
+
+
+def _flat_share(corners: NDArray[np.float64], cross: NDArray[np.float64], *, axis: int, sign: int) -> float:
+    """Return the area of the flat side at one end of an axis, as a share of the bounding box's side there."""
+    low, high = corners.min((0, 1)), corners.max((0, 1))
+    extent = high - low
+    side = np.prod(np.delete(extent, axis))
+    if not side > 0:
+        return 0.0
+    end = high[axis] if sign > 0 else low[axis]
+    inside = (np.abs(corners[:, :, axis] - end) <= _LAYER * extent[axis]).all(1)
+    facing = sign * cross[:, axis] >= _DOWN * np.linalg.norm(cross, axis=1)
+    return float(np.abs(cross[inside & facing, axis]).sum() / 2 / side)
