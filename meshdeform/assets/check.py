@@ -53,9 +53,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch", "scalars"]
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, or a line drawing."""
+in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -218,6 +218,7 @@ def main(arguments: list[str] | None = None) -> int:
         "lesson": _read_lesson,
         "weights": _read_weights,
         "sketch": _read_sketch,
+        "scalars": _read_scalars,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -274,6 +275,15 @@ def _read_sketch(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.drawing import summary_of
 
     return asdict(summary_of(path.read_bytes()))
+
+
+def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    if path.stat().st_size > limits.max_bytes:
+        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    from meshdeform.assets.scalar_files import read_scalar_file, summary_of_scalars
+
+    return asdict(summary_of_scalars(read_scalar_file(path.read_bytes())))
 
 
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def teach(
         list[Path],
         typer.Argument(
             help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. The subfolders of a folder are named by "
-            "attributes: tall, long-neck.",
+            "attributes: tall, long-nose.",
             exists=True,
             readable=True,
         ),

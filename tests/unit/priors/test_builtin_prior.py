@@ -99,7 +99,7 @@ def test_it_says_who_it_is(weights: Path) -> None:
 def test_texts_outside_the_vocabulary_are_refused(weights: Path) -> None:
     prior = BuiltinPrior(weights=weights)
     with pytest.raises(VocabularyError):
-        text_rows(prior, "a dragon")
+        text_rows(prior, "a gnome")
     with pytest.raises(VocabularyError, match="blurry"):
         text_rows(prior, "a vase", "blurry")
     with pytest.raises(PromptError, match="means the same"):

@@ -14,6 +14,7 @@ import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords } from "./estimate.js";
 import { fieldRow, markField } from "./field-rows.js";
 import { kindsNav } from "./kinds-nav.js";
+import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
 /** What most fits need; the others stand under Advanced. */
@@ -38,7 +39,8 @@ export class SurfaceView {
     this.assets = new AssetPanel(scope, () => this.check());
     this.first = h("div", { class: "advanced-grid" });
     this.more = h("div", { class: "advanced-grid" });
-    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.more);
+    this.files = new SurfaceFiles(() => this.check());
+    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.files.element, this.more);
     this.problem = h("div", { class: "problem-slot" });
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Fit");
@@ -101,7 +103,12 @@ export class SurfaceView {
       const job = await client.get(id, this.scope.signal);
       const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
       if (!this.assets.choices) await this.assets.use(asset);
-      return job.kind === KIND ? job.params : null;
+      if (job.kind !== KIND) return null;
+      for (const part of ["base", "scalars"])
+        if (job.files?.[part]) this.files.use(part, new Asset(await client.file(id, part, this.scope.signal), job.files[part].filename));
+      if (job.params.anchors) this.files.restore(job.params.anchors);
+      if (job.params.anchors || job.files?.base || job.files?.scalars) this.advanced.open = true;
+      return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
       return null;
@@ -119,13 +126,14 @@ export class SurfaceView {
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   _settle() {
     const good = this.fields.map((field) => this._mark(field)).every(Boolean);
-    if (this.more.querySelector('[aria-invalid="true"]')) this.advanced.open = true;
-    return good;
+    const paired = this.files.settle();
+    if (this.advanced.querySelector('[aria-invalid="true"]')) this.advanced.open = true;
+    return good && paired;
   }
 
   _document() {
-    /** @type {Record<string, number>} */
-    const params = {};
+    /** @type {Record<string, any>} */
+    const params = this.files.anchors.length ? { anchors: this.files.anchors } : {};
     for (const [name, { input }] of this.rows) if (input.value.trim()) params[name] = Number(input.value);
     const steps = params.steps ?? this.fields.find((field) => field.name === "steps")?.standard;
     if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
@@ -140,7 +148,7 @@ export class SurfaceView {
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
-      const found = await client.validate(...(await asset.submission(this._document(), {}, this.scope.signal)));
+      const found = await client.validate(...(await asset.submission(this._document(), this.files.parts, this.scope.signal)));
       if (turn !== this.turn || this.scope.over) return;
       fill(this.problem);
       this.assets.refuse("");
@@ -161,7 +169,7 @@ export class SurfaceView {
       this.assets.refuse(found.message, found.advice);
       return void fill(this.problem);
     }
-    if (found?.status === 404) this.assets.asset?.forgetUpload();
+    if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
     const placed = errors.map((/** @type {any} */ each) => {
       const row = this.rows.get((each.loc ?? []).at(-1));
@@ -182,7 +190,7 @@ export class SurfaceView {
     this.start.textContent = "Starting…";
     this.turn += 1;
     try {
-      const job = await client.submit(...(await asset.submission(this._document())));
+      const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;

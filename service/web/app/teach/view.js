@@ -26,8 +26,8 @@ export class TeachView {
       type: "file", multiple: true, class: "visually-hidden", id: "teach-files", tabindex: "-1", "aria-label": "Mesh files",
       accept: [...ENDINGS.map((ending) => "." + ending), "model/gltf-binary", "application/zip"].join(","),
     });
-    this.noun = textField("Word", "a teapot", "What the meshes show: one to four words.");
-    this.synonyms = textField("Other names", "kettle, tea pot", "Separated by commas; optional.");
+    this.noun = textField("Word", "a gnome", "What the meshes show: one to four words.");
+    this.synonyms = textField("Other names", "dwarf, garden gnome", "Separated by commas; optional.");
     this.licence = textField("Licence of the meshes", "CC0-1.0", "One line, kept with what is learned; optional.");
     this.steps = textField("Most steps", String(STEPS), `Training ends earlier when it no longer helps. Default: ${STEPS}.`);
     this.replace = h("input", { id: "teach-replace", type: "checkbox" });
