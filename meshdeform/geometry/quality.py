@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 
@@ -236,7 +237,7 @@ class FaceNeighbours:
 
         With a `margin`, include faces whose cosine to that sum is below it.
         """
-        cross = _cross(verts, self._faces)
+        cross = area_vectors(np.ascontiguousarray(verts), self._faces)
         around = self._signs @ cross
         limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
         against = (around * cross).sum(1) < limit

@@ -47,6 +47,7 @@ from meshdeform.runs.text_report import (
     appearance_report,
     build_report,
     likeness,
+    precision_of,
     provenance,
     read_result,
     sees_colours,
@@ -159,8 +160,8 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    given_as = asset_sha256, len(asset), filename
-    facts = RunFacts(request, params, *given_as, identities[-1], run, device, shape, division, source, sketch)
+    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior))
+    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 

@@ -31,6 +31,7 @@ from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.judge import Judge
+from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
@@ -48,6 +49,7 @@ __all__ = [
     "appearance_report",
     "build_report",
     "likeness",
+    "precision_of",
     "provenance",
     "read_result",
     "rig_warnings",
@@ -68,10 +70,16 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+    precision: str | None = None
     shape_id: str = ""
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
     sketch: Mapping[str, Any] | None = None
+
+
+def precision_of(prior: Prior | None) -> str | None:
+    """Return what a prior computes in, such as `float32`; None if there is none."""
+    return None if prior is None else str(prior.dtype).removeprefix("torch.")
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -198,6 +206,7 @@ def build_report(
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
+        "precision": facts.precision,
         "versions": versions(),
         "result": {"bytes": len(result), "sha256": sha256_hex(result)},
         "mesh": {

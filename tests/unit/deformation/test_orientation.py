@@ -154,7 +154,7 @@ def test_the_best_angle_is_found_within_the_finer_step(best: float) -> None:
     assert abs((found.turn_deg - best + 180) % 360 - 180) <= 15
     assert found == find_orientation(_draw, _Grades(best), 3)
     assert Orientation.from_tensor(found.to_tensor()) == found
-    assert guidance.calls <= 70
+    assert guidance.calls <= 48
 
 
 def test_a_model_without_azimuth_is_asked_twice_only() -> None:

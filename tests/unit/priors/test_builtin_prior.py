@@ -166,6 +166,24 @@ def test_the_shipped_prior_tells_shapes_apart_and_sides_from_each_other(shipped:
     assert confused == 0
 
 
+@each_case(
+    ("dtype", "expected"), [("bfloat16", torch.bfloat16), ("float16", torch.float32), ("float32", torch.float32)]
+)
+def test_it_predicts_nearly_the_same_in_bfloat16(shipped: BuiltinPrior, dtype: str, expected: torch.dtype) -> None:
+    """To 0.01 of the noise, whose standard deviation is 1; the same bits every time, and text vectors in float32."""
+    prior = BuiltinPrior(dtype=dtype)
+    assert prior.dtype is expected
+    noisy, at = torch.randn(1, 3, 128, 128, generator=torch.Generator().manual_seed(0)), torch.tensor([500])
+    rows, cameras = text_rows(shipped, "a tall vase"), fixed_cameras(20.0, 15.0)
+    assert torch.equal(text_rows(prior, "a tall vase"), rows)
+    exact, found = (torch.cat(p.predict_noise(noisy, at, rows, cameras)) for p in (shipped, prior))
+    assert found.dtype is torch.float32
+    assert torch.equal(found, torch.cat(prior.predict_noise(noisy, at, rows, cameras)))
+    assert (float((found - exact).square().mean().sqrt()) > 0) == (expected is torch.bfloat16)
+    assert_close(found, exact, atol=0.1, rtol=0)
+    assert float((found - exact).square().mean().sqrt()) < 0.01
+
+
 @each_case("noun", ["giraffe", "cat", "chair", "fish"])
 def test_it_knows_front_from_back_where_the_azimuth_is_all_it_has(noun: str) -> None:
     prior = BuiltinPrior()
