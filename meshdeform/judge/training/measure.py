@@ -5,7 +5,7 @@ Run it as ``python -m meshdeform.judge.training.measure``.
 Prints the top-1 accuracy of the noun from one view and from eight; retrieval of the whole prompt among twelve, among
 the plain nouns and the variants of the noun, and among the variants alone; calibration; the pairs most often confused,
 the nouns that are found least often, and the judgements of shapes that are no noun. Members of the families and
-members by the judge's own code are measured apart; of the latter, only variants of the whole are told apart.
+members by the judge's own code are measured apart; of the latter, variants are not compared: their truth is not known.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def prompts_of(data: ViewSet) -> list[ParsedPrompt]:
     ]
 
 
-def variants(noun: str, *, parts: bool = True) -> list[ParsedPrompt]:
-    """Return the noun alone, and with each single attribute, of the whole or (with `parts`) of a part."""
-    own = [attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *(NOUNS[noun] if parts else ()))]
+def variants(noun: str) -> list[ParsedPrompt]:
+    """Return the noun alone, and with each single attribute."""
+    own = [attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun])]
     return [ParsedPrompt(noun), *(ParsedPrompt(noun, (attribute,)) for attribute in own)]
 
 
@@ -86,13 +86,13 @@ class _Measured:
         others = list(dict.fromkeys(self.prompts))
         found: dict[str, list[tuple[bool, float]]] = {"among 12": [], "nouns and variants": [], "variants": []}
         for row, prompt in enumerate(self.prompts):
-            own = variants(prompt.noun, parts=not bool(self.data.other[row]))
             twelve = [others[k] for k in rng.permutation(len(others))[:12] if others[k] != prompt][:11]
             found["among 12"].append(self.retrieves(row, twelve))
-            found["nouns and variants"].append(self.retrieves(row, plain + own))
-            found["variants"].append(self.retrieves(row, own))
+            if not self.data.other[row]:
+                found["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
+                found["variants"].append(self.retrieves(row, variants(prompt.noun)))
         count = np.array([len(prompt.attributes) for prompt in self.prompts])
-        table = {name: np.array(pairs, float) for name, pairs in found.items()}
+        table = {name: np.array(pairs, float) for name, pairs in found.items() if pairs}
         return {
             name: [*(float(held[count == k, 0].mean()) for k in range(3)), *held.mean(0).tolist()]
             for name, held in table.items()

@@ -5,7 +5,7 @@ candidates from a single view, of the same from the mean over the views, and of 
 Candidates are the prompts of the batch and others about the same nouns. Each occurs once, with the logarithm of its
 frequency added to its score, so that the score itself learns log p(view | prompt) and not the posterior, which favours
 frequent prompts. For shapes that are no noun, the target distribution is the frequency of the prompts. Members by the
-judge's own code are not compared with prompts about parts of their noun, whose truth is not known.
+judge's own code are not compared with other prompts about their noun, whose truth is not known.
 
 Sources: van den Oord et al. 2018 (InfoNCE), Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier
 exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on held-out examples).
@@ -28,7 +28,7 @@ from meshdeform.judge.network import JudgeNetwork, Prompts
 from meshdeform.judge.training.augment import augmented
 from meshdeform.judge.training.members import CALIBRATION, ViewSet
 from meshdeform.judge.weights_file import WEIGHTS, write_judge
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS
+from meshdeform.priors.builtin.grammar import NOUNS
 
 __all__ = ["TrainConfig", "Trainer", "calibrate"]
 
@@ -172,12 +172,12 @@ def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
 def _unknown(data: ViewSet, rows: Tensor, candidates: Prompts) -> Tensor:
     """Return a penalty (rows, P) that takes prompts out of the comparison whose truth is not known.
 
-    Of a member by the judge's own code, the sizes of parts are not known: "a deer with long horns" may be true of it.
+    Members by the judge's own code are compared with prompts of other nouns only. They vary as kinds do: one without
+    attributes may well be true of "a deer with long horns", or of "a tall deer".
     """
-    parts = torch.tensor([attribute.part != "whole" for attribute in ATTRIBUTES])
-    about_parts = candidates.attributes[:, parts].sum(1) > 0
     same = candidates.noun[None] == data.noun[rows][:, None]
-    return 1e4 * (data.other[rows][:, None] & same & about_parts[None]).float()
+    own = (candidates.attributes[None] == data.attributes[rows][:, None].float()).all(2)
+    return 1e4 * (data.other[rows][:, None] & same & ~own).float()
 
 
 def _start_from(trainer: Trainer, path: Path) -> None:

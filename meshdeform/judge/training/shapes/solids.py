@@ -207,7 +207,7 @@ def _polygon(p: Floats, points: Floats) -> Floats:
         left = along[0] * w[:, 1] - along[1] * w[:, 0] > 0
         inside ^= crosses & (left == (b[1] > a[1]))
     distance = np.sqrt(best)
-    return np.where(inside, -distance, distance)
+    return np.asarray(np.where(inside, -distance, distance))
 
 
 def hoop(centre: ArrayLike, radius: float, thick: float, turn: Sequence[float] = (0, 0, 0)) -> Solid:
@@ -221,13 +221,15 @@ def hoop(centre: ArrayLike, radius: float, thick: float, turn: Sequence[float] =
 
 def both(solids: Solid | Iterable[Solid]) -> list[Solid]:
     """Return solids and their mirror images in the plane x = 0."""
-    flip = np.array([-1.0, 1.0, 1.0])
     made = [solids] if isinstance(solids, Solid) else list(solids)
-    return made + [
-        Solid(lambda p, f=solid.field: f(p * flip), solid.high * flip * [1, 0, 0] + solid.low * [0, 1, 1],
-              solid.low * flip * [1, 0, 0] + solid.high * [0, 1, 1], solid.hole)
-        for solid in made
-    ]  # fmt: skip
+    return made + [_mirror_image(solid) for solid in made]
+
+
+def _mirror_image(solid: Solid) -> Solid:
+    flip = np.array([-1.0, 1.0, 1.0])
+    low, high = solid.low.copy(), solid.high.copy()
+    low[0], high[0] = -solid.high[0], -solid.low[0]
+    return Solid(lambda p: solid.field(p * flip), low, high, solid.hole)
 
 
 def carved(solid: Solid) -> Solid:
