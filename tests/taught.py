@@ -26,12 +26,12 @@ THREE_NOUNS = Words(
 )
 
 
-def write_small_weights(path: Path) -> Path:
-    """Write untrained weights of a small network that knows three nouns."""
+def write_small_weights(path: Path, words: Words = THREE_NOUNS) -> Path:
+    """Write untrained weights of a small network, which knows three nouns by default."""
     torch.manual_seed(0)
-    network = PriorNetwork(SMALL, words=len(THREE_NOUNS.tokens))
+    network = PriorNetwork(SMALL, words=len(words.tokens))
     provenance = {"steps": "0", "seed": "0"}
-    path.write_bytes(pack_weights(network.state_dict(), SMALL, provenance, metadata_of(THREE_NOUNS, [])))
+    path.write_bytes(pack_weights(network.state_dict(), SMALL, provenance, metadata_of(words, [])))
     return path
 
 
