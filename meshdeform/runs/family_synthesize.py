@@ -209,7 +209,8 @@ class FamilySynthesisRun:
         )
         self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
         self._drawn.append((points, exists))
-        self._about.append(self._described(made, drawn.points, drawn.exists))
+        frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
+        self._about.append({"frame": frame, **self._described(made, drawn.points, drawn.exists)})
 
     def _described(self, made: Assembly, points: Tensor, exists: Tensor) -> dict[str, Any]:
         family = self._family

@@ -139,7 +139,7 @@ def test_a_completion_keeps_the_given_parts_exactly(chairs):
 
 def test_a_search_names_the_nearest_members(chairs):
     artifacts = finished(begin(chairs, mode="search", members=["chair_0002"], count=3))
-    assert set(artifacts) == {"report.json", "preview.png"}
+    assert set(artifacts) == {"report.json", "preview.png", "wall.glb"}
     found = json.loads(artifacts["report.json"].data)["nearest_members"]
     descriptors = np.load(io.BytesIO(chairs[2]["descriptors.npz"]))["descriptors"]
     distance = np.abs(descriptors - descriptors[2]).sum(1)
@@ -222,5 +222,5 @@ def test_a_family_is_posted_and_its_shapes_are_downloaded(chairs, tmp_path, redi
             result = client.deform(files=files, timeout_s=DEADLINE_S, **asked)
         assert len(load_asset(result.read("result.glb")).surface.triangles) > 0
         assert {artifact.name for artifact in result.job.artifacts} == {
-            "report.json", "preview.png", "result.glb", "shapes.zip", "points.npz",
+            "report.json", "preview.png", "wall.glb", "result.glb", "shapes.zip", "points.npz",
         }  # fmt: skip
