@@ -99,6 +99,11 @@ class FamilySynthesisRun:
         """Number of steps done."""
         return self._step
 
+    @property
+    def shapes(self) -> tuple[bytes, ...]:
+        """The shapes that were made so far, each a GLB."""
+        return tuple(self._shapes)
+
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps: reading, then one for each shape."""
         while self._step < self.total_steps:
