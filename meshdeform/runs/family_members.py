@@ -18,10 +18,8 @@ MADE = 60
 """Members that a lesson makes of a family: as many as it draws of a mesh."""
 
 
-def made_members(
-    family: bytes, files: Sequence[MeshFile], seed: int, limits: Limits | None = None, count: int = MADE
-) -> list[MeshFile]:
-    """Return new shapes of a family; the same seed gives the same shapes.
+def made_members(family: bytes, files: Sequence[MeshFile], seed: int, limits: Limits | None = None) -> list[MeshFile]:
+    """Return `MADE` new shapes of a family; the same seed gives the same shapes.
 
     Parameters
     ----------
@@ -31,7 +29,6 @@ def made_members(
         The collection that was fitted.
     seed : int
     limits : Limits, optional
-    count : int
 
     Raises
     ------
@@ -42,7 +39,7 @@ def made_members(
     with zipfile.ZipFile(packed, "w") as archive:
         for file in files:
             archive.writestr(zipfile.ZipInfo(file.name), file.data)
-    request = JobRequest.model_validate({"kind": "family_synthesize", "params": {"count": count, "seed": seed}})
+    request = JobRequest.model_validate({"kind": "family_synthesize", "params": {"count": MADE, "seed": seed}})
     given = {
         "family": InputFile(family, "family.safetensors"),
         "collection": InputFile(packed.getvalue(), "collection.zip"),

@@ -34,9 +34,10 @@ export class Stage {
     this.setTheme(false);
   }
 
-  /** @param {boolean} floating whether there is no ground below */
+  /** @param {boolean} floating whether there is no ground below, and nothing casts a shadow */
   setFloating(floating) {
     this.floating = floating;
+    this.key.castShadow = !floating;
     this.ground.visible = this.contact.floor.visible = false;
   }
 

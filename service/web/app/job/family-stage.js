@@ -29,7 +29,8 @@ export class FamilyStage {
     this.framed = null;
     this.makes = job.kind === "family_synthesize" && job.params.mode !== "search";
     this.wall = new WallView(scope, (shape) => this._chosen(shape));
-    this.wall.box.say(...(job.state === "succeeded" ? /** @type {const} */ (["Loading the wall…"]) : /** @type {const} */ (["No wall yet", "It comes with the result.", "info"])));
+    if (job.state === "succeeded") this.wall.box.say("Loading the wall…");
+    else this.wall.box.say("No wall yet", "It comes with the result.", "info");
     this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
     this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }));

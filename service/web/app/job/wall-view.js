@@ -34,6 +34,7 @@ export class WallView {
     const { aboutWall, Wall } = await import("../../viewer/wall.js");
     this.about = aboutWall(buffer);
     if (!(await this.box.load(buffer, "glb")) || this.scope.over) return false;
+    this.wall?.dispose();
     this.wall = new Wall(this.box.viewer, {
       pointed: (hit) => this._pointed(hit),
       clicked: (shape) => this.onChoose(shape),
