@@ -107,10 +107,10 @@ def test_a_family_is_found_and_new_shapes_are_made_of_it(page: Page, tmp_path: P
     page.get_by_role("button", name="Make shapes").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("New shapes of a family")
     expect(badge(page)).to_have_text("Succeeded")
-    shape = page.get_by_label("Shape", exact=True)
-    expect(page.locator(".range-value", has_text=f"0% from {named} to {other}")).to_be_visible()
+    shape = page.get_by_role("slider", name="Shape")
+    expect(page.locator(".viewer-tag", has_text=f"0% from {named} to {other}")).to_be_visible()
     shape.fill("2")
-    expect(page.locator(".range-value", has_text=f"100% from {named} to {other}")).to_be_visible()
+    expect(page.locator(".viewer-tag", has_text=f"100% from {named} to {other}")).to_be_visible()
     with page.expect_download() as download:
         page.get_by_role("button", name="Download this shape").click()
     last = load_asset(download.value.path().read_bytes())
@@ -131,7 +131,7 @@ def test_a_family_is_found_and_new_shapes_are_made_of_it(page: Page, tmp_path: P
     page.get_by_role("button", name="Make shapes").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("New shapes of a family")
     expect(badge(page)).to_have_text("Succeeded")
-    expect(page.locator(".range-value", has_text="more plausible than")).to_be_visible()
+    expect(page.locator(".viewer-tag", has_text="more plausible than")).to_be_visible()
 
     page.goto(fitted)
     page.get_by_role("button", name="Edit and run again").click()

@@ -95,7 +95,7 @@ export class FamilyStage {
     this.name = name;
     this.pick.input.value = String(number);
     const label = this._label(number);
-    this.pick.value.textContent = label;
+    this.pick.value.textContent = `${number + 1} of ${this.files.size}`;
     this.pick.input.setAttribute("aria-valuetext", label);
     this.wall.choose([number]);
     if (!this.shape) return;
