@@ -11,14 +11,46 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import tempfile
 import time
 from pathlib import Path
 
+import torch
+
+from meshdeform.assets import load_asset
+from meshdeform.geometry.weld import weld
+from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.taught import words_of
+from meshdeform.priors.builtin.teaching.measure import held_out_loss, retrieved
+from meshdeform.priors.builtin.teaching.pictures import LessonSize, joined
+from meshdeform.priors.builtin.teaching.shapes import shape_of
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
+from meshdeform.priors.builtin.training.dataset import PictureSet, pictures
+from meshdeform.priors.builtin.weights_file import read_network
+from meshdeform.priors.builtin.words import ParsedPrompt
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.lesson_files import MeshFile
 from meshdeform.runs.teaching import TeachRequest, start
 from meshdeform.support.files import write_files
+
+
+def tested(weights: bytes, noun: str, paths: list[Path]) -> str:
+    """Return the held-out loss and the retrieval of other meshes, each seen once from four sides."""
+    with tempfile.TemporaryDirectory() as folder:
+        (path := Path(folder) / "taught.safetensors").write_bytes(weights)
+        network, metadata = read_network(path)
+        words = words_of(metadata, path)
+    network.eval()
+    drawn = []
+    for number, each in enumerate(paths):
+        surface = load_asset(each.read_bytes(), each.name).surface
+        shape = shape_of(weld(surface.positions, surface.triangles).mesh, each.name)
+        views, azimuths = pictures(shape.part, 1, torch.Generator().manual_seed(number))
+        tokens = torch.tensor([tokenise(ParsedPrompt(noun), words)])
+        drawn.append(PictureSet(views, tokens, azimuths, torch.tensor([False])))
+    all_of_them = joined(drawn)
+    found = retrieved(network, words, all_of_them, list(words.nouns))
+    return f"loss {held_out_loss(network, all_of_them):.4f}, {found.count(noun)} of {len(found)} taken for {noun}"
 
 
 def main() -> None:
@@ -30,13 +62,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--front", type=float, default=0.0)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--family", type=Path)
+    parser.add_argument("--test", type=Path, nargs="+", default=[])
+    parser.add_argument("--replay", type=int, default=LessonSize.replay)
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
     use_threads(options.threads)
     config = TeachConfig(steps=options.steps, seed=options.seed)
-    request = TeachRequest(options.noun, front_deg=options.front, config=config)
+    size = LessonSize(replay=options.replay)
+    request = TeachRequest(options.noun, front_deg=options.front, config=config, size=size)
     marks = [time.process_time()]
-    run = start(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes])
+    family = options.family.read_bytes() if options.family else None
+    run = start(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes], family=family)
     marks.append(time.process_time())
     for _ in run:
         pass
@@ -48,6 +85,8 @@ def main() -> None:
         print(f"step {entry['step']:5}  held-out loss: new {entry['new']:.4f}, old {entry['old']:.4f}")
     for name, found in report["retrieval"].items():
         print(f"{name:12} {found}")
+    if options.test:
+        print("test        ", tested(made["result"], run.noun, options.test))
     spent = [after - before for before, after in itertools.pairwise(marks)]
     parts = dict(zip(("drawing", "training", "measuring"), spent, strict=True))
     print("CPU time:", ", ".join(f"{name} {part / sum(parts.values()):.0%}" for name, part in parts.items()))

@@ -18,11 +18,11 @@ import pytest
 
 from meshdeform.assets import check
 from meshdeform.assets.isolation import ChildOutcome
-from meshdeform.runs import derive, sketch_process
+from meshdeform.runs import derive, questions
 
 __all__ = ["children_in_process"]
 
-_PARENTS: tuple[ModuleType, ...] = (check, derive, sketch_process)
+_PARENTS: tuple[ModuleType, ...] = (check, derive, questions)
 _one_at_a_time = threading.Lock()
 
 
@@ -31,9 +31,10 @@ def _run_here(module: str, arguments: list[str], *, timeout_s: float, temporary:
     child = import_module(module)
     printed: list[str] = []
     with _one_at_a_time, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(child, "print", printed.append, raising=False)
-        for bound in ("bound_resources", "bound_memory"):
-            patch.setattr(child, bound, lambda *_: None, raising=False)  # they would be those of the tests
+        for place in (child, questions):
+            patch.setattr(place, "print", printed.append, raising=False)
+            for bound in ("bound_resources", "bound_memory"):
+                patch.setattr(place, bound, lambda *_: None, raising=False)  # they would be those of the tests
         code = child.main(arguments)
     return ChildOutcome(code, json.loads(printed[-1]))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,10 +9,9 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.family_folders import check_folder, drive, packed, write_folder
+from meshdeform.cli.family_folders import FolderJob, packed
 from meshdeform.cli.options import JsonOption, QuietOption, SetOption
 from meshdeform.cli.output import emit
-from meshdeform.cli.overwriting import check_checkpoint
 from meshdeform.cli.request import make_request, merge_params
 
 __all__ = ["family_fit"]
@@ -71,44 +69,23 @@ def family_fit(
 
     request = make_request("", named, more={"kind": "family_fit"})
     params = params_of(request)
-    if not force:
-        check_folder(output, FAMILY_FIT)
-        if checkpoint is not None:
-            check_checkpoint(checkpoint)
+    job = FolderJob(FAMILY_FIT, output, checkpoint, resume)
+    job.check(force=force)
     from meshdeform.assets import Limits
-    from meshdeform.cli.local_job import try_folder, writing
-    from meshdeform.cli.progress import show_progress
-    from meshdeform.runs.base import InputFile, RunInput
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.family_fit import start
 
-    with writing():
-        try_folder(output / "report.json")
-    if checkpoint is not None:
-        with writing("The checkpoint", "--checkpoint"):
-            try_folder(checkpoint)
     limits = Limits.from_settings(settings)
-    data = packed(collection, limits.max_bytes, labels)
+    files = {"collection": (packed(collection, limits.max_bytes, labels), collection.name)}
     use_threads(settings.threads)
-    state = resume.read_bytes() if resume else None
-    with show_progress(quiet=quiet) as progress:
-        progress.phase("loading")
-        files = {"collection": InputFile(data, collection.name)}
-        run = start(RunInput(request=request, files=files, checkpoint=state, limits=limits))
-        progress.phase("optimizing")
-        drive(run, params.checkpoint_every_steps, progress, checkpoint)
-        progress.phase("writing")
-        written = write_folder(run.finish(), output, FAMILY_FIT)
-    report = json.loads((output / "report.json").read_text(encoding="utf-8"))
-    summary = {"folder": str(output), "files": written, "steps": run.step, "resumed": state is not None}
-    summary |= {name: report[name] for name in ("accuracy", "classes", "strangers", "warnings")}
+    found, report = job.carry_out(request, files, limits, params.checkpoint_every_steps, quiet=quiet)
+    summary = found | {name: report[name] for name in ("accuracy", "classes", "strangers", "warnings")}
     if as_json:
         emit(summary)
         return
     if quiet:
         return
     typer.echo(f"Folder     {output}")
-    typer.echo(f"Files      {', '.join(written)}")
+    typer.echo(f"Files      {', '.join(summary['files'])}")
     typer.echo(f"Parts      {', '.join(report['parts'])}")
     if report["accuracy"]:
         found = report["accuracy"]

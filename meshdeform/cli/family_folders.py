@@ -6,19 +6,90 @@ import io
 import json
 import shlex
 import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.overwriting import check_checkpoint
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 
 if TYPE_CHECKING:
+    from meshdeform.assets import Limits
     from meshdeform.cli.progress import ProgressView
+    from meshdeform.requests.document import JobRequest
     from meshdeform.runs.base import ArtifactData, JobRun, Kind
 
-__all__ = ["check_folder", "drive", "packed", "write_folder"]
+__all__ = ["FolderJob", "packed"]
 
 _ENDINGS = {".glb", ".obj", ".ply", ".stl"}
+
+
+@dataclass(frozen=True)
+class FolderJob:
+    """A job of a kind whose results fill a folder: where they go, and from what it continues.
+
+    Attributes
+    ----------
+    kind : Kind
+    output : Path
+        The folder.
+    checkpoint : Path, optional
+        The file for its state.
+    resume : Path, optional
+        The file that it continues from.
+    """
+
+    kind: Kind
+    output: Path
+    checkpoint: Path | None
+    resume: Path | None
+
+    def check(self, *, force: bool) -> None:
+        """Refuse to overwrite what no earlier run wrote, unless with `force`, and folders that cannot be written."""
+        from meshdeform.cli.local_job import try_folder, writing
+
+        if not force:
+            check_folder(self.output, self.kind)
+            if self.checkpoint is not None:
+                check_checkpoint(self.checkpoint)
+        with writing():
+            try_folder(self.output / "report.json")
+        if self.checkpoint is not None:
+            with writing("The checkpoint", "--checkpoint"):
+                try_folder(self.checkpoint)
+
+    def carry_out(
+        self, request: JobRequest, files: Mapping[str, tuple[bytes, str]], limits: Limits, every: int, *, quiet: bool
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Run the job and write the folder; return what to say about it, and its report.
+
+        Parameters
+        ----------
+        request : JobRequest
+        files : mapping of str to (bytes, str)
+            The bytes and the name of each file, by its part.
+        limits : Limits
+        every : int
+            Steps between two checkpoints.
+        quiet : bool
+        """
+        from meshdeform.cli.progress import show_progress
+        from meshdeform.runs.base import InputFile, RunInput
+
+        state = self.resume.read_bytes() if self.resume else None
+        given = {part: InputFile(data, name) for part, (data, name) in files.items()}
+        with show_progress(quiet=quiet) as progress:
+            progress.phase("loading")
+            run = self.kind.load()(RunInput(request=request, files=given, checkpoint=state, limits=limits))
+            progress.phase("optimizing")
+            drive(run, every, progress, self.checkpoint)
+            progress.phase("writing")
+            written = write_folder(run.finish(), self.output, self.kind)
+        report = json.loads((self.output / "report.json").read_text(encoding="utf-8"))
+        summary = {"folder": str(self.output), "files": written, "steps": run.step, "resumed": state is not None}
+        return summary, report
 
 
 def drive(run: JobRun, every: int, progress: ProgressView, checkpoint: Path | None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,10 +9,9 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.family_folders import check_folder, drive, packed, write_folder
+from meshdeform.cli.family_folders import FolderJob, packed
 from meshdeform.cli.options import JsonOption, QuietOption, SetOption
 from meshdeform.cli.output import emit
-from meshdeform.cli.overwriting import check_checkpoint
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import SynthesisMode
@@ -90,46 +88,26 @@ def family_synthesize(
 
     request = make_request("", named, more={"kind": "family_synthesize"})
     params = params_of(request)
-    if not force:
-        check_folder(output, FAMILY_SYNTHESIZE)
-        if checkpoint is not None:
-            check_checkpoint(checkpoint)
+    job = FolderJob(FAMILY_SYNTHESIZE, output, checkpoint, resume)
+    job.check(force=force)
     from meshdeform.assets import Limits
-    from meshdeform.cli.local_job import try_folder, writing
-    from meshdeform.cli.progress import show_progress
-    from meshdeform.runs.base import InputFile, RunInput
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.family_synthesize import start
 
-    with writing():
-        try_folder(output / "report.json")
-    if checkpoint is not None:
-        with writing("The checkpoint", "--checkpoint"):
-            try_folder(checkpoint)
     limits = Limits.from_settings(settings)
     files = {
-        "family": InputFile(source.read_bytes(), source.name),
-        "collection": InputFile(packed(assets, limits.max_bytes), assets.name),
+        "family": (source.read_bytes(), source.name),
+        "collection": (packed(assets, limits.max_bytes), assets.name),
     }
     use_threads(settings.threads)
-    state = resume.read_bytes() if resume else None
-    with show_progress(quiet=quiet) as progress:
-        progress.phase("loading")
-        run = start(RunInput(request=request, files=files, checkpoint=state, limits=limits))
-        progress.phase("optimizing")
-        drive(run, params.checkpoint_every_steps, progress, checkpoint)
-        progress.phase("writing")
-        written = write_folder(run.finish(), output, FAMILY_SYNTHESIZE)
-    report = json.loads((output / "report.json").read_text(encoding="utf-8"))
-    summary = {"folder": str(output), "files": written, "steps": run.step, "resumed": state is not None}
-    summary |= {name: report[name] for name in ("shapes", "nearest_members", "warnings")}
+    found, report = job.carry_out(request, files, limits, params.checkpoint_every_steps, quiet=quiet)
+    summary = found | {name: report[name] for name in ("shapes", "nearest_members", "warnings")}
     if as_json:
         emit(summary)
         return
     if quiet:
         return
     typer.echo(f"Folder     {output}")
-    typer.echo(f"Files      {', '.join(written)}")
+    typer.echo(f"Files      {', '.join(summary['files'])}")
     for shape in report["shapes"]:
         parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
         typer.echo(f"{shape['name']}  {parts}; more plausible than {shape['plausibility']:.0%} of the members")

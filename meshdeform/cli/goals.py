@@ -23,7 +23,7 @@ class Goals:
     params : dict
         `guidance`, `target` and `stages` of its parameters; None for what was not given.
     files : dict of str to Path
-        Target meshes by part.
+        Target meshes, or a drawing, by part.
     """
 
     params: dict[str, Any] = field(default_factory=dict)
@@ -40,7 +40,8 @@ def parse_goals(
 ) -> Goals:
     """Return the goals for `--target`, `--target-prompt`, `--target-model`, `--stage` and `--sketch`.
 
-    The target of a drawing is the file `OUTPUT.target.glb`, which is still to be made.
+    The target of a drawing is the file `OUTPUT.target.glb`, which is still to be made; without an output, the drawing
+    itself is a file of the job.
 
     Raises
     ------
@@ -57,8 +58,8 @@ def parse_goals(
     if stages:
         return _staged(stages)
     if sketch is not None:
-        assert output is not None
-        return Goals({"guidance": "target"}, {"target": output.with_suffix(".target.glb")})
+        drawn = {"sketch": sketch} if output is None else {"target": output.with_suffix(".target.glb")}
+        return Goals({"guidance": "target"}, drawn)
     if prompt is not None:
         return Goals({"target": {"prompt": prompt, "model": model}})
     return Goals({"guidance": "target"}, {"target": target}) if target is not None else Goals()

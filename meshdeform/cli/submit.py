@@ -112,6 +112,17 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    sketch: Annotated[
+        Path | None,
+        typer.Option(
+            help="A line drawing (PNG, JPEG or WebP) whose first guess is the target. Correct it by "
+            """--set 'sketch={"family": "vase", "values": {"handles": "two"}}'.""",
+            exists=True,
+            dir_okay=False,
+            rich_help_panel=_METHOD,
+            show_default=False,
+        ),
+    ] = None,
     target_prompt: TargetPromptOption = None,
     target_model: TargetModelOption = None,
     also: AlsoOption = None,
@@ -199,7 +210,7 @@ def submit(
     meshdeform submit scan.xyz --kind surface_fit --set base_faces=500 -o scan
     """
     parts = parse_files(file, kind, asset)
-    goals = parse_goals(target, target_prompt, target_model, stage)
+    goals = parse_goals(target, target_prompt, target_model, stage, sketch)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"

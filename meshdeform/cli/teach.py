@@ -68,6 +68,16 @@ def teach(
             min=-360, max=360, help="Azimuth of the front of the meshes: 0 is +Z, 90 is +X.", rich_help_panel=_WORDS
         ),
     ] = 0.0,
+    family: Annotated[
+        Path | None,
+        typer.Option(
+            help="The family.safetensors that family-fit found in the meshes: members are new shapes of it.",
+            exists=True,
+            dir_okay=False,
+            rich_help_panel=_TRAINING,
+            show_default=False,
+        ),
+    ] = None,
     model: Annotated[
         str,
         typer.Option(
@@ -126,7 +136,7 @@ def teach(
     """
     if service:
         local = {"--output": output, "--checkpoint": checkpoint, "--resume": resume, "--device": device}
-        _refuse_local({**local, "--threads": threads, "--force": force})
+        _refuse_local({**local, "--threads": threads, "--force": force, "--family": family})
         words = {"synonyms": synonym or [], "replace": replace, "licence": licence, "front_deg": front}
         with connect(url, api_key, api_key_file) as client:
             job = _posted(client, noun, meshes, {**words, "model": model, "steps": steps, "seed": seed})
@@ -182,7 +192,9 @@ def teach(
     with show_progress(quiet=quiet) as progress:
         progress.phase("drawing the pictures")
         state = resume.read_bytes() if resume else None
-        run = start(request, files, state=state, device=resolve_device(settings.device), limits=limits)
+        learned = family.read_bytes() if family else None
+        device = resolve_device(settings.device)
+        run = start(request, files, family=learned, state=state, device=device, limits=limits)
         progress.phase("training")
         _drive(run, progress, checkpoint)
         progress.phase("measuring")

@@ -143,7 +143,7 @@ class AsyncClient(AsyncFileMethods, AsyncSketchMethods):
         target : like `asset`, optional
             A second mesh, for `params` with `{"guidance": "target"}`.
         files : mapping of str to files like `asset`, optional
-            The files of a job of another kind, by the names of its parts; `limits().kinds` lists them.
+            Other files by the names of their parts, such as `sketch`: a drawing; `limits().kinds` lists them.
         metadata : mapping, optional
             Your own labels.
         priority : int, optional

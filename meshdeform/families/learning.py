@@ -141,11 +141,12 @@ class Learning:
     def _draw_together(self, gradient: dict[str, Tensor]) -> None:
         """Add the penalties: neighbouring points have similar weights, and weights are sparse."""
         weights = self.machine.weights
-        i, j = torch.nonzero(self.edges, as_tuple=True)
+        i, j = torch.nonzero(self.edges.triu(), as_tuple=True)  # each pair once
         for name in ("a0", "b0", "a", "b", "c", "d", "e0", "eg"):
             value = weights[name]
             per_point = value.reshape(len(self.edges), -1)
-            signs = torch.zeros_like(per_point).index_add_(0, i, torch.sign(per_point[i] - per_point[j]))
+            apart = (per_point[i] - per_point[j]).sign_()
+            signs = torch.zeros_like(per_point).index_add_(0, i, apart).index_add_(0, j, apart, alpha=-1)
             gradient[name] = gradient[name] - _ALIKE * signs.reshape(value.shape)
         for name in ("a", "b", "c", "d", "w12", "w23", "eg"):
             gradient[name] = gradient[name] - _SPARSE * torch.sign(weights[name])

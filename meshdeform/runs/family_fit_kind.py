@@ -93,6 +93,11 @@ FAMILY_FIT = Kind(
             "Parameters, what each asset is made of and how likely it is, and accuracies where labels are held out.",
         ),
         ArtifactKind("preview.png", "image/png", "The collection, coloured by part."),
+        ArtifactKind(
+            "wall.glb",
+            "model/gltf-binary",
+            "Up to 120 assets side by side with few triangles, coloured by part, with their corresponding points.",
+        ),
         ArtifactKind("segmentation.npz", _NPZ, "The part of each triangle of each asset."),
         ArtifactKind(
             "correspondences.npz", _NPZ, "Where each template point lies on each asset, and how sure that is."

@@ -18,6 +18,7 @@ from torch import Tensor
 from meshdeform.assets import Asset, Limits, Primitive, load_asset
 from meshdeform.assets.collection import AssetLabels, CollectionFiles
 from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
+from meshdeform.assets.wall import WallShape
 from meshdeform.families.boundary import without_strays
 from meshdeform.families.collection import SampledShape
 from meshdeform.families.inference import Inference
@@ -33,6 +34,7 @@ from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData
 from meshdeform.runs.family_labels import labels_of
 from meshdeform.runs.family_picture import COLOURS, family_png
+from meshdeform.runs.family_wall import shown, wall, wall_shape
 from meshdeform.runs.report import versions
 
 __all__ = ["FamilyResults", "packed_arrays"]
@@ -66,6 +68,8 @@ class FamilyResults:
         stride = -(-len(self.names) // _PICTURED)
         digests: list[str] = []
         accuracy: list[float | None] = []
+        hung = shown(len(self.names))
+        shapes: list[WallShape] = []
         with zipfile.ZipFile(labelled, "w", zipfile.ZIP_DEFLATED) as archive:
             for t, name in enumerate(self.names):
                 asset = load_asset(self.files.assets[name], name, self.limits)
@@ -75,6 +79,8 @@ class FamilyResults:
                 digests.append(surface_digest(asset.surface))
                 if t % stride == 0:
                     pictures.append((asset.surface.positions, asset.surface.triangles, found))
+                if t in hung:
+                    shapes.append(self._wall_shape(t, asset, found, len(hung)))
                 if self.params.embed_labels:
                     path = str(PurePosixPath(name).with_suffix(".glb"))
                     archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
@@ -83,6 +89,7 @@ class FamilyResults:
         result = {
             "report.json": ArtifactData(self._report(accuracy, segments), "application/json"),
             "preview.png": ArtifactData(family_png(pictures, self.parts), "image/png"),
+            "wall.glb": wall(shapes, self.parts, self.inference.template.labels.numpy(), len(self.names)),
             "segmentation.npz": ArtifactData(
                 packed_arrays({"names": names, "parts": np.array(self.parts), **segments}), npz
             ),
@@ -133,6 +140,21 @@ class FamilyResults:
             weight = areas[known].sum()
             return found, float(areas[known][found[known] == given[known]].sum() / weight) if weight > 0 else None
         return np.where(known, given, found).astype(np.uint8), None
+
+    def _wall_shape(self, t: int, asset: Asset, parts: NDArray[np.uint8], count: int) -> WallShape:
+        shape, collection = self.shapes[t], self.inference.collection
+        return wall_shape(
+            self.names[t],
+            asset.surface.positions,
+            asset.surface.triangles,
+            parts,
+            collection.points[t, self._matched.samples[t]].double().numpy(),
+            (self._matched.confidence[t] * self._matched.exists[t]).numpy(),
+            centre=shape.centre,
+            diagonal=shape.diagonal,
+            turn=float(collection.turns[t]),
+            count=count,
+        )
 
     def _correspondence_arrays(self) -> dict[str, NDArray[Any]]:
         chosen = self._matched.samples.numpy()

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.family_file import FamilyFile
+from meshdeform.assets.wall import WallShape
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData
 from meshdeform.runs.family_picture import assets_png
 from meshdeform.runs.family_results import packed_arrays
+from meshdeform.runs.family_wall import wall, wall_shape
 from meshdeform.runs.report import versions
 
 __all__ = ["SynthesisResults"]
@@ -54,13 +56,50 @@ class SynthesisResults:
             made["points.npz"] = ArtifactData(packed_arrays(arrays), "application/x-npz")
             pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
             titles = [str(number) for number in range(len(pictures))]
+            shapes = [self._shape(number, asset) for number, asset in enumerate(pictures)]
         else:
             rows = [self.members[0], *(self.family.names.index(each["name"]) for each in found)]
             pictures = [self.load(row) for row in rows]
             titles = [self.family.names[row] for row in rows]
+            shapes = [self._member(row, asset, len(rows)) for row, asset in zip(rows, pictures, strict=True)]
+        made["wall.glb"] = wall(shapes, self.family.parts, self.family.labels)
         made["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
         made["report.json"] = ArtifactData(self._report(found), "application/json")
         return made
+
+    def _shape(self, number: int, asset: Asset) -> WallShape:
+        parts, frame = asset.parts(), self.about[number]["frame"]
+        found = np.zeros(len(asset.surface.triangles), np.uint8)
+        for node in parts.nodes:
+            found[parts.in_node(node["index"])] = self.family.parts.index(node["name"])
+        points, exists = self.drawn[number]
+        return wall_shape(
+            self._name(number),
+            asset.surface.positions,
+            asset.surface.triangles,
+            found,
+            points,
+            exists.astype(np.float32),
+            centre=np.array(frame["centre"]),
+            diagonal=frame["diagonal"],
+            turn=0.0,
+            count=len(self.shapes),
+        )
+
+    def _member(self, row: int, asset: Asset, count: int) -> WallShape:
+        family, surface = self.family, asset.surface
+        return wall_shape(
+            family.names[row],
+            surface.positions,
+            surface.triangles,
+            family.segments[row],
+            family.points[row],
+            family.exists[row].astype(np.float32),
+            centre=family.centres[row],
+            diagonal=float(family.diagonals[row]),
+            turn=float(family.turns[row]),
+            count=count,
+        )
 
     @staticmethod
     def _name(number: int) -> str:

@@ -99,6 +99,11 @@ class FamilySynthesisRun:
         """Number of steps done."""
         return self._step
 
+    @property
+    def shapes(self) -> tuple[bytes, ...]:
+        """The shapes that were made so far, each a GLB."""
+        return tuple(self._shapes)
+
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps: reading, then one for each shape."""
         while self._step < self.total_steps:
@@ -209,7 +214,8 @@ class FamilySynthesisRun:
         )
         self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
         self._drawn.append((points, exists))
-        self._about.append(self._described(made, drawn.points, drawn.exists))
+        frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
+        self._about.append({"frame": frame, **self._described(made, drawn.points, drawn.exists)})
 
     def _described(self, made: Assembly, points: Tensor, exists: Tensor) -> dict[str, Any]:
         family = self._family

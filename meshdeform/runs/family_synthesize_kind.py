@@ -117,6 +117,11 @@ FAMILY_SYNTHESIZE = Kind(
             "For each shape the member of each part, gaps, free energy, plausibility and the nearest members.",
         ),
         ArtifactKind("preview.png", "image/png", "All shapes; for `search`, the member and those nearest to it."),
+        ArtifactKind(
+            "wall.glb",
+            "model/gltf-binary",
+            "The same side by side with few triangles, coloured by part, with their corresponding points.",
+        ),
         *FORMATS_OF_RESULT,
         ArtifactKind("points.npz", "application/x-npz", "The points of the shapes, and which of them exist."),
     ),

@@ -9,22 +9,26 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import DependencyError, MeshdeformError, ModelError, ParameterError, UnavailableError
+from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import GuidanceKind, OrientationMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
 from meshdeform.requests.models import is_builtin, is_sent
+from meshdeform.runs.questions import Question, answer
 
 __all__ = ["check_searchable", "main", "orientation_of"]
 
-_MEMORY_BYTES = 16 * 2**30
-"""Address space; torch alone maps several gigabytes of it."""
-
-_INSTEAD = "Send the job; its report says which side became the front. Or run `meshdeform inspect ASSET --prompt TEXT`."
+_QUESTION = Question(
+    __name__,
+    cannot="The front cannot be found on this server.",
+    lacks="The front is found with the extra `deform`, which the API of this server lacks",
+    instead="Send the job; its report says which side became the front. Or run `meshdeform inspect ASSET --prompt "
+    "TEXT`.",
+)
 
 
 def check_searchable(params: ResolvedParams) -> None:
@@ -90,15 +94,7 @@ def orientation_of(
     }
     given = asset.absolute().parent / "orientation.json"
     given.write_text(json.dumps(task))
-    try:
-        child = run_child(__name__, [str(given)], timeout_s=timeout_s, temporary=given.parent)
-    except TimeoutError as error:
-        raise _too_much(f"It takes longer than {timeout_s:g} s.") from error
-    if child.verdict is None:
-        raise _too_much(f"The process ended with status {child.returncode}.")
-    if not child.verdict["ok"]:
-        raise _error(child.verdict["error"])
-    found: dict[str, Any] = child.verdict["orientation"]
+    found: dict[str, Any] = _QUESTION.ask([str(given)], given.parent, timeout_s)
     return found
 
 
@@ -107,16 +103,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("task", type=Path)
     task = json.loads(parser.parse_args(arguments).task.read_text())
-    bound_memory(_MEMORY_BYTES)
-    try:
-        verdict: dict[str, Any] = {"ok": True, "orientation": _find(task)}
-    except MeshdeformError as error:
-        verdict = {"ok": False, "error": error_to_json(error)}
-    except ModuleNotFoundError as error:
-        missing = DependencyError(f"{error.name} is not installed.")
-        verdict = {"ok": False, "error": error_to_json(missing)}
-    print(json.dumps(verdict))
-    return 0 if verdict["ok"] else 1
+    return answer(partial(_find, task))
 
 
 def _find(task: dict[str, Any]) -> dict[str, Any]:
@@ -140,23 +127,7 @@ def _find(task: dict[str, Any]) -> dict[str, Any]:
     return run.orientation.to_dict()
 
 
-def _error(found: dict[str, Any]) -> MeshdeformError:
-    if found["code"] == DependencyError.code:
-        return DependencyError(
-            f"The front is found with the extra `deform`, which the API of this server lacks: {found['detail']}",
-            advice=_INSTEAD,
-        )
-    for kind in (ParameterError, ModelError):
-        if found["code"] == kind.code:
-            return kind(found["detail"], advice=found["advice"], **found["extra"])
-    return error_from(found)
-
-
 def _refusal(name: str, detail: str, advice: str) -> ParameterError:
     return ParameterError(
         detail, advice=advice, errors=[{"loc": ["params", name], "msg": detail, "type": "value_error"}]
     )
-
-
-def _too_much(reason: str) -> UnavailableError:
-    return UnavailableError(f"The front cannot be found on this server. {reason}", advice=_INSTEAD)

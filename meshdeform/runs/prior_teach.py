@@ -16,7 +16,7 @@ from meshdeform.requests.teaching import TeachParams
 from meshdeform.runs import teaching
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.lesson_files import packed_meshes
-from meshdeform.runs.prior_teach_kind import MESHES_PART, noun_of_request, params_of
+from meshdeform.runs.prior_teach_kind import FAMILY_PART, MESHES_PART, noun_of_request, params_of
 from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, weights_on_disk
 from meshdeform.runs.teaching import TeachingRun, TeachRequest
 
@@ -54,7 +54,10 @@ def start(given: RunInput) -> PriorTeachRun:
                 config=TeachConfig(steps=params.steps, seed=params.seed),
             )
             meshes = packed_meshes(file.data, file.filename, new, limits)
-            lesson = teaching.start(request, meshes, state=given.checkpoint, device=given.device, limits=limits)
+            family = given.files[FAMILY_PART].data if FAMILY_PART in given.files else None
+            lesson = teaching.start(
+                request, meshes, family=family, state=given.checkpoint, device=given.device, limits=limits
+            )
         return PriorTeachRun(lesson, stack.pop_all())
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = ["MESHES_PART", "PRIOR_TEACH", "noun_of_request", "params_of"]
+__all__ = ["FAMILY_PART", "MESHES_PART", "PRIOR_TEACH", "noun_of_request", "params_of"]
 
-MESHES_PART = "meshes"
+MESHES_PART, FAMILY_PART = "meshes", "family"
 
 
 def params_of(request: JobRequest) -> TeachParams:
@@ -103,7 +103,7 @@ def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | 
 
 def _uses(request: JobRequest) -> Collection[str]:
     params: Any = request.params
-    return [MESHES_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
+    return [MESHES_PART, FAMILY_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
 
 
 def _load() -> StartRun:
@@ -135,6 +135,13 @@ PRIOR_TEACH = Kind(
             required=True,
             media_types=("application/zip", "model/gltf-binary", "model/obj", "model/ply", "model/stl"),
             content="lesson",
+        ),
+        FilePart(
+            FAMILY_PART,
+            "The `family.safetensors` of a `family_fit` job over the same meshes: members are then new shapes of it.",
+            required=False,
+            media_types=("application/octet-stream",),
+            content="family",
         ),
         WEIGHTS_FILE,
     ),

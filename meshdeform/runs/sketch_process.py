@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import argparse
 import base64
-import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
-from meshdeform.errors import DependencyError, MeshdeformError, ModelError, UnavailableError
 from meshdeform.requests.sketches import Sketch, sketch_family
+from meshdeform.runs.questions import Question, answer
 
 __all__ = ["guesses_of", "main", "shape_of"]
 
-_MEMORY_BYTES = 16 * 2**30
-"""Address space; torch alone maps several gigabytes of it."""
-
-_INSTEAD = "Send the drawing with its job, or run `meshdeform sketch DRAWING`."
+_QUESTION = Question(
+    __name__,
+    cannot="The drawing cannot be read on this server.",
+    lacks="Drawings are read with the extra `deform`, which the API of this server lacks",
+    instead="Send the drawing with its job, or run `meshdeform sketch DRAWING`.",
+)
 
 
 def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str, Any]:
@@ -73,15 +74,7 @@ def shape_of(sketch: Sketch, folder: Path, *, timeout_s: float) -> bytes:
 
 
 def _asked(arguments: list[str], folder: Path, timeout_s: float) -> dict[str, Any]:
-    try:
-        child = run_child(__name__, arguments, timeout_s=timeout_s, temporary=folder)
-    except TimeoutError as error:
-        raise _too_much(f"It takes longer than {timeout_s:g} s.") from error
-    if child.verdict is None:
-        raise _too_much(f"The process ended with status {child.returncode}.")
-    if not child.verdict["ok"]:
-        raise _error(child.verdict["error"])
-    found: dict[str, Any] = child.verdict["found"]
+    found: dict[str, Any] = _QUESTION.ask(arguments, folder, timeout_s)
     return found
 
 
@@ -92,17 +85,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("subject")
     parser.add_argument("family", nargs="?", default="")
     options = parser.parse_args(arguments)
-    bound_memory(_MEMORY_BYTES)
-    try:
-        found = _guessed(options.subject, options.family) if options.task == "guess" else _shaped(options.subject)
-        verdict: dict[str, Any] = {"ok": True, "found": found}
-    except MeshdeformError as error:
-        verdict = {"ok": False, "error": error_to_json(error)}
-    except ModuleNotFoundError as error:
-        missing = DependencyError(f"{error.name} is not installed.")
-        verdict = {"ok": False, "error": error_to_json(missing)}
-    print(json.dumps(verdict))
-    return 0 if verdict["ok"] else 1
+    if options.task == "guess":
+        return answer(partial(_guessed, options.subject, options.family))
+    return answer(partial(_shaped, options.subject))
 
 
 def _guessed(path: str, family: str) -> dict[str, Any]:
@@ -128,18 +113,3 @@ def _shaped(document: str) -> dict[str, Any]:
 
     sketch = Sketch.model_validate_json(document)
     return {"mesh": base64.b64encode(member_glb(sketch.family, sketch.values)).decode()}
-
-
-def _error(found: dict[str, Any]) -> MeshdeformError:
-    if found["code"] == DependencyError.code:
-        return DependencyError(
-            f"Drawings are read with the extra `deform`, which the API of this server lacks: {found['detail']}",
-            advice=_INSTEAD,
-        )
-    if found["code"] == ModelError.code:
-        return ModelError(found["detail"], advice=found["advice"], **found["extra"])
-    return error_from(found)
-
-
-def _too_much(reason: str) -> UnavailableError:
-    return UnavailableError(f"The drawing cannot be read on this server. {reason}", advice=_INSTEAD)

@@ -38,6 +38,7 @@ from meshdeform.priors.builtin.teaching.teacher import (
 )
 from meshdeform.priors.builtin.training.families.parts import Part
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, pack_weights, read_network
+from meshdeform.runs.family_members import made_members
 from meshdeform.runs.lesson_files import MeshFile, check_count
 from meshdeform.runs.report import versions
 
@@ -85,11 +86,15 @@ def start(
     request: TeachRequest,
     files: Sequence[MeshFile],
     *,
+    family: bytes | None = None,
     state: bytes | None = None,
     device: str = "cpu",
     limits: Limits | None = None,
 ) -> TeachingRun:
     """Read the meshes and draw the pictures; go on from a saved state of the same lesson.
+
+    With a `family` that was fitted to the meshes, its `family.safetensors`, members are new shapes of it instead of
+    jittered meshes.
 
     Raises
     ------
@@ -103,7 +108,7 @@ def start(
         A file cannot be read, or too little of its mesh can be seen; the message names the file.
     """
     check_count(len(files))
-    identity = _identity(request, files)
+    identity = _identity(request, files, family)
     saved = read_state(state, identity, device) if state is not None else None
     network, metadata = read_network(request.base)
     known = words_of(metadata, request.base)
@@ -116,11 +121,15 @@ def start(
             f"{name} seems to face another way than the other meshes: its front seems to be at azimuth {front}. "
             "Turn it, or the model learns both."
         )
-    pictures = draw_lesson(new, shapes, replay_of(read_replay(request.base), new), request.size, request.config.seed)
+    seed = request.config.seed
+    made = made_members(family, files, seed, limits) if family is not None else []
+    more = [_shape(file, request, limits, []) for file in made]
+    kept = replay_of(read_replay(request.base), new)
+    pictures = draw_lesson(new, shapes, kept, request.size, seed, made=more)
     # The last lesson about a noun counts.
     lessons = [lesson for lesson in lessons_of(metadata, request.base) if lesson.noun != new.noun]
     teacher = Teacher(
-        extended(network, known, new, request.config.seed),
+        extended(network, known, new, seed),
         pictures,
         request.config,
         device=device,
@@ -129,10 +138,12 @@ def start(
     )
     if saved is not None:
         teacher.restore(saved)
-    return TeachingRun(request, new, shapes, files, pictures, teacher, network, lessons, warnings, device)
+    return TeachingRun(
+        request, new, shapes, files, pictures, teacher, network, lessons, warnings, device, made=len(made)
+    )
 
 
-def _identity(request: TeachRequest, files: Sequence[MeshFile]) -> str:
+def _identity(request: TeachRequest, files: Sequence[MeshFile], family: bytes | None) -> str:
     """Return a hash of all that decides the result, for saved states."""
     document = {
         **asdict(request),
@@ -141,6 +152,7 @@ def _identity(request: TeachRequest, files: Sequence[MeshFile]) -> str:
             (file.name, hashlib.sha256(file.data).hexdigest(), list(map(str, file.attributes))) for file in files
         ],
         "torch": torch.__version__,
+        **({"family": hashlib.sha256(family).hexdigest()} if family is not None else {}),
     }
     return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
 
@@ -177,11 +189,13 @@ class TeachingRun:
         lessons: Sequence[Lesson],
         warnings: list[str],
         device: str,
+        *,
+        made: int = 0,
     ) -> None:
         self.noun, self.warnings = new.noun, warnings
         self._request, self._new, self._shapes, self._files = request, new, shapes, files
         self._pictures, self._teacher, self._before, self._lessons = pictures, teacher, before, lessons
-        self._device = device
+        self._device, self._made = device, made
 
     @property
     def first_shape(self) -> Part:
@@ -293,6 +307,7 @@ class TeachingRun:
                 }
                 for file, shape in zip(self._files, self._shapes, strict=True)
             ],
+            "made_members": self._made,
             "pictures": len(self._pictures.training),
             "steps": {"done": teacher.step, "best": teacher.best_step, "most": self.total_steps},
             "stopped_early": teacher.stopped_early,

@@ -16,7 +16,7 @@ from meshdeform.errors import DependencyError, ParameterError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.runs import orientation_process, text_deform
+from meshdeform.runs import orientation_process, questions, text_deform
 from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
@@ -37,8 +37,8 @@ def test_the_answer_is_what_the_report_would_say(
         assert orientation_process.main(arguments) == 0
         return ChildOutcome(0, json.loads(capsys.readouterr().out.splitlines()[-1]))
 
-    monkeypatch.setattr(orientation_process, "run_child", run_here)
-    monkeypatch.setattr(orientation_process, "bound_memory", lambda _bytes: None)
+    monkeypatch.setattr(questions, "run_child", run_here)
+    monkeypatch.setattr(questions, "bound_memory", lambda _bytes: None)
     found = orient(api)
     assert found.status_code == 200, found.text
     check_document(found.json(), "FoundOrientation", openapi)
@@ -81,7 +81,7 @@ def test_a_job_that_searches_no_front_is_told_so(api: Api, params: dict[str, Any
 
 
 def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(orientation_process, "run_child", lambda *_a, **_k: pytest.fail("searched"))
+    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: pytest.fail("searched"))
     answer = orient(api, b"no asset")
     assert answer.status_code in (415, 422)
     assert answer.json()["code"].startswith("asset_")
@@ -92,7 +92,7 @@ def test_a_server_without_torch_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
         "ok": False,
         "error": {"code": DependencyError.code, "detail": "torch is not installed.", "advice": "", "extra": {}},
     }
-    monkeypatch.setattr(orientation_process, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
+    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
     problem = check_problem(orient(api), 500, DependencyError.code)
     assert "torch is not installed" in problem["detail"]
     assert "meshdeform inspect" in problem["advice"]
@@ -102,7 +102,7 @@ def test_a_search_that_takes_too_long_is_given_up(api: Api, monkeypatch: pytest.
     def slow(*_arguments: Any, **_more: Any) -> ChildOutcome:
         raise TimeoutError
 
-    monkeypatch.setattr(orientation_process, "run_child", slow)
+    monkeypatch.setattr(questions, "run_child", slow)
     assert "longer than" in check_problem(orient(api), 503, "unavailable")["detail"]
 
 
@@ -111,9 +111,9 @@ def test_the_task_lies_beside_the_received_file(tmp_path: Path, monkeypatch: pyt
         task = json.loads(Path(arguments[0]).read_text())
         assert Path(arguments[0]).parent == tmp_path == more["temporary"]
         assert (task["suffix"], task["request"]["output"]) == (".obj", {"subdivide": True})
-        return ChildOutcome(0, {"ok": True, "orientation": {"turn_deg": 90.0}})
+        return ChildOutcome(0, {"ok": True, "found": {"turn_deg": 90.0}})
 
-    monkeypatch.setattr(orientation_process, "run_child", look)
+    monkeypatch.setattr(questions, "run_child", look)
     request = JobRequest.model_validate({"prompt": "a cow", "params": {"preset": "preview"}})
     params = resolve(request.params, default_model="builtin")
     given = {"subdivide": True, "limits": Limits(), "timeout_s": 1.0}

@@ -14,7 +14,7 @@ from meshdeform.assets.isolation import ChildOutcome, run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DependencyError, DrawingError, ParameterError
 from meshdeform.requests.sketches import Sketch
-from meshdeform.runs import sketch_process, start_run
+from meshdeform.runs import questions, sketch_process, start_run
 from meshdeform.settings import Settings
 from meshdeform.sketch.guesses import guess
 from meshdeform.sketch.members import member_glb
@@ -81,7 +81,7 @@ def test_a_server_without_torch_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
         "ok": False,
         "error": {"code": DependencyError.code, "detail": "torch is not installed.", "advice": "", "extra": {}},
     }
-    monkeypatch.setattr(sketch_process, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
+    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
     problem = check_problem(
         api.http.post("/v1/sketches:guess", content=VASE, headers=BINARY), 500, DependencyError.code
     )
@@ -90,7 +90,7 @@ def test_a_server_without_torch_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_child_makes_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sketch_process, "run_child", run_child)
+    monkeypatch.setattr(questions, "run_child", run_child)
     sketch = Sketch(family="table")
     assert sketch_process.shape_of(sketch, tmp_path, timeout_s=DEADLINE_S) == member_glb("table", {})
 

@@ -85,15 +85,15 @@ export class Client {
     return this.#transport.read(path, call, (response) => response.arrayBuffer());
   }
 
-  /** Post a job. It is made once, even if the request has to be repeated. */
-  async submit(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Job> {
+  /** Post a job. It is made once, even if the request has to be repeated. A job of a kind without an `asset` has null there and all in `options.files`. */
+  async submit(asset: Asset | null, request: JobRequest, options: SubmitOptions = {}): Promise<Job> {
     const body = await this.#body(asset, request, options);
     const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
     return this.#transport.json<Job>("v1/jobs", { method: "POST", ...body, headers, signal: options.signal });
   }
 
   /** Check a job without posting it: what the asset holds, all parameters, and an estimate of the time. */
-  async validate(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Validation> {
+  async validate(asset: Asset | null, request: JobRequest, options: SubmitOptions = {}): Promise<Validation> {
     const body = await this.#body(asset, request, options);
     return this.#transport.json<Validation>("v1/jobs:validate", { method: "POST", ...body, signal: options.signal });
   }
@@ -174,7 +174,7 @@ export class Client {
   }
 
   /** Post a job and wait until it has succeeded; then download what you need. */
-  async deform(asset: Asset, request: JobRequest, options: SubmitOptions & WaitOptions = {}): Promise<Job> {
+  async deform(asset: Asset | null, request: JobRequest, options: SubmitOptions & WaitOptions = {}): Promise<Job> {
     return this.wait(await this.submit(asset, request, options), options);
   }
 
@@ -262,8 +262,8 @@ export class Client {
   }
 
   /** Return the body of a job: a form with the files, or a document that names files of the service. */
-  async #body(asset: Asset, request: JobRequest, options: SubmitOptions): Promise<{ json: unknown } | { body: FormData }> {
-    const given = Object.entries({ asset, ...options.files });
+  async #body(asset: Asset | null, request: JobRequest, options: SubmitOptions): Promise<{ json: unknown } | { body: FormData }> {
+    const given = Object.entries({ ...(asset ? { asset } : {}), ...options.files });
     const sent: [string, Blob, string][] = [];
     const known: Record<string, FileReference> = {};
     for (const [part, file] of given) {

@@ -8,6 +8,7 @@ import { CompareView } from "./compare/view.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
 import { ExampleView, showExamples } from "./examples/view.js";
+import { FamilyView } from "./family/view.js";
 import { JobView } from "./job/view.js";
 import { ListView } from "./jobs/list.js";
 import { currentKey, forgetKey } from "./key.js";
@@ -23,7 +24,7 @@ const theme = themeSwitch();
 let scope = new Scope();
 let first = true;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", examples: "examples", example: "examples", teach: "teach" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach" });
 
 function show() {
   const route = parseRoute(location.hash);
@@ -43,6 +44,7 @@ function show() {
   }
   if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
   else if (route.name === "surface") new SurfaceView(root, scope, route.from);
+  else if (route.name === "family") new FamilyView(root, scope, route.from);
   else if (route.name === "examples") showExamples(root, scope);
   else if (route.name === "compare") new CompareView(root, scope, route.ids);
   else if (route.name === "example") new ExampleView(root, scope, route.id);
@@ -59,7 +61,7 @@ function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", examples: "Examples", example: "Example", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", family: "New family", examples: "Examples", example: "Example", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

@@ -209,7 +209,7 @@ export function wishOf(job, fields, defaults = {}) {
     usd: Boolean(job.output?.usd),
     subdivide: Boolean(job.output?.subdivide),
     advanced,
-    guide: { ...guideOf(params), target: Boolean(job.files?.target) },
+    guide: { ...guideOf(params), target: Boolean(job.files?.target || job.files?.sketch || params.sketch) },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),

@@ -4,6 +4,7 @@
  *
  * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
  *   | {name: "surface", from: string | null}
+ *   | {name: "family", from: string | null}
  *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job", id: string}
@@ -41,9 +42,9 @@ export function parseRoute(hash) {
     const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
     return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
   }
-  if (parts[0] === "surface" && parts.length === 1) {
+  if ((parts[0] === "surface" || parts[0] === "family") && parts.length === 1) {
     const from = params.get("from");
-    return { name: "surface", from: from !== null && JOB_ID.test(from) ? from : null };
+    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null };
   }
   if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
@@ -77,7 +78,8 @@ export function routeHash(route) {
     case "create":
       return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "surface":
-      return route.from ? `#/surface?from=${route.from}` : "#/surface";
+    case "family":
+      return `#/${route.name}${queryOf({ from: route.from })}`;
     case "teach":
       return "#/teach";
     case "jobs":

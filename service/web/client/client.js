@@ -43,7 +43,7 @@ export class Client {
     bytes(path, call = {}) {
         return this.#transport.read(path, call, (response) => response.arrayBuffer());
     }
-    /** Post a job. It is made once, even if the request has to be repeated. */
+    /** Post a job. It is made once, even if the request has to be repeated. A job of a kind without an `asset` has null there and all in `options.files`. */
     async submit(asset, request, options = {}) {
         const body = await this.#body(asset, request, options);
         const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
@@ -205,7 +205,7 @@ export class Client {
     }
     /** Return the body of a job: a form with the files, or a document that names files of the service. */
     async #body(asset, request, options) {
-        const given = Object.entries({ asset, ...options.files });
+        const given = Object.entries({ ...(asset ? { asset } : {}), ...options.files });
         const sent = [];
         const known = {};
         for (const [part, file] of given) {

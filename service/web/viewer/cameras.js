@@ -63,6 +63,8 @@ export class CameraRig {
   constructor(surface, changed) {
     this.camera = makeCamera();
     this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    /** From where a reset looks: a unit vector from the target. */
+    this.home = defaultDirection();
     /** Whether someone steered since the last reset. */
     this.touched = false;
     this.controls = new OrbitControls(this.camera, surface);
@@ -86,7 +88,7 @@ export class CameraRig {
   reset() {
     this.touched = false;
     this.#stop();
-    const target = frameBox(this.camera, this.box, defaultDirection());
+    const target = frameBox(this.camera, this.box, this.home);
     this.#settle(target);
   }
 

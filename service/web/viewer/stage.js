@@ -30,7 +30,15 @@ export class Stage {
     this.contact = new ContactShadow();
     this.contact.floor.visible = false;
     this.scene.add(this.key, this.key.target, this.ground, this.contact.floor);
+    this.floating = false;
     this.setTheme(false);
+  }
+
+  /** @param {boolean} floating whether there is no ground below, and nothing casts a shadow */
+  setFloating(floating) {
+    this.floating = floating;
+    this.key.castShadow = !floating;
+    this.ground.visible = this.contact.floor.visible = false;
   }
 
   /**
@@ -40,7 +48,7 @@ export class Stage {
   enclose(box) {
     const center = box.getCenter(new Vector3());
     const radius = Math.max(box.max.distanceTo(box.min) / 2, 1e-12);
-    this.ground.visible = this.contact.floor.visible = true;
+    this.ground.visible = this.contact.floor.visible = !this.floating;
     this.ground.position.set(center.x, box.min.y - 0.003 * radius, center.z);
     this.ground.scale.setScalar(radius * 8);
     this.key.target.position.copy(center);

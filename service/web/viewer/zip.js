@@ -39,6 +39,17 @@ function hasLinks(glb) {
   return images.some(outside) && !buffers.some(outside);
 }
 
+/**
+ * The files of a ZIP, each unpacked when it is asked for.
+ *
+ * @param {ArrayBuffer} buffer
+ * @returns {Map<string, () => Promise<ArrayBuffer>>} by name, in the ZIP's order
+ * @throws {Error} the message is for people
+ */
+export function filesOf(buffer) {
+  return new Map([...listed(buffer)].map(([name, entry]) => [name, () => content(buffer, entry)]));
+}
+
 /** @param {ArrayBuffer} buffer @returns {Map<string, Entry>} files by name */
 function listed(buffer) {
   const view = new DataView(buffer);

@@ -22,9 +22,11 @@ from tests.cases import each_case
         (["--kind", "family_synthesize"], "collection=FILE"),
         (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
         (["--kind", "unfold"], "surface_fit"),
+        (["--sketch", "ball.obj", "--target", "ball.obj"], "--target and --sketch exclude each other"),
+        (["--sketch", "nowhere.png"], "nowhere.png"),
     ],
 )
-def test_what_a_kind_does_not_take_is_refused_by_name(
+def test_what_does_not_go_together_is_refused_by_name(
     arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

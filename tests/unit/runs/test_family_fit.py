@@ -76,6 +76,7 @@ def test_a_collection_becomes_all_artifacts_and_a_resumed_run_equals_it_bit_for_
     artifacts = run.finish()
     _check_arrays(artifacts, glbs, chairs)
     _check_report(json.loads(artifacts["report.json"].data))
+    _check_wall(artifacts, glbs)
     assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size[0] >= 480
     assert load_asset(run.snapshot().data).surface.triangles.shape == (20 * 8, 3)
     machine = safetensors.numpy.load(artifacts["family.safetensors"].data)
@@ -124,6 +125,40 @@ def _vertex_parts(glb, asset, found, *, given):
     corners = values[asset.surface.triangles]
     # No vertex is shared by two given parts; found ones may share some.
     return start == len(asset.surface.positions) and (not given or bool((corners == found[:, None]).all()))
+
+
+def accessor(root, binary, number):
+    """The rows of an accessor of floats."""
+    found = root["accessors"][number]
+    start = root["bufferViews"][found["bufferView"]].get("byteOffset", 0)
+    width = {"SCALAR": 1, "VEC3": 3}[found["type"]]
+    return np.frombuffer(binary, "<f4", found["count"] * width, start).reshape(-1, width)
+
+
+def _check_wall(artifacts, glbs):
+    """Each shape hangs in its frame, in the colours of its parts, and its points are its correspondences."""
+    data = artifacts["wall.glb"].data
+    length = int.from_bytes(data[12:16], "little")
+    root, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    parts = np.load(io.BytesIO(artifacts["segmentation.npz"].data))
+    places = np.load(io.BytesIO(artifacts["correspondences.npz"].data))
+    about = root["asset"]["extras"]["meshdeform"]
+    assert about["points"] == places["part"].tolist()
+    assert [node["name"] for node in root["nodes"]] == list(glbs)
+    assert len({tuple(node["translation"]) for node in root["nodes"]}) == about["shapes"] == len(glbs)
+    for number, (mesh, glb) in enumerate(zip(root["meshes"], glbs.values(), strict=True)):
+        surface = load_asset(glb).surface
+        corners = surface.positions[surface.triangles].reshape(-1, 3)
+        low, size = corners.min(0), np.ptp(corners, axis=0)
+        diagonal = np.linalg.norm(size)
+        *surfaces, points = mesh["primitives"]
+        assert [each["material"] for each in surfaces] == np.unique(parts[f"{number:04d}"]).tolist()
+        shown = np.concatenate([accessor(root, binary, each["attributes"]["POSITION"]) for each in surfaces])
+        np.testing.assert_allclose(np.ptp(shown, axis=0), size / diagonal, atol=1e-3)
+        found = accessor(root, binary, points["attributes"]["POSITION"])
+        np.testing.assert_allclose(found, (places["positions"][number] - (low + size / 2)) / diagonal, atol=1e-5)
+        sure = accessor(root, binary, points["attributes"]["_CONFIDENCE"])[:, 0]
+        np.testing.assert_array_equal(sure > 0, places["exists"][number] & (places["confidence"][number] > 0))
 
 
 def _check_report(report):
@@ -215,6 +250,6 @@ def test_a_collection_is_posted_fitted_and_downloaded(glbs, tmp_path, redis_url)
         found = np.load(io.BytesIO(result.read("correspondences.npz")))
         assert found["positions"].shape == (10, 20, 3)
         assert {artifact.name for artifact in result.job.artifacts} == {
-            "report.json", "preview.png", "segmentation.npz", "correspondences.npz", "descriptors.npz",
+            "report.json", "preview.png", "wall.glb", "segmentation.npz", "correspondences.npz", "descriptors.npz",
             "family.safetensors",
         }  # fmt: skip

@@ -81,7 +81,13 @@ class LessonPictures:
 
 
 def draw_lesson(
-    new: NewNoun, shapes: Sequence[Shape], replayed: Mapping[str, PictureSet], size: LessonSize, seed: int
+    new: NewNoun,
+    shapes: Sequence[Shape],
+    replayed: Mapping[str, PictureSet],
+    size: LessonSize,
+    seed: int,
+    *,
+    made: Sequence[Shape] = (),
 ) -> LessonPictures:
     """Draw the pictures of a lesson; the same seed gives the same pictures.
 
@@ -94,12 +100,15 @@ def draw_lesson(
         Pictures of nouns that were taught before.
     size : LessonSize
     seed : int
+    made : sequence of Shape
+        New members that somebody made. With them, members are these and the shapes as they are, instead of jittered.
     """
     number = int(np.random.default_rng(seed).integers(len(shapes)))
     held = shapes[number] if len(shapes) >= _FEWEST_TO_HOLD_OUT else None
     seen = [shape for shape in shapes if shape is not held]
-    count = max(size.members, size.each * len(seen))
-    ours = [_of_shape(seen[k % len(seen)], new, (seed, _NEW, k), size.grids) for k in range(count)]
+    pool = [*seen, *made]
+    count = max(size.members, len(pool) if made else size.each * len(pool))
+    ours = [_of_shape(pool[k % len(pool)], new, (seed, _NEW, k), size.grids, jitter=not made) for k in range(count)]
     tests = [held] if held is not None else seen
     held_new = [_of_shape(tests[k % len(tests)], new, (seed, _HELD, k), _HELD_GRIDS) for k in range(_HELD_MEMBERS)]
     old = [noun for noun in new.words.nouns if noun in FAMILIES and noun != new.noun and noun not in replayed]
@@ -124,9 +133,9 @@ def draw_lesson(
     )
 
 
-def _of_shape(shape: Shape, new: NewNoun, seed: tuple[int, ...], grids: int) -> PictureSet:
+def _of_shape(shape: Shape, new: NewNoun, seed: tuple[int, ...], grids: int, *, jitter: bool = True) -> PictureSet:
     rng = np.random.default_rng(seed)
-    part, attributes = member(shape, rng)
+    part, attributes = member(shape, rng, jitter=jitter)
     return _drawn(part, prompt_of(new.noun, attributes), new.words, rng, grids)
 
 

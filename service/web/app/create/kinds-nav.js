@@ -3,13 +3,16 @@
 import { h } from "../dom.js";
 import { routeHash } from "../router.js";
 
-/** @type {["create" | "surface", string][]} */
+/** @typedef {"create" | "surface" | "family"} Kind */
+
+/** @type {[Kind, string][]} */
 const KINDS = [
   ["create", "Deform by words"],
   ["surface", "Fit a surface"],
+  ["family", "Find a family"],
 ];
 
-/** @param {"create" | "surface"} here */
+/** @param {Kind} here */
 export function kindsNav(here) {
   const links = KINDS.map(([name, label]) => h("a", { class: "chip", href: routeHash({ name, from: null }), "aria-current": name === here ? "page" : null }, label));
   return h("nav", { class: "chips kinds", "aria-label": "Kind of job" }, links);

@@ -31,7 +31,28 @@ export async function originOf(from, signal) {
   const files = parts.map(async ([part, { filename }]) => {
     return [part, new Asset(await client.file(from, part, signal), filename)];
   });
-  return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
+  const others = Object.fromEntries(await Promise.all(files));
+  return { job: await drawn(job, others, signal), asset, others };
+}
+
+/**
+ * Add the mesh of a job whose target was drawn.
+ *
+ * @param {any} job
+ * @param {Record<string, Asset>} others
+ * @param {AbortSignal} signal
+ * @returns {Promise<any>} the job, with the shape that was guessed if its request left that to the service
+ */
+async function drawn(job, others, signal) {
+  let { sketch } = job.params ?? {};
+  if (!sketch && !others.sketch) return job;
+  if (others.sketch) {
+    const { guesses: [first] } = await client.guessSketch(others.sketch.blob, { ...(sketch ? { family: sketch.family } : {}), signal });
+    const guessed = Object.fromEntries(first.parameters.map(({ name, value }) => [name, value]));
+    sketch = { family: first.family, values: { ...guessed, ...sketch?.values } };
+  }
+  others.target = new Asset(new Blob([await client.makeSketchMesh(sketch, signal)]), `${sketch.family}.glb`);
+  return { ...job, params: { ...job.params, sketch } };
 }
 
 /** @param {string} id @param {AbortSignal} signal @returns {Promise<Origin>} */

@@ -6,14 +6,14 @@ import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
 import { recentJobs } from "../jobs/recent.js";
-import { checkpointEvery, fieldProblem, numbersOf } from "../params.js";
+import { checkpointEvery } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords } from "./estimate.js";
-import { fieldRow, markField } from "./field-rows.js";
 import { kindsNav } from "./kinds-nav.js";
+import { NumberRows } from "./number-rows.js";
 import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
@@ -30,26 +30,21 @@ export class SurfaceView {
   constructor(root, scope, from) {
     this.scope = scope;
     this.busy = false;
-    /** @type {(import("../params.js").Field & {standard: number})[]} */
-    this.fields = [];
-    /** @type {Map<string, import("./field-rows.js").FieldRow>} */
-    this.rows = new Map();
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this.check());
-    this.first = h("div", { class: "advanced-grid" });
-    this.more = h("div", { class: "advanced-grid" });
+    this.numbers = new NumberRows(KIND, FIRST, () => this.check());
     this.files = new SurfaceFiles(() => this.check());
-    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.files.element, this.more);
+    this.numbers.more.before(this.files.element);
     this.problem = h("div", { class: "problem-slot" });
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Fit");
     this.form = h(
       "form",
       { class: "create-form", "aria-label": "New surface fit", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
-      this.first,
+      this.numbers.first,
       this.problem,
-      this.advanced,
+      this.numbers.advanced,
       h("div", { class: "start-bar" }, this.estimate, this.start),
     );
     fill(
@@ -71,21 +66,12 @@ export class SurfaceView {
   async _begin(from) {
     const asset = from ? this._again(from) : this._firstAsset();
     try {
-      const { kinds } = await client.json("v1/limits", { signal: this.scope.signal });
-      this.fields = numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === KIND)?.params);
+      await this.numbers.load(this.scope.signal);
     } catch (error) {
       if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
     }
     if (this.scope.over) return;
-    for (const field of this.fields) {
-      const row = fieldRow(field, ["", String(field.standard)], () => (this._mark(field), this.check()));
-      this.rows.set(field.name, row);
-      (FIRST.includes(field.name) ? this.first : this.more).append(row.row);
-    }
-    for (const [name, value] of Object.entries((await asset) ?? {})) {
-      const row = this.rows.get(name);
-      if (row && value !== this.fields.find((field) => field.name === name)?.standard) row.input.value = String(value);
-    }
+    this.numbers.fill((await asset) ?? {});
     this.check();
   }
 
@@ -107,7 +93,7 @@ export class SurfaceView {
       for (const part of ["base", "scalars"])
         if (job.files?.[part]) this.files.use(part, new Asset(await client.file(id, part, this.scope.signal), job.files[part].filename));
       if (job.params.anchors) this.files.restore(job.params.anchors);
-      if (job.params.anchors || job.files?.base || job.files?.scalars) this.advanced.open = true;
+      if (job.params.anchors || job.files?.base || job.files?.scalars) this.numbers.advanced.open = true;
       return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
@@ -115,27 +101,19 @@ export class SurfaceView {
     }
   }
 
-  /** @param {import("../params.js").Field} field @returns {boolean} whether what was typed can be sent */
-  _mark(field) {
-    const row = /** @type {import("./field-rows.js").FieldRow} */ (this.rows.get(field.name));
-    const text = fieldProblem(field, row.input.value);
-    markField(row, text);
-    return !text;
-  }
-
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   _settle() {
-    const good = this.fields.map((field) => this._mark(field)).every(Boolean);
+    const good = this.numbers.settle();
     const paired = this.files.settle();
-    if (this.advanced.querySelector('[aria-invalid="true"]')) this.advanced.open = true;
+    if (this.numbers.advanced.querySelector('[aria-invalid="true"]')) this.numbers.advanced.open = true;
     return good && paired;
   }
 
   _document() {
     /** @type {Record<string, any>} */
     const params = this.files.anchors.length ? { anchors: this.files.anchors } : {};
-    for (const [name, { input }] of this.rows) if (input.value.trim()) params[name] = Number(input.value);
-    const steps = params.steps ?? this.fields.find((field) => field.name === "steps")?.standard;
+    Object.assign(params, this.numbers.values());
+    const steps = params.steps ?? this.numbers.standard("steps");
     if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
     return { kind: KIND, params };
   }
@@ -171,12 +149,7 @@ export class SurfaceView {
     }
     if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    const placed = errors.map((/** @type {any} */ each) => {
-      const row = this.rows.get((each.loc ?? []).at(-1));
-      if (row) markField(row, String(each.msg));
-      return row !== undefined;
-    });
-    fill(this.problem, placed.length && placed.every(Boolean) ? null : problemBox(error));
+    fill(this.problem, this.numbers.blame(errors) ? null : problemBox(error));
   }
 
   /** @param {Event} event */
@@ -184,7 +157,7 @@ export class SurfaceView {
     event.preventDefault();
     const { asset } = this.assets;
     if (this.busy || !asset) return;
-    if (!this._settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
+    if (!this.numbers.settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
     this.start.textContent = "Starting…";

@@ -207,7 +207,7 @@ export class CreateView {
     const { asset } = this.assets;
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
-    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
+    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.kept });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();

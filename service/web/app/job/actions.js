@@ -66,7 +66,7 @@ export class JobActions {
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
-      over && (deforms || this.job.kind === "surface_fit") ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
+      over && formOf(this.job) ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
         icon: "share", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
@@ -86,7 +86,8 @@ export class JobActions {
   /** Open the form with this job's settings, not with those that were changed there before. */
   _edit() {
     forgetDraftOf(this.job.id);
-    location.hash = routeHash({ name: isDeformation(this.job) ? "create" : "surface", from: this.job.id });
+    const name = formOf(this.job);
+    if (name) location.hash = routeHash({ name, from: this.job.id });
   }
 
   async _cancel() {
@@ -189,4 +190,10 @@ export class JobActions {
       this.scope,
     );
   }
+}
+
+/** The form that makes such jobs, if it can begin with one. @param {any} job @returns {import("../create/kinds-nav.js").Kind | null} */
+function formOf(job) {
+  if (isDeformation(job)) return "create";
+  return /** @type {Record<string, "surface" | "family">} */ ({ surface_fit: "surface", family_fit: "family" })[job.kind] ?? null;
 }

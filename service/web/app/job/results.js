@@ -26,9 +26,18 @@ const FILES = /** @type {Record<string, string>} */ ({
   "descriptors.npz": "Descriptors of the assets",
   "family.safetensors": "Templates, and the model of their shapes",
   "labelled.zip": "The assets with their parts",
+  "wall.glb": "The shapes side by side, coloured by part",
+  "shapes.zip": "All shapes, each as a GLB",
+  "points.npz": "The points of the shapes",
   "weights.safetensors": "The model with its new word",
   "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
+});
+
+/** What files of the same name are for other kinds of job. */
+const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
+  family_fit: { "preview.png": "The assets, coloured by part" },
+  family_synthesize: { "preview.png": "The shapes", "result.glb": "The first shape" },
 });
 
 /** @param {any} report */
@@ -89,7 +98,7 @@ export function filesPanel(job, artifacts, scope) {
       "ul",
       { class: "files" },
       sorted.map((found) =>
-        row(found.name, artifactName(job, found.name), FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
+        row(found.name, artifactName(job, found.name), PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
       job.state === "succeeded" && isDeformation(job) && !shared ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, shared ? "The asset as it was sent" : "The asset as you sent it", job.asset.size, `v1/jobs/${job.id}/asset`, false),

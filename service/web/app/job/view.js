@@ -14,6 +14,7 @@ import { routeHash } from "../router.js";
 import { allPoints, reportPoints } from "../series.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
+import { FamilyStage } from "./family-stage.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
 import { isLesson, lessonPanel } from "./lesson.js";
@@ -21,6 +22,7 @@ import { ProgressPanel } from "./progress.js";
 import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
+import { SynthesisPanel } from "./synthesis-panel.js";
 
 const SAID = /** @type {Record<string, string>} */ ({
   queued: "The job is queued",
@@ -180,6 +182,7 @@ export class JobView {
       }
       this.stage?.front(this.report?.orientation);
       if (this.report && this.stage instanceof FieldStage) this.stage.compare(this.report);
+      if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
       if (this.stage?.flat && names.includes("preview.png")) {
@@ -191,6 +194,17 @@ export class JobView {
       if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
+  }
+
+  /** @param {FamilyStage} stage @param {string[]} names Of the artifacts. */
+  async _family(stage, names) {
+    // Who came by a link makes no jobs.
+    if (this.job.kind === "family_fit" && !currentLink() && this.results && names.includes("family.safetensors")) {
+      const panel = new SynthesisPanel(this.job, this.report, names, this.scope, (members) => stage.choose(members));
+      stage.onChoose = (name) => panel.take(name);
+      this.results.prepend(panel.element);
+    }
+    await stage.finished(this.report, names);
   }
 
   async _refresh() {
@@ -214,6 +228,7 @@ function linkProblem(error) {
 /** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
 function stageOf(job, scope) {
   if (isDeformation(job)) return new JobStage(job, scope);
+  if (job.kind.startsWith("family_")) return new FamilyStage(job, scope);
   return job.kind === "surface_fit" ? new FieldStage(job, scope) : new PictureStage(job, scope);
 }
 

@@ -32,13 +32,20 @@ export class MeshList {
     this._draw();
   }
 
-  /** What to send: the file itself, or a ZIP in which folders name the labels. */
-  async packed() {
+  /**
+   * What to send: the file itself, or a ZIP in which folders name the labels.
+   *
+   * @param {string} name Of the ZIP.
+   * @param {boolean} [alone] Whether a single mesh may be sent by itself.
+   * @returns {Promise<File>}
+   */
+  async packed(name, alone = true) {
     const { entries } = this;
-    if (entries.length === 1 && !entries[0].label) return { blob: entries[0].file, name: entries[0].file.name };
+    const first = entries[0].file;
+    if (entries.length === 1 && !entries[0].label && (alone || formatOf(first.name) === "zip")) return first;
     const names = namesOf(entries.map(({ file, label }) => ({ name: file.name, label })));
     const files = await Promise.all(entries.map(async ({ file }, at) => ({ name: names[at], bytes: new Uint8Array(await file.arrayBuffer()) })));
-    return { blob: packed(files), name: "meshes.zip" };
+    return new File([packed(files)], name, { type: "application/zip" });
   }
 
   _draw() {

@@ -1,16 +1,13 @@
 // @ts-check
 /** Teach the builtin model a word: its meshes, its names, and a job that learns them. */
 import { announce } from "../announce.js";
-import { formatOf } from "../assets.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
-import { button, fill, h, icon, uniqueId } from "../dom.js";
-import { bytes, counted } from "../format.js";
+import { fill, h, uniqueId } from "../dom.js";
+import { MeshZone } from "../mesh-zone.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { adjectives, catalogue } from "../vocabulary.js";
-import { MeshList } from "./mesh-list.js";
 
-const ENDINGS = ["glb", "obj", "ply", "stl", "zip"];
 const STEPS = 600;
 
 export class TeachView {
@@ -21,10 +18,10 @@ export class TeachView {
   constructor(root, scope) {
     this.scope = scope;
     this.busy = false;
-    this.meshes = new MeshList(() => this._count());
-    this.file = h("input", {
-      type: "file", multiple: true, class: "visually-hidden", id: "teach-files", tabindex: "-1", "aria-label": "Mesh files",
-      accept: [...ENDINGS.map((ending) => "." + ending), "model/gltf-binary", "application/zip"].join(","),
+    this.zone = new MeshZone(scope, {
+      id: "teach-files",
+      hint: "GLB, OBJ, PLY or STL, upright and facing +Z; or one ZIP of them, whose folders name what they are: tall, long-neck. Or drop them on this page.",
+      empty: "One is enough to begin with; several show what they have in common.",
     });
     this.noun = textField("Word", "a gnome", "What the meshes show: one to four words.");
     this.synonyms = textField("Other names", "dwarf, garden gnome", "Separated by commas; optional.");
@@ -34,18 +31,7 @@ export class TeachView {
     this.model = h("select", { id: "teach-model" });
     this.modelRow = h("div", { class: "field", hidden: true }, h("label", { class: "field-label", for: "teach-model" }, "Add the word to"), this.model);
     this.problem = h("div", { class: "problem-slot" });
-    this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
-    this.count = h("p", { class: "small muted", "aria-live": "polite" });
     this.start = h("button", { type: "submit", class: "button button-primary button-large" }, "Teach");
-    this.zone = h(
-      "section",
-      { class: "teach-meshes", "aria-label": "Meshes" },
-      h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop them here")),
-      h("div", { class: "row" }, button("Choose meshes", () => this.file.click(), { icon: "upload" }), this.file, this.count),
-      h("p", { class: "small muted" }, "GLB, OBJ, PLY or STL, upright and facing +Z; or one ZIP of them, whose folders name what they are: tall, long-neck. Or drop them on this page."),
-      this.refused,
-      this.meshes.element,
-    );
     const form = h(
       "form",
       { class: "create-form teach-form", "aria-label": "New word", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
@@ -70,32 +56,9 @@ export class TeachView {
         h("h1", null, "Teach it ", h("em", null, "a word")),
         h("p", { class: "lead" }, "Show the built-in model what a word means, with meshes of your own. Only you can use it afterwards."),
       ),
-      h("div", { class: "create" }, this.zone, form),
+      h("div", { class: "create" }, this.zone.element, form),
     );
-    this._wire();
-    this._count();
     this._learn();
-  }
-
-  _wire() {
-    const { scope, file, zone } = this;
-    scope.listen(file, "change", () => {
-      this._take([...(file.files ?? [])]);
-      file.value = "";
-    });
-    const carries = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
-    scope.listen(document, "dragover", (event) => {
-      if (!carries(event)) return;
-      event.preventDefault();
-      zone.classList.add("dropping");
-    });
-    scope.listen(document, "dragleave", (event) => event.relatedTarget ?? zone.classList.remove("dropping"));
-    scope.listen(document, "drop", (event) => {
-      zone.classList.remove("dropping");
-      if (!carries(event)) return;
-      event.preventDefault();
-      this._take([...(event.dataTransfer?.files ?? [])]);
-    });
   }
 
   /** Offer what a lesson can begin with: the built-in model, and words that were taught before. */
@@ -107,29 +70,7 @@ export class TeachView {
     fill(this.model, taught.map((model) => h("option", { value: model.id }, model.id === "builtin" ? "the built-in model" : model.title)));
     if (builtin) this.model.value = "builtin";
     this.modelRow.hidden = taught.length < 2;
-    if (builtin?.vocabulary) this.meshes.offer(adjectives(builtin.vocabulary));
-  }
-
-  /** @param {File[]} files */
-  _take(files) {
-    const wrong = files.find((file) => !ENDINGS.includes(formatOf(file.name)));
-    const zip = [...this.meshes.files, ...files].some((file) => formatOf(file.name) === "zip");
-    const refusal = wrong
-      ? `${wrong.name} isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP of them.`
-      : zip && this.meshes.files.length + files.length > 1
-        ? "Choose one ZIP, or any number of other files: not both."
-        : "";
-    this.refused.hidden = !refusal;
-    fill(this.refused, refusal);
-    if (refusal) return;
-    this.meshes.add(files);
-    announce(`${counted(files.length, "file")} added`);
-  }
-
-  _count() {
-    const { files } = this.meshes;
-    const size = files.reduce((sum, file) => sum + file.size, 0);
-    this.count.textContent = files.length ? `${counted(files.length, "file")}, ${bytes(size)}` : "One is enough to begin with; several show what they have in common.";
+    if (builtin?.vocabulary) this.zone.meshes.offer(adjectives(builtin.vocabulary));
   }
 
   /** @param {Event} event */
@@ -142,11 +83,7 @@ export class TeachView {
     const steps = this.steps.input.value.trim() || String(STEPS);
     if (!/^[0-9]{1,6}$/.test(steps) || Number(steps) < 1) return this.steps.refuse("A whole number from 1.");
     if (!noun) return this.noun.refuse("Type the word first.");
-    if (!this.meshes.files.length) {
-      this.refused.hidden = false;
-      fill(this.refused, "Choose at least one mesh.");
-      return this.file.focus();
-    }
+    if (!this.zone.files.length) return this.zone.refuse("Choose at least one mesh.");
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
     this.start.textContent = "Starting…";
@@ -159,7 +96,7 @@ export class TeachView {
         model: this.model.value || "builtin",
         steps: Number(steps),
       };
-      const job = await this._post({ kind: "prior_teach", params });
+      const job = await client.submit(null, { kind: "prior_teach", params }, { files: { meshes: await this.zone.meshes.packed("meshes.zip") } });
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
@@ -170,16 +107,6 @@ export class TeachView {
       this.start.removeAttribute("aria-disabled");
       this.start.textContent = "Teach";
     }
-  }
-
-  /** @param {Record<string, any>} request @returns {Promise<any>} the job */
-  async _post(request) {
-    const form = new FormData();
-    const { blob, name } = await this.meshes.packed();
-    form.append("request", JSON.stringify(request));
-    form.append("meshes", blob, name);
-    const key = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-    return client.json("v1/jobs", { method: "POST", body: form, headers: { "Idempotency-Key": key } });
   }
 
   /** @param {unknown} error */

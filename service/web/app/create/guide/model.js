@@ -6,19 +6,21 @@
  * @typedef {import("../../assets.js").Asset} Asset
  * @typedef {{source: number[] | number, target: number[] | number}} Landmark
  * @typedef {{azimuth: number, elevation: number, fov?: number}} Direction
+ * @typedef {{family: string, values: Record<string, number | string>}} Sketch
  * @typedef {object} Guide
  * @property {string} align Empty: as the service decides; otherwise JSON, such as a matrix, or a word.
  * @property {Landmark[]} landmarks
  * @property {Direction[]} pictures The directions, in the order of the files.
+ * @property {Sketch | null} sketch The shape that the target is, where it was drawn.
  */
 
 export const MOST_PICTURES = 4;
 /** The parameters that the panel edits. */
-export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance"];
+export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance", "sketch"];
 
 /** @returns {Guide} */
 export function noGuide() {
-  return { align: "", landmarks: [], pictures: [] };
+  return { align: "", landmarks: [], pictures: [], sketch: null };
 }
 
 /**
@@ -27,9 +29,12 @@ export function noGuide() {
  * @template T
  * @param {T | null} target
  * @param {T[]} pictures
+ * @param {Sketch | null} sketch Takes the place of the target's file: the service makes the same mesh.
+ * @param {T | null} drawing
  * @returns {Record<string, T>}
  */
-export function guideFiles(target, pictures) {
+export function guideFiles(target, pictures, sketch, drawing) {
+  if (target && sketch) return drawing ? { sketch: drawing } : {};
   if (target) return { target };
   return Object.fromEntries(pictures.map((file, i) => [`silhouette_${i + 1}`, file]));
 }
@@ -42,10 +47,11 @@ export function guideFiles(target, pictures) {
  * @param {string} prompt
  * @returns {Record<string, any>}
  */
-export function guideParams({ align, landmarks, pictures }, target, prompt) {
+export function guideParams({ align, landmarks, pictures, sketch }, target, prompt) {
   if (target) {
     return {
       guidance: "target",
+      ...(sketch ? { sketch } : {}),
       ...(align ? { align: align.startsWith("[") ? JSON.parse(align) : align } : {}),
       ...(landmarks.length ? { landmarks } : {}),
     };
@@ -54,9 +60,9 @@ export function guideParams({ align, landmarks, pictures }, target, prompt) {
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Guide} */
-export function guideOf({ align, landmarks, silhouettes }) {
+export function guideOf({ align, landmarks, silhouettes, sketch }) {
   const pictures = (silhouettes ?? []).map((/** @type {any} */ view) => ({ elevation: 0, ...view }));
-  return structuredClone({ align: !align ? "" : typeof align === "string" ? align : JSON.stringify(align), landmarks: landmarks ?? [], pictures });
+  return structuredClone({ align: !align ? "" : typeof align === "string" ? align : JSON.stringify(align), landmarks: landmarks ?? [], pictures, sketch: sketch ?? null });
 }
 
 /** An angle from -180 to 180 degrees. @param {number} degrees */

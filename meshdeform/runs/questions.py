@@ -1,0 +1,95 @@
+"""Ask a child process something that needs torch, for a process without it.
+
+The child has no secrets in its environment, and bounded memory and time. Importing this loads neither numpy nor torch.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
+from meshdeform.errors import DependencyError, MeshdeformError, ModelError, UnavailableError
+
+__all__ = ["Question", "answer"]
+
+_MEMORY_BYTES = 16 * 2**30
+"""Address space; torch alone maps several gigabytes of it."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a module's `main` answers in a child process by `answer`.
+
+    Attributes
+    ----------
+    module : str
+        Its full name.
+    cannot : str
+        What is so where it takes too much: "The front cannot be found on this server."
+    lacks : str
+        What is so where the child lacks a package: "The front is found with the extra `deform`, which ... lacks".
+    instead : str
+        Advice for both.
+    """
+
+    module: str
+    cannot: str
+    lacks: str
+    instead: str
+
+    def ask(self, arguments: list[str], folder: Path, timeout_s: float) -> Any:
+        """Return the answer.
+
+        Parameters
+        ----------
+        arguments : list of str
+            The child's command line; paths must be absolute.
+        folder : Path
+            For its temporary files.
+        timeout_s : float
+
+        Raises
+        ------
+        MeshdeformError
+            What the child says.
+        DependencyError
+            It lacks a package.
+        UnavailableError
+            It took too long or too much memory, or no process can be started.
+        """
+        try:
+            child = run_child(self.module, arguments, timeout_s=timeout_s, temporary=folder)
+        except TimeoutError as error:
+            raise self._too_much(f"It takes longer than {timeout_s:g} s.") from error
+        if child.verdict is None:
+            raise self._too_much(f"The process ended with status {child.returncode}.")
+        if not child.verdict["ok"]:
+            raise self._error(child.verdict["error"])
+        return child.verdict["found"]
+
+    def _error(self, found: dict[str, Any]) -> MeshdeformError:
+        if found["code"] == DependencyError.code:
+            return DependencyError(f"{self.lacks}: {found['detail']}", advice=self.instead)
+        if found["code"] == ModelError.code:
+            return ModelError(found["detail"], advice=found["advice"], **found["extra"])
+        return error_from(found)
+
+    def _too_much(self, reason: str) -> UnavailableError:
+        return UnavailableError(f"{self.cannot} {reason}", advice=self.instead)
+
+
+def answer(find: Callable[[], Any]) -> int:
+    """Print what `find` returns, or its error, as a JSON verdict; return the exit status. For the child's `main`."""
+    bound_memory(_MEMORY_BYTES)
+    try:
+        verdict: dict[str, Any] = {"ok": True, "found": find()}
+    except MeshdeformError as error:
+        verdict = {"ok": False, "error": error_to_json(error)}
+    except ModuleNotFoundError as error:
+        verdict = {"ok": False, "error": error_to_json(DependencyError(f"{error.name} is not installed."))}
+    print(json.dumps(verdict))
+    return 0 if verdict["ok"] else 1

@@ -1,0 +1,113 @@
+// @ts-check
+/** The form for a family: a collection of assets, of which a job finds the parts, the correspondences and a model. */
+import { announce } from "../announce.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
+import { kindsNav } from "../create/kinds-nav.js";
+import { NumberRows } from "../create/number-rows.js";
+import { fill, h } from "../dom.js";
+import { recentJobs } from "../jobs/recent.js";
+import { MeshZone } from "../mesh-zone.js";
+import { problemBox } from "../problem-box.js";
+import { routeHash } from "../router.js";
+
+export const KIND = "family_fit";
+/** What most collections need; the others stand under Advanced. */
+const FIRST = ["points", "parts"];
+
+export class FamilyView {
+  /**
+   * @param {HTMLElement} root
+   * @param {import("../scope.js").Scope} scope
+   * @param {string | null} from A job to begin with.
+   */
+  constructor(root, scope, from) {
+    this.scope = scope;
+    this.busy = false;
+    this.zone = new MeshZone(scope, {
+      id: "family-files",
+      hint: "10 to 3,000 GLB, OBJ, PLY or STL, each a whole asset, upright; or one ZIP of them. Or drop them on this page. A labels.json names the parts of some.",
+      empty: "Ten labelled assets are enough to name the parts of all.",
+      further: ["labels.json"],
+    });
+    this.numbers = new NumberRows(KIND, FIRST, () => {});
+    this.turn = h("input", { id: "family-turn", type: "checkbox", ".checked": true });
+    this.problem = h("div", { class: "problem-slot" });
+    this.start = h("button", { type: "submit", class: "button button-primary button-large" }, "Find the family");
+    this.form = h(
+      "form",
+      { class: "create-form", "aria-label": "New family", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+      this.numbers.first,
+      h("label", { class: "check", for: "family-turn" }, this.turn, "Turn assets until all face one way"),
+      this.problem,
+      this.numbers.advanced,
+      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A minute for some dozens of assets. The page may be closed meanwhile."), this.start),
+    );
+    fill(
+      root,
+      h(
+        "div",
+        { class: "intro" },
+        h("h1", null, "What they have ", h("em", null, "in common")),
+        h("p", { class: "lead" }, "Parts and matching places on all assets of a collection, and new assets made of their parts."),
+      ),
+      h("div", { class: "create" }, this.zone.element, this.form),
+      kindsNav("family"),
+      recentJobs(scope),
+    );
+    this._begin(from);
+  }
+
+  /** @param {string | null} from */
+  async _begin(from) {
+    try {
+      const [job] = await Promise.all([from ? this._again(from) : null, this.numbers.load(this.scope.signal)]);
+      if (this.scope.over || !job) return;
+      this.numbers.fill(job.params);
+      this.turn.checked = job.params.turn;
+    } catch (error) {
+      if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
+    }
+  }
+
+  /** @param {string} id @returns {Promise<any>} the job whose collection is used again; null where it is of another kind */
+  async _again(id) {
+    const job = await client.get(id, this.scope.signal);
+    if (job.kind !== KIND) return null;
+    this.zone.meshes.add([new File([await client.file(id, "collection", this.scope.signal)], job.files.collection.filename)]);
+    return job;
+  }
+
+  /** @param {Event} event */
+  async _submit(event) {
+    event.preventDefault();
+    if (this.busy) return;
+    fill(this.problem);
+    if (!this.zone.files.length) return this.zone.refuse("Choose the assets first.");
+    if (!this.numbers.settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
+    this.busy = true;
+    this.start.setAttribute("aria-disabled", "true");
+    this.start.textContent = "Starting…";
+    try {
+      // The assets with their parts are what new shapes are made of.
+      const params = { ...this.numbers.values(), turn: this.turn.checked, embed_labels: true };
+      const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.meshes.packed("collection.zip", false) } });
+      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      this._bad(error);
+      announce("The job did not start");
+    } finally {
+      this.busy = false;
+      this.start.removeAttribute("aria-disabled");
+      this.start.textContent = "Find the family";
+    }
+  }
+
+  /** @param {unknown} error */
+  _bad(error) {
+    const found = error instanceof MeshdeformError ? error : null;
+    if (found?.code.startsWith("asset_")) return this.zone.refuse([found.message, found.advice].filter(Boolean).join(" "));
+    const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
+    if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
+  }
+}

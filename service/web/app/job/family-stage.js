@@ -1,0 +1,126 @@
+// @ts-check
+/** The result of a job about a family: its wall; and where shapes were made, one of them as its file describes it. */
+import { toast } from "../announce.js";
+import { client, isAbort } from "../client.js";
+import { button, fill, h } from "../dom.js";
+import { percent } from "../format.js";
+import { stemOf } from "../names.js";
+import { filesOf } from "../../viewer/zip.js";
+import { ViewerBox } from "../viewer-box.js";
+import { saveBytes } from "./files.js";
+import { slider } from "./stage-controls.js";
+import { WallView } from "./wall-view.js";
+
+export class FamilyStage {
+  /**
+   * @param {any} job
+   * @param {import("../scope.js").Scope} scope
+   */
+  constructor(job, scope) {
+    this.job = job;
+    this.scope = scope;
+    this.flat = false; // nothing can be drawn here
+    this.chosenStep = null;
+    /** Called with the name of a shape that was clicked. @type {(name: string) => void} */
+    this.onChoose = () => {};
+    /** @type {Map<string, () => Promise<ArrayBuffer>>} */
+    this.files = new Map();
+    /** @type {string[] | null} */
+    this.framed = null;
+    this.makes = job.kind === "family_synthesize" && job.params.mode !== "search";
+    this.wall = new WallView(scope, (shape) => this._chosen(shape));
+    if (job.state === "succeeded") this.wall.box.say("Loading the wall…");
+    else this.wall.box.say("No wall yet", "It comes with the result.", "info");
+    this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
+    this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
+    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }));
+    this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
+    this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
+    this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
+  }
+
+  /** Shapes on the way are not shown. */
+  offer() {}
+
+  front() {}
+
+  /** @param {Blob} picture */
+  showPicture(picture) {
+    const image = h("img", { src: this.scope.url(picture), alt: "The result, as the job drew it" });
+    fill(this.frame, h("div", { class: "stage-picture" }, image));
+  }
+
+  /**
+   * Show what the job made.
+   *
+   * @param {any} report
+   * @param {string[]} names Of its artifacts.
+   */
+  async finished(report, names) {
+    this.report = report;
+    const read = (/** @type {string} */ name) => client.bytes(`v1/jobs/${this.job.id}/artifacts/${name}`, { signal: this.scope.signal });
+    await this.ready;
+    // Jobs of earlier versions made no wall.
+    if (this.flat || !names.includes("wall.glb")) {
+      this.flat = true;
+      return;
+    }
+    const [wall, shapes] = await Promise.all([read("wall.glb"), this.makes ? read("shapes.zip") : null]);
+    if (this.scope.over) return;
+    await this.wall.show(wall);
+    if (this.framed) this.choose(this.framed);
+    if (!shapes || !this.shape) return;
+    this.files = filesOf(shapes);
+    this.pick.input.max = String(this.files.size - 1);
+    this.pick.row.hidden = this.files.size < 2;
+    this.save.hidden = false;
+    await this._show(0);
+  }
+
+  /** Frame shapes on the wall. @param {string[]} names */
+  choose(names) {
+    this.framed = names;
+    this.wall.choose(names.map((name) => this.wall.names.indexOf(name)).filter((shape) => shape >= 0));
+  }
+
+  /** @param {number} shape */
+  _chosen(shape) {
+    if (this.makes) void this._show(shape);
+    else this.onChoose(this.wall.names[shape]);
+  }
+
+  /** @param {number} number */
+  async _show(number) {
+    const [name, read] = [...this.files][number];
+    this.name = name;
+    this.pick.input.value = String(number);
+    const label = this._label(number);
+    this.pick.value.textContent = `${number + 1} of ${this.files.size}`;
+    this.pick.input.setAttribute("aria-valuetext", label);
+    this.wall.choose([number]);
+    if (!this.shape) return;
+    fill(this.shape.tag, `${name} · ${label}`);
+    try {
+      const bytes = await read();
+      if (this.name === name) await this.shape.load(bytes.slice(0), "glb", true);
+    } catch (error) {
+      if (!isAbort(error)) this.shape.say("This shape can't be shown", error instanceof Error ? error.message : "", "warn", true);
+    }
+  }
+
+  /** What a shape is: how far it is from one member to the other, or how plausible. @param {number} number */
+  _label(number) {
+    const { mode, members } = this.job.params;
+    if (mode === "interpolate") return `${percent(number / (this.files.size - 1))} from ${members[0]} to ${members[1]}`;
+    return `more plausible than ${percent(this.report.shapes[number].plausibility)} of the members`;
+  }
+
+  async _download() {
+    try {
+      const read = this.files.get(this.name ?? "");
+      if (read) saveBytes(new Blob([await read()], { type: "model/gltf-binary" }), `${stemOf(this.job)}-${this.name}`);
+    } catch (error) {
+      toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
+    }
+  }
+}

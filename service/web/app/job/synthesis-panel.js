@@ -1,0 +1,145 @@
+// @ts-check
+/** New shapes of a family that was found: what kind, of which members, and the job that makes them. */
+import { client, isAbort, MeshdeformError } from "../client.js";
+import { NumberRows } from "../create/number-rows.js";
+import { fill, h, uniqueId } from "../dom.js";
+import { problemBox } from "../problem-box.js";
+import { routeHash } from "../router.js";
+import { segmented } from "./stage-controls.js";
+
+/** Mode, its name, and what choosing members is for. */
+const MODES = /** @type {[string, string, string[]][]} */ ([
+  ["sample", "New", []],
+  ["interpolate", "Between two", ["From", "To"]],
+  ["complete", "Keep parts", ["Of"]],
+  ["search", "Find alike", ["Like"]],
+]);
+const FAMILY = "family.safetensors";
+const LABELLED = "labelled.zip";
+
+export class SynthesisPanel {
+  /**
+   * @param {any} job
+   * @param {any} report
+   * @param {string[]} artifacts Their names.
+   * @param {import("../scope.js").Scope} scope
+   * @param {(names: string[]) => void} onMembers Called with the members that are chosen.
+   */
+  constructor(job, report, artifacts, scope, onMembers) {
+    this.job = job;
+    this.report = report;
+    this.artifacts = artifacts;
+    this.scope = scope;
+    this.onMembers = onMembers;
+    this.mode = "sample";
+    this.busy = false;
+    this.turn = 0; // which of two members a click chooses
+    this.numbers = new NumberRows("family_synthesize", ["count"], () => {});
+    this.members = [0, 1].map((number) => this._select(number));
+    this.keep = h("fieldset", { class: "synthesis-keep" }, h("legend", { class: "field-label" }, "Parts to keep"));
+    this.problem = h("div", { class: "problem-slot" });
+    this.start = h("button", { type: "submit", class: "button button-primary" }, "Make shapes");
+    this.form = h(
+      "form",
+      { class: "synthesis", "aria-label": "New shapes", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+      segmented("Kind of shapes", MODES.map(([mode, label]) => /** @type {[string, string]} */ ([mode, label])), this.mode, (mode) => this._choose(mode)),
+      this.members.map(({ row }) => row),
+      h("p", { class: "small muted" }, "Or click a shape on the wall."),
+      this.keep,
+      this.numbers.first,
+      this.numbers.advanced,
+      this.problem,
+      h("div", { class: "row" }, this.start),
+    );
+    this.hint = /** @type {HTMLElement} */ (this.form.querySelector("p"));
+    this.element = h("section", { class: "panel", "aria-labelledby": "synthesis-title" }, h("div", { class: "panel-head" }, h("h2", { id: "synthesis-title" }, "New shapes")), this.form);
+    this._choose(this.mode);
+    this.numbers.load(scope.signal).catch((error) => !isAbort(error) && fill(this.problem, problemBox(error)));
+  }
+
+  /** Take a member that was clicked. @param {string} name */
+  take(name) {
+    const wanted = this._wanted().length;
+    if (!wanted || !this.report.assets.some((/** @type {any} */ asset) => asset.name === name)) return;
+    this.members[this.turn % wanted].select.value = name;
+    this.turn += 1;
+    this._changed();
+  }
+
+  /** @param {number} number */
+  _select(number) {
+    const id = uniqueId("member");
+    const select = h("select", { id, on: { change: () => this._changed() } }, this.report.assets.map((/** @type {any} */ { name }) => h("option", { value: name }, name)));
+    select.selectedIndex = number;
+    const label = h("label", { class: "field-label", for: id });
+    return { select, label, row: h("div", { class: "field" }, label, select) };
+  }
+
+  _wanted() {
+    return MODES.find(([mode]) => mode === this.mode)?.[2] ?? [];
+  }
+
+  /** @param {string} mode */
+  _choose(mode) {
+    this.mode = mode;
+    this.turn = 0;
+    const wanted = this._wanted();
+    for (const [number, { row, label }] of this.members.entries()) {
+      row.hidden = number >= wanted.length;
+      fill(label, wanted[number] ?? "");
+    }
+    this.hint.hidden = !wanted.length;
+    this.keep.hidden = mode !== "complete";
+    this.start.textContent = mode === "search" ? "Find shapes" : "Make shapes";
+    this._changed();
+  }
+
+  _changed() {
+    const chosen = this._members();
+    this.onMembers(chosen);
+    if (this.mode !== "complete") return;
+    const kept = this._kept();
+    const { parts } = this.report.assets.find((/** @type {any} */ asset) => asset.name === chosen[0]);
+    const boxes = parts.map((/** @type {string} */ part) => h("label", { class: "check" }, h("input", { type: "checkbox", value: part, ".checked": kept.includes(part) }), part));
+    fill(this.keep, /** @type {HTMLElement} */ (this.keep.firstElementChild), boxes);
+  }
+
+  /** @returns {string[]} */
+  _members() {
+    return this._wanted().map((_, number) => this.members[number].select.value);
+  }
+
+  /** @returns {string[]} */
+  _kept() {
+    return [...this.keep.querySelectorAll("input")].filter(({ checked }) => checked).map(({ value }) => value);
+  }
+
+  /** @param {Event} event */
+  async _submit(event) {
+    event.preventDefault();
+    if (this.busy || !this.numbers.settle()) return;
+    fill(this.problem);
+    this.busy = true;
+    this.start.setAttribute("aria-disabled", "true");
+    try {
+      const keep = this.mode === "complete" ? { keep: this._kept() } : {};
+      const params = { ...this.numbers.values(), mode: this.mode, members: this._members(), ...keep };
+      const files = { family: { job_id: this.job.id, artifact: FAMILY }, collection: await this._collection() };
+      const job = await client.submit(null, { kind: "family_synthesize", params }, { files, signal: this.scope.signal });
+      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      const errors = error instanceof MeshdeformError && Array.isArray(error.problem?.errors) ? error.problem.errors : [];
+      if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
+    } finally {
+      this.busy = false;
+      this.start.removeAttribute("aria-disabled");
+    }
+  }
+
+  /** The assets with their parts, if the job wrote them; else the collection again. */
+  async _collection() {
+    if (this.artifacts.includes(LABELLED)) return { job_id: this.job.id, artifact: LABELLED };
+    return new File([await client.file(this.job.id, "collection", this.scope.signal)], "collection.zip");
+  }
+}
