@@ -157,7 +157,7 @@ export class SurfaceView {
     event.preventDefault();
     const { asset } = this.assets;
     if (this.busy || !asset) return;
-    if (!this.numbers.settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
+    if (!this._settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
     this.start.textContent = "Starting…";
