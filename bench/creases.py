@@ -19,9 +19,9 @@ from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 
 
 def main() -> None:

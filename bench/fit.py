@@ -33,8 +33,7 @@ from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 

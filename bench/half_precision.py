@@ -1,6 +1,6 @@
 """Measure the builtin prior's network in bfloat16: ``python -m bench.half_precision``.
 
-Prints CPU times of a pass for two texts as ratios to float32, the smallest of many taken in turns, and the root mean
+Prints the CPU time of a pass for two texts as a ratio to float32, the median of many taken in turns, and the root mean
 square difference of the predicted pictures, which lie in [-1, 1]. Useful on a processor with such instructions
 (`avx512_bf16` or `amx_bf16`); others compute in float32 and convert.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from statistics import median
 
 import torch
 from torch import Tensor
@@ -25,26 +26,26 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    prior = BuiltinPrior()
-    embedding, azimuth = prior.encode_texts("a mushroom", ""), torch.tensor([20.0, 20.0])
+    priors = {name: BuiltinPrior(dtype=name) for name in ("float32", "bfloat16")}
+    embedding, azimuth = priors["float32"].encode_texts("a mushroom", ""), torch.tensor([20.0, 20.0])
     noise = torch.randn(2, 3, 128, 128, generator=torch.Generator().manual_seed(0))
     noisy = noise.to(memory_format=torch.channels_last)
 
     @torch.no_grad()
-    def predicted(timestep: int, *, half: bool) -> Tensor:
-        with torch.autocast("cpu", torch.bfloat16, enabled=half):
-            return prior._network(noisy, torch.tensor([timestep] * 2), embedding, azimuth).float()
+    def predicted(timestep: int, name: str) -> Tensor:
+        clean: Tensor = priors[name]._network(noisy, torch.tensor([timestep] * 2), embedding, azimuth)
+        return clean
 
-    taken: dict[bool, list[float]] = {False: [], True: []}
+    taken: dict[str, list[float]] = {name: [] for name in priors}
     for _ in range(options.repeats + 2):
-        for half, times in taken.items():
+        for name, times in taken.items():
             begun = time.process_time()
-            predicted(500, half=half)
+            predicted(500, name)
             times.append(time.process_time() - begun)
-    print(f"bfloat16 instructions: {'yes' if torch.ops.mkldnn._is_mkldnn_bf16_supported() else 'no'}")
-    print(f"CPU time of a pass: {min(taken[True][2:]) / min(taken[False][2:]):.2f} of that in float32")
+    print(f"bfloat16 instructions: {'yes' if torch.cpu._is_avx512_bf16_supported() else 'no'}")
+    print(f"CPU time of a pass: {median(taken['bfloat16'][2:]) / median(taken['float32'][2:]):.2f} of that in float32")
     for timestep in TIMESTEPS:
-        difference = (predicted(timestep, half=True) - predicted(timestep, half=False)).square().mean().sqrt()
+        difference = (predicted(timestep, "bfloat16") - predicted(timestep, "float32")).square().mean().sqrt()
         print(f"timestep {timestep}: {float(difference):.4f} apart")
 
 

@@ -18,9 +18,9 @@ from meshdeform.evaluation.retrieval import load_judge
 from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 
 PAIRS = (
     ("a vase", "a tall vase", "a short vase"),

@@ -24,8 +24,7 @@ from bench.hero import painted_animal
 from meshdeform.assets import load_asset
 from meshdeform.priors import load_prior
 from meshdeform.rendering.studio import Pose, Studio
-from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.requests.resolve import resolve
+from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.runs import text_deform
 
 ROOT = Path(__file__).resolve().parent.parent

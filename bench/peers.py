@@ -38,15 +38,12 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import cotangent_laplacian
+from meshdeform.geometry.rest_mesh import cotangent_laplacian
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.normalization import Frame
-from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
-from meshdeform.rendering.rasterizer.spans import rasterize_spans
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 
@@ -81,10 +78,7 @@ def alternating(actions: dict[str, Callable[[], object]], repeats: int) -> dict[
 @contextmanager
 def plain_torch() -> Iterator[None]:
     """Draw with torch's own operations instead of compiled kernels, as on other devices."""
-    with (
-        mock.patch("meshdeform.rendering.rasterizer.compiled.rasterize_compiled", rasterize_spans),
-        mock.patch("meshdeform.rendering.shading.interpolate", interpolate_torch),
-    ):
+    with mock.patch("meshdeform.rendering.rasterizer.backend.is_compiled", return_value=False):
         yield
 
 

@@ -23,7 +23,7 @@ from scipy.sparse.linalg import splu
 from meshdeform.deformation.jacobians import identity_jacobians
 from meshdeform.deformation.ldl import factorise
 from meshdeform.deformation.poisson import PoissonSystem
-from meshdeform.geometry.operators import cotangent_laplacian
+from meshdeform.geometry.rest_mesh import cotangent_laplacian
 from meshdeform.geometry.shapes import icosphere
 
 

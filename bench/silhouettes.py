@@ -27,9 +27,8 @@ from meshdeform.geometry.weld import weld
 from meshdeform.guidance.beside import SilhouetteGuidance
 from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.coverage import CoverageRenderer
-from meshdeform.rendering.normalization import Frame
 from meshdeform.requests.document import DeformParams, resolve
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}

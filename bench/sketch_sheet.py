@@ -15,8 +15,7 @@ import torch
 from PIL import Image
 
 from meshdeform.assets import load_asset
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, member_glb

@@ -1,110 +1,180 @@
-"""Measure the cost of a step, part by part: ``python bench/step.py [--subdivisions N] [--threads N] [--repeats N]``.
+"""Measure what a step costs, part by part, in CPU time: ``python bench/step.py [--against CHECKOUT]``.
 
-With ``--set name=value`` (a JSON value; repeatable), also measures the ratio of a whole step with changed parameters to
-one without, alternating between them.
+Prints each part's share of the steps of a run with the builtin prior. The parts are timed where they are called, in the
+run itself: *drawing, backward* is what is left of the backward pass when the parts that are timed apart are taken off.
 
-Prints each part's share of a step of the builtin prior and its ratio to the network's forward pass, all measured in one
-run; milliseconds depend on the machine. The parts are timed one after the other on the same state and the whole step
-separately, so the remainder is visible.
+With ``--against CHECKOUT`` (another working copy of Meshdeform; also this one), prints the ratio of this code's CPU
+time of a step to that one's instead: two processes walk through the same steps in turns, so that what else the machine
+does meets both alike. ``--set NAME=VALUE`` (a JSON value; repeatable) changes parameters of this side only.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import pkgutil
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from pathlib import Path
+from statistics import median
+from typing import Any
+from unittest import mock
 
 import torch
 
-from meshdeform.deformation.jacobians import identity_jacobians
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import PoissonSystem
-from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
-from meshdeform.rendering.cameras import CameraRange, sample_orthogonal_cameras
-from meshdeform.rendering.shading import Renderer, combine_views
-from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.requests.document import DeformParams, resolve
+
+WARM = 10
+PARTS = {
+    "network": "meshdeform.priors.builtin.prior.BuiltinPrior.predict_noise",
+    "guidance": "meshdeform.guidance.sds.ScoreDistillation.loss",
+    "drawing, forward": "meshdeform.rendering.shading.Renderer.render",
+    "solve": "meshdeform.deformation.variables.JacobianField.solve",
+    "solve, backward": "meshdeform.deformation.poisson.PoissonSystem._backward",
+    "jacobian": "meshdeform.deformation.regularizers.Regularizers.jacobian",
+    "laplacian": "meshdeform.deformation.regularizers.Regularizers.laplacian",
+    "normal": "meshdeform.deformation.regularizers.Regularizers.normal",
+    "dirichlet": "meshdeform.deformation.regularizers.Regularizers.dirichlet",
+    "backward": "torch.Tensor.backward",
+    "step limit": "meshdeform.deformation.step_limit.StepLimit.enforce",
+    "guard": "meshdeform.deformation.surface_guard.SurfaceGuard.correct",
+    "optimiser": "meshdeform.deformation.optimizer.Adam.step",
+}
 
 
-def median_ms(function: Callable[[], object], repeats: int) -> float:
-    for _ in range(3):
-        function()
-    taken = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        taken.append(time.perf_counter() - start)
-    return sorted(taken)[repeats // 2] * 1e3
+class Clock:
+    """CPU seconds of nested parts, each without what it calls of the others."""
+
+    def __init__(self) -> None:
+        self.taken = dict.fromkeys([*PARTS, "the rest"], 0.0)
+        self._running = ["the rest"]
+        self._since = time.process_time()
+
+    def switch(self) -> None:
+        now = time.process_time()
+        self.taken[self._running[-1]] += now - self._since
+        self._since = now
+
+    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the function with its time added to a part."""
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            self.switch()
+            self._running.append(name)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.switch()
+                self._running.pop()
+
+        return call
+
+
+@contextmanager
+def measured() -> Iterator[Clock]:
+    """Time the parts of the steps within."""
+    clock = Clock()
+    with ExitStack() as stack:
+        for name, path in PARTS.items():
+            owner, _, method = path.rpartition(".")
+            holder = pkgutil.resolve_name(owner)
+            stack.enter_context(mock.patch.object(holder, method, clock.timed(name, getattr(holder, method))))
+        yield clock
+        clock.switch()
+
+
+def run_of(options: argparse.Namespace) -> Iterator[object]:
+    """Return the steps of a run."""
+    torch.set_num_threads(options.threads)
+    named = dict(text.split("=", 1) for text in options.set)
+    given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
+    params = resolve(DeformParams(steps=50_000, **given))
+    prior = load_prior("builtin", device="cpu", dtype=options.dtype)
+    guidance = ScoreDistillation(prior, options.prompt, guidance_scale=params.guidance_scale)
+    return iter(Deformation(icosphere(options.subdivisions, 0.6), guidance, params))
+
+
+def table(options: argparse.Namespace) -> None:
+    """Print the parts of a step."""
+    steps = run_of(options)
+    list(islice(steps, WARM))
+    with measured() as clock:
+        list(islice(steps, options.steps))
+    whole = sum(clock.taken.values())
+    print(f"{20 * 4**options.subdivisions} faces, {options.threads} threads, CPU time of {options.steps} steps")
+    print(f"{'part':<20}{'ms':>8}{'share':>8}{'/ network':>11}")
+    for name, value in clock.taken.items():
+        name = {"backward": "drawing, backward"}.get(name, name)
+        print(
+            f"{name:<20}{value / options.steps * 1e3:>8.2f}{value / whole:>8.1%}{value / clock.taken['network']:>11.2f}"
+        )
+    print(f"{'step':<20}{whole / options.steps * 1e3:>8.2f}{1:>8.1%}{whole / clock.taken['network']:>11.2f}")
+
+
+def serve(options: argparse.Namespace) -> None:
+    """Take as many steps as each line of the standard input asks for; answer with their CPU seconds."""
+    steps = run_of(options)
+    list(islice(steps, WARM))
+    for line in sys.stdin:
+        begun = time.process_time()
+        list(islice(steps, int(line)))
+        print(time.process_time() - begun, flush=True)
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Print the ratio of this code's time of a step to that of another checkout, in turns of five steps."""
+    sides = []
+    for root, changed in ((Path(options.against), []), (Path(__file__).parents[1], options.set)):
+        command = [sys.executable, __file__, "--serve", "--threads", str(options.threads), "--prompt", options.prompt]
+        command += [
+            "--dtype",
+            options.dtype,
+            "--subdivisions",
+            str(options.subdivisions),
+            *(f"--set={text}" for text in changed),
+        ]
+        environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
+        sides.append(
+            subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        )
+    taken: list[list[float]] = []
+    for _ in range(options.steps // 5):
+        turn = []
+        for side in sides:
+            assert side.stdin is not None
+            assert side.stdout is not None
+            print(5, file=side.stdin, flush=True)
+            turn.append(float(side.stdout.readline()))
+        taken.append(turn)
+    for side in sides:
+        side.communicate()
+    ratios = [new / old for old, new in taken]
+    old, new = (sum(column) for column in zip(*taken, strict=True))
+    print(f"CPU time of a step, this over {options.against}: {new / old:.3f} (median of turns {median(ratios):.3f})")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--subdivisions", type=int, default=4, help="icosphere of 20 * 4^n faces (4: 5,120)")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--repeats", type=int, default=31)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--steps", type=int, default=100)
+    parser.add_argument("--dtype", default="auto", help="precision of the prior: auto, float32 or bfloat16")
     parser.add_argument("--prompt", default="a mushroom")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="compare with this parameter")
-    arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
-    mesh = icosphere(arguments.subdivisions, 0.6)
-    prior = load_prior("builtin", device="cpu")
-    params = resolve(DeformParams(steps=50_000))
-    guidance = ScoreDistillation(prior, arguments.prompt, guidance_scale=params.guidance_scale)
-    generator = torch.Generator().manual_seed(0)
-    cameras = sample_orthogonal_cameras(CameraRange(), generator)
-    system, regularizers = PoissonSystem(mesh), Regularizers(mesh)
-    renderer = Renderer(mesh.faces, mesh.verts.shape[0], prior.style)
-    jacobians = identity_jacobians(mesh.faces.shape[0]).requires_grad_()
-
-    def solve() -> None:
-        system.solve(jacobians).sum().backward()
-
-    def render() -> None:
-        leaf = mesh.verts.clone().requires_grad_()
-        combine_views(renderer.render(leaf, cameras)).square().sum().backward()
-
-    def regularise() -> None:
-        leaf = mesh.verts.clone().requires_grad_()
-        (regularizers.jacobian(jacobians) + regularizers.laplacian(leaf) + regularizers.normal(leaf)).backward()
-
-    image = combine_views(renderer.render(mesh.verts, cameras)).detach()
-    embedding = prior.encode_texts(arguments.prompt, "")
-
-    def network() -> None:
-        prior.predict_noise(image, torch.tensor([500]), embedding, cameras)
-
-    deformation = iter(Deformation(mesh, guidance, params))
-    parts = {"solve": solve, "render": render, "regularise": regularise, "network": network}
-    times = {name: median_ms(function, arguments.repeats) for name, function in parts.items()}
-    whole = median_ms(lambda: next(deformation), arguments.repeats)
-    times["the rest"] = max(whole - sum(times.values()), 0.0)
-    print(f"{mesh.faces.shape[0]} faces, {arguments.threads} threads, median of {arguments.repeats}")
-    print(f"{'part':<12}{'ms':>8}{'share':>8}{'/ network':>11}")
-    for name, value in times.items():
-        print(f"{name:<12}{value:>8.1f}{value / whole:>8.0%}{value / times['network']:>11.2f}")
-    print(f"{'step':<12}{whole:>8.1f}{1:>8.0%}{whole / times['network']:>11.2f}")
-    if arguments.set:
-        named = dict(text.split("=", 1) for text in arguments.set)
-        other = resolve(DeformParams(steps=50_000, **{name: json.loads(value) for name, value in named.items()}))
-        print(f"a step with {' '.join(arguments.set)}: {ratio(mesh, guidance, params, other, arguments.repeats):.2f}")
-
-
-def ratio(
-    mesh: TriangleMesh, guidance: ScoreDistillation, plain: ResolvedParams, other: ResolvedParams, repeats: int
-) -> float:
-    """Return the ratio of step times with other parameters, alternating over the same first steps."""
-    runs = [iter(Deformation(mesh, guidance, params)) for params in (plain, other)]
-    taken = [0.0, 0.0]
-    for _ in range(3 * repeats):
-        for index, run in enumerate(runs):
-            start = time.perf_counter()
-            next(run)
-            taken[index] += time.perf_counter() - start
-    return taken[1] / taken[0]
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change this parameter")
+    parser.add_argument("--against", metavar="CHECKOUT", help="compare with this working copy")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    action = serve if options.serve else compare if options.against else table
+    action(options)
 
 
 if __name__ == "__main__":

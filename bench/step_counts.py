@@ -95,7 +95,7 @@ def count_step() -> dict[str, Counts]:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        prior, mesh = load_prior("builtin", device="cpu"), icosphere(4, 0.6)
+        prior, mesh = load_prior("builtin", device="cpu", dtype="float32"), icosphere(4, 0.6)
         params = resolve(DeformParams(steps=50_000, orientation="auto"))
         guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=params.guidance_scale)
         runs: list[Deformation] = []

@@ -33,10 +33,9 @@ from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
 from worker.__main__ import main as supervise
 from worker.context import WorkerContext
-from worker.engine import Engine
+from worker.health import new_worker_id
+from worker.process import Engine, InProcessWorker
 from worker.process import main as work
-from worker.pulse import new_worker_id
-from worker.rq_worker import InProcessWorker
 from worker.runner import JobRunner
 
 STAMP = "ended_at"
@@ -69,7 +68,7 @@ class StubKind(FakeKind):
 
 
 def engine(settings: Settings) -> Engine:  # noqa: ARG001 - the signature of `torch_engine`
-    """Take the place of `worker.engine.torch_engine`."""
+    """Take the place of `worker.process.torch_engine`."""
     return Engine(StubKind().start, lambda _: None, "cpu")  # type: ignore[arg-type, return-value]
 
 

@@ -17,6 +17,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -124,13 +125,18 @@ def _manifold(verts: _Floats, faces: _Index) -> CleanMesh:
 
 def fit(surface: Surface, base_faces: int, width: int, steps: int) -> bytes:
     """Return a `.ndf`."""
+    return fitted(surface, base_faces, width, steps)()
+
+
+def fitted(surface: Surface, base_faces: int, width: int, steps: int) -> Callable[..., bytes]:
+    """Return what writes a `.ndf`, with `scalars` or without."""
     frame = FieldFrame.around(surface.reference.verts)
     verts, faces = base_of(surface.reference, base_faces)
     base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
     found = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, width=width))
     for _ in found:
         pass
-    return write_field(base, found.field, centre=frame.centre, scale=frame.scale, provenance={})
+    return partial(write_field, base, found.field, centre=frame.centre, scale=frame.scale)
 
 
 def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[str, Any]]:

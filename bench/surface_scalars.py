@@ -6,7 +6,8 @@ python -m bench.surface_scalars FOLDER/bumpy_torus.glb spot.obj --table
 Each surface is fitted (base of about 500 faces, 400 steps) and unfolded at level 3. Ten eigenfunctions, the heat of a
 source, and six planted pieces of a fracture (cells of geodesic distance with a rough boundary) are learned at a random
 half of the vertices, with as many steps and weights each, and compared at the other half: relative root mean squared
-error of scalars, share of wrong places of pieces.
+error of scalars, share of wrong places of pieces. `--keep FOLDER` also writes NAME.npz, the values at all vertices, as
+`meshdeform surface-fit --scalars` takes them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from bench.surface_pareto import fit
+from bench.surface_pareto import fitted
 from bench.surface_rivals import read_source
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.fields.intrinsic import delaunay
@@ -33,7 +34,8 @@ from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
 from meshdeform.fields.network import octaves_of
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
-from meshdeform.fields.scalar_fields import ScalarField, learn_scalars
+from meshdeform.fields.scalar_fields import learn_scalars
+from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.fields.surface_sources import surface_of
 
 _Floats = NDArray[np.float64]
@@ -103,11 +105,12 @@ def points_mlp(points: _Floats, values: _Floats, octaves: int, weights: int, ste
         return lambda given: run(enter(given)).detach().double().numpy() * spread + middle
 
 
-def measure(path: Path, steps: int) -> list[dict[str, Any]]:
+def measure(path: Path, steps: int, keep: Path | None) -> list[dict[str, Any]]:
     """Return a row for each task."""
     source = read_source(path.read_bytes(), path.name)
     begin = time.process_time()
-    data = fit(surface_of(source), 500, WIDTH, 400)
+    write = fitted(surface_of(source), 500, WIDTH, 400)
+    data = write()
     field = read_field(data)
     fit_s = time.process_time() - begin
     level = level_of(field.faces, len(field.verts), LEVEL)
@@ -116,18 +119,22 @@ def measure(path: Path, steps: int) -> list[dict[str, Any]]:
     unfold_s = time.process_time() - begin
     known, other = np.array_split(np.random.default_rng(0).permutation(len(verts)), 2)
     rows = []
-    for task, values in targets(verts, faces).items():
+    tasks = targets(verts, faces)
+    if keep is not None:
+        kept = {**tasks, "pieces": tasks["pieces"].argmax(1)}
+        np.savez(keep / f"{path.stem}.npz", points=verts, **kept)
+    for task, values in tasks.items():
         classes = task == "pieces"
         ours = learn_scalars(
             field.verts, level.corners[known], level.weights[known], values[known],
-            classes=classes, width=WIDTH, depth=DEPTH, steps=steps,
+            labels=range(PIECES) if classes else (), width=WIDTH, depth=DEPTH, steps=steps,
         )  # fmt: skip
         size = sum(tensor.numel() for tensor in ours.tensors)
-        file = ours.data()
+        file = write(scalars=[ours])
         begin = time.process_time()
-        found = ScalarField.read(file, len(field.verts)).values(level.corners, level.weights)
+        found = read_scalars(read_field(file))[0].values(level.corners, level.weights)
         row = {
-            "surface": path.stem, "task": task, "places": len(verts), "weights": size, "bytes": len(file),
+            "surface": path.stem, "task": task, "places": len(verts), "weights": size, "bytes": 2 * size,
             "intrinsic": _error(found[other], values[other], classes=classes),
             "prepare_s": unfold_s + time.process_time() - begin, "fit_s": fit_s,
         }  # fmt: skip
@@ -149,11 +156,12 @@ def main() -> None:
     """Measure, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("surfaces", type=Path, nargs="+")
-    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--steps", type=int, default=600)
+    parser.add_argument("--keep", type=Path, metavar="FOLDER")
     parser.add_argument("--table", action="store_true")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    rows = [row for path in given.surfaces for row in measure(path, given.steps)]
+    rows = [row for path in given.surfaces for row in measure(path, given.steps, given.keep)]
     if given.table:
         print("| surface | task | bytes | intrinsic | MLP on points | with 6 octaves |\n|---|---|---|---|---|---|")
         for row in rows:

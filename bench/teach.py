@@ -31,7 +31,7 @@ from meshdeform.priors.builtin.words import ParsedPrompt
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.lesson_files import MeshFile
 from meshdeform.runs.teaching import TeachRequest, start
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 
 def tested(weights: bytes, noun: str, paths: list[Path]) -> str:

@@ -51,6 +51,7 @@ class FakePrior:
     """
 
     num_timesteps = 1000
+    dtype = torch.float32
 
     def __init__(self, optimum: TriangleMesh | Tensor | None = None, *, view_size: int = 24) -> None:
         if optimum is None:

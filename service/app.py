@@ -19,11 +19,10 @@ from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.reference import reference_page
 from service.downloads import artifact_routes, checkpoint_routes, source_routes
 from service.events import routes as event_routes
-from service.events.broker import on_termination
+from service.events.waiting import on_termination
 from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
-from service.http.middleware import RequestFrame
-from service.http.tracing import TracingMiddleware
+from service.http.middleware import RequestFrame, TracingMiddleware
 from service.jobs import creation_routes, link_routes
 from service.jobs import routes as job_routes
 from service.openapi import describe

@@ -19,8 +19,8 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.lookups import LookupPool
 from service.downloads.strengths import Strengths
-from service.events.broker import JobWaiters
-from service.http.slots import FairSlots
+from service.events.waiting import JobWaiters
+from service.http.limits import FairSlots
 from service.operations.taught_models import TaughtModels
 from service.schemas import PartHealth
 from service.workspace import Workspace

@@ -25,7 +25,7 @@ from meshdeform.record.models import Artifact, Job, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from service.http.rate import Rate
+from service.http.limits import Rate
 from tests.integration.conftest import serving
 from tests.servers import redis_server
 

@@ -20,7 +20,7 @@ from meshdeform.serving import processes
 from meshdeform.settings import Settings
 from tests.fake_kind import FakeKind, OutOfMemoryError
 from worker.__main__ import main as supervise
-from worker.engine import Engine
+from worker.process import Engine
 from worker.process import main as work
 
 TROUBLE_AT = 7
@@ -59,7 +59,7 @@ def _not_the_first() -> bool:
 
 
 def engine(settings: Settings) -> Engine:
-    """Take the place of `worker.engine.torch_engine`."""
+    """Take the place of `worker.process.torch_engine`."""
     kind = TroubledKind(float(os.environ.get("FAKE_STEP_S", "0.01")))
     return Engine(kind.start, lambda model: None, "cpu")  # type: ignore[arg-type, return-value]
 

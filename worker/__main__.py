@@ -6,7 +6,7 @@ import sys
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.settings import Settings
-from meshdeform.support.logs import configure_logging
+from meshdeform.support.telemetry import configure_logging
 from meshdeform.support.threads import limit_spinning
 from worker.supervisor import PROCESS_MODULE, Supervisor
 

@@ -15,8 +15,7 @@ from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
 from worker.context import WorkerContext
-from worker.outputs import CheckpointStore, store_results
-from worker.retry import Retry
+from worker.outputs import CheckpointStore, Retry, store_results
 from worker.watch import JobWatch
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from worker.pulse import Pulse
-from worker.retry import RETRY_FOR_S
+from worker.health import Pulse
+from worker.outputs import RETRY_FOR_S
 from worker.watch import CancelListener
 
 if TYPE_CHECKING:

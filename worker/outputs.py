@@ -1,4 +1,7 @@
-"""Store the checkpoints and results of an attempt. Each is uploaded and read back before the record refers to it."""
+"""Store the checkpoints and results of an attempt. Each is uploaded and read back before the record refers to it.
+
+While the store or the record does not answer, an operation is repeated, up to a time limit.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,8 @@ import datetime as dt
 import hashlib
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.record.models import Artifact, CheckpointRef, Job
@@ -14,11 +18,61 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import ArtifactData, JobRun
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
-from worker.retry import Retry
 
-__all__ = ["CheckpointStore", "store_results"]
+__all__ = ["RETRY_FOR_S", "CheckpointStore", "Retry", "store_results"]
 
+
+T = TypeVar("T")
 _log = logging.getLogger(__name__)
+
+RETRY_FOR_S = 600.0
+"""Maximum seconds of an outage before an attempt leaves its job to another one."""
+
+_FIRST_S, _LONGEST_S = 0.1, 2.0
+
+
+class Retry:
+    """Retries of operations that raise `UnavailableError`.
+
+    Parameters
+    ----------
+    between : callable
+        Called before each retry; raises an exception to end the retries, if the lease is lost or the job is canceled.
+    limit_s : float
+        Time limit of one operation in seconds.
+    """
+
+    def __init__(self, between: Callable[[], None], limit_s: float = RETRY_FOR_S) -> None:
+        self._between, self._limit_s = between, limit_s
+
+    def until_answered(self, what: str, action: Callable[[], T]) -> T:
+        """Call `action` until it does not raise `UnavailableError`, and return its result.
+
+        Parameters
+        ----------
+        what : str
+            Description of the action for the log.
+        action : callable
+            Must be safe to repeat.
+
+        Raises
+        ------
+        UnavailableError
+            The time limit is exceeded.
+        """
+        end, delay = time.monotonic() + self._limit_s, _FIRST_S
+        while True:
+            try:
+                return action()
+            except UnavailableError as error:
+                if time.monotonic() + delay > end:
+                    raise
+                _log.warning("%s: %s Retrying.", what, error.detail)
+            time.sleep(delay)
+            self._between()
+            delay = min(2 * delay, _LONGEST_S)
+
+
 _CONTENT_TYPE = "application/octet-stream"
 _PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
 """After a failure: the minimum pause, and its length per second that the failure took, so that steps get most time."""

@@ -1,33 +1,261 @@
-"""The worker process: ``python -m worker.process``, started by the supervisor. It loads torch and the prior."""
+"""The worker process: ``python -m worker.process``, started by the supervisor. It loads torch and the prior.
+
+RQ's worker loop is used as a notification: a message announces that some job is queued, and the record decides which. A
+message is deleted as soon as it is read, before the job starts, so that RQ has nothing to time, retry or clean up, and
+keeps no result. If the worker dies, the reconciler sends another message. Only public methods of RQ's worker are used
+and overridden.
+
+Whoever can write to Redis must not be able to run code here or to stop workers: functions and callbacks named in Redis
+are never imported, and RQ's commands are ignored.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
 
 from redis import Redis
 from redis.exceptions import RedisError
+from rq import Queue
+from rq.job import Job
+from rq.serializers import JSONSerializer
+from rq.worker import WorkerStatus
+from rq.worker.base import BaseWorker, StopRequested
+from rq.worker_registration import clean_worker_registry
 
 from meshdeform.errors import MeshdeformError
+from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.queue import JobQueue
+from meshdeform.record.queue import MESSAGE, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
+from meshdeform.requests.models import is_taught
+from meshdeform.runs import kinds, start_run
+from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from meshdeform.support.logs import configure_logging
-from meshdeform.support.telemetry import start_tracing, stop_tracing
+from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
 from worker.context import WorkerContext
-from worker.engine import Engine, torch_engine
-from worker.pulse import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
-from worker.rq_worker import InProcessWorker
+from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
 from worker.runner import JobRunner
 
-__all__ = ["main"]
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+
+__all__ = ["Engine", "InProcessWorker", "PriorCache", "main", "torch_engine"]
+
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Engine:
+    """The functions and the device that run jobs, created once per process.
+
+    Attributes
+    ----------
+    start : StartRun
+    load_prior : callable
+        Returns the prior of a model and keeps it between jobs.
+    device : str
+    """
+
+    start: StartRun
+    load_prior: Callable[[str], Prior]
+    device: str
+
+
+def torch_engine(settings: Settings) -> Engine:
+    """Load torch and the kinds of job, and return the engine.
+
+    Raises
+    ------
+    DependencyError
+        The device named in the settings does not exist.
+    """
+    from meshdeform.runs.devices import resolve_device, use_threads
+
+    use_threads(settings.threads)
+    device = resolve_device(settings.device)
+    priors = PriorCache()
+
+    def load_prior(model: str) -> Prior:
+        revision = settings.model_revision if model == settings.model else ""
+        return priors.get(model, device=device, revision=revision, dtype=settings.dtype)
+
+    for kind in kinds():
+        kind.load()  # now, so that the first job does not wait for it
+    return Engine(start_run, load_prior, device)
+
+
+class PriorCache:
+    """A cache of one prior, the last one used, so that only one is in memory."""
+
+    def __init__(self) -> None:
+        self._key: tuple[str, str, str, str] | None = None
+        self._prior: Prior | None = None
+
+    def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
+        """Return the prior `model`, loading it unless it is cached.
+
+        Raises
+        ------
+        ModelError, DependencyError
+            It cannot be loaded.
+        """
+        edition = _edition(model)
+        key = (edition or model, device, revision, dtype)
+        if self._prior is None or self._key != key:
+            self._prior = None  # before the next one is loaded: two may not fit
+            from meshdeform.priors import load_prior
+
+            _log.info("loading the prior %s on %s", model, device)
+            self._prior = load_prior(model, device=device, revision=revision, dtype=dtype)
+            self._key = key
+        return self._prior
+
+
+def _edition(model: str) -> str:
+    """Return the hash of taught weights, which may be replaced, or be elsewhere for each job; else an empty text."""
+    if not is_taught(model):
+        return ""
+    path = Path(model).expanduser()
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            return ""
+        with path.open("rb") as file:
+            return f"{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}"
+    except OSError:
+        return ""
+
+
+_WAIT_S = 10
+"""Seconds to wait for a message before checking for a stop and renewing the worker's sign of life."""
+_SILENT_REDIS_S = 415
+"""Seconds without an answer on an open Redis connection before the process exits and is replaced. RQ's own value."""
+_LONGEST_JOB_S = 86_400
+"""Seconds that `rq info` lists a worker during one job: RQ's heartbeat is only renewed after the job."""
+
+
+class InProcessWorker(BaseWorker):  # type: ignore[misc]
+    """A worker for one queue that runs one job at a time in this process, which keeps the model in memory.
+
+    Parameters
+    ----------
+    queue : str
+        Name of the RQ queue.
+    connection : Redis
+    run : callable
+        Runs the next job of the record; receives the id of the job for which the message was sent.
+    on_idle : callable
+        Called before each wait for a message, every ten seconds while there is none.
+    on_stop : callable
+        Called once, from the signal handler of SIGINT and SIGTERM. It must not block or take a lock: signals come in
+        bursts, and one handler interrupts another. (When a supervisor dies, the kernel sends one signal for each of
+        its threads that ends after the main thread.)
+    """
+
+    max_connection_wait_time = 5.0
+    dequeue_timeout = _WAIT_S
+    connection_timeout = _SILENT_REDIS_S
+
+    def __init__(
+        self,
+        queue: str,
+        connection: Redis,
+        run: Callable[[str], None],
+        *,
+        on_idle: Callable[[], None],
+        on_stop: Callable[[], None],
+    ) -> None:
+        self._run, self._on_idle, self._on_stop = run, on_idle, on_stop
+        self._ending = self._last = False
+        self._idle_at = 0.0
+        super().__init__(
+            [Queue(queue, connection=connection, serializer=JSONSerializer)],
+            connection=connection,
+            serializer=JSONSerializer,
+        )
+
+    def execute_job(self, job: Job, queue: Queue) -> None:
+        """Delete the message; if it is ours, run the next job of the record."""
+        self.set_state(WorkerStatus.BUSY)
+        self.heartbeat(_LONGEST_JOB_S)
+        ours = _is_ours(job)
+        job.delete()
+        self.connection.lrem(queue.intermediate_queue_key, 1, job.id)
+        if ours:
+            self._run_next(job.id)
+        else:
+            _log.warning("message %s was not sent by Meshdeform; it is dropped", job.id)
+        if self._ending or self._last:
+            raise StopRequested
+
+    def _run_next(self, message: str) -> None:
+        try:
+            self._run(job_of(message))
+        except Exception:
+            _log.exception("message %s", message)
+
+    def run_maintenance_tasks(self) -> None:
+        """Remove dead workers from RQ's list. Unlike RQ's method, do not clean registries, which calls callbacks."""
+        for queue in self.queues:
+            clean_worker_registry(queue)
+        self.last_cleaned_at = datetime.now(UTC)
+
+    def subscribe(self) -> None:
+        """Do not listen for RQ's commands: whoever reaches Redis could stop workers with them.
+
+        Signals stop a worker, and the record cancels a job.
+        """
+
+    def check_for_suspension(self, burst: bool) -> None:
+        """Ignore `rq suspend`, which would keep every worker waiting for as long as one key is in Redis."""
+
+    def request_stop(self, signum: int, frame: FrameType | None) -> None:  # noqa: ARG002 - RQ's signature
+        """Stop after the job, which is stopped after its current step; without a job, stop at once.
+
+        Unlike RQ's method, this does not use the Redis connection, which the interrupted code may be using.
+        """
+        if self._ending:
+            return
+        self._ending = True
+        self._on_stop()
+        if self.get_state() != WorkerStatus.BUSY:
+            raise StopRequested
+
+    def heartbeat(self, *args: Any, **kwargs: Any) -> None:
+        """Renew this worker's entry in RQ, and stop if requested. RQ calls this before each wait.
+
+        A library that catches every exception may have swallowed the one raised by `request_stop`.
+        """
+        if self.get_state() == WorkerStatus.IDLE:
+            if self._ending:
+                raise StopRequested
+            if time.monotonic() >= self._idle_at:
+                self._idle_at = time.monotonic() + _WAIT_S / 2
+                self._on_idle()
+        super().heartbeat(*args, **kwargs)
+
+    def end_after_job(self) -> None:
+        """Stop after the current job."""
+        self._last = True
+
+
+def _is_ours(job: Job) -> bool:
+    try:
+        return bool(job.func_name == MESSAGE)
+    except Exception:  # whatever the serializer raises for bytes that it cannot read
+        return False
 
 
 def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:

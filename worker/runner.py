@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError, UnavailableError
 from meshdeform.record.models import Job, JobState
 from meshdeform.support.failpoints import failpoint
-from meshdeform.support.logs import bound
-from meshdeform.support.telemetry import span
+from meshdeform.support.telemetry import bound, span
 from worker.attempt import Attempt, Ended, Outcome
 from worker.context import WorkerContext
-from worker.retry import Retry
+from worker.outputs import Retry
 from worker.watch import JobWatch
 
 __all__ = ["JobRunner"]

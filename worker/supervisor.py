@@ -17,8 +17,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
-from worker.health import sign_of_life
-from worker.pulse import OUT_OF_MEMORY, PULSE, STOP_GRACE_S, WORKER_ID, PulseMonitor, new_worker_id
+from worker.health import OUT_OF_MEMORY, PULSE, STOP_GRACE_S, WORKER_ID, PulseMonitor, new_worker_id, sign_of_life
 
 __all__ = ["PROCESS_MODULE", "Supervisor"]
 

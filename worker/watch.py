@@ -20,7 +20,7 @@ from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
 from meshdeform.record.leases import Leases, WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress
 from meshdeform.runs.base import StepReport
-from meshdeform.support.logs import carried
+from meshdeform.support.telemetry import carried
 
 __all__ = ["CancelListener", "JobWatch", "StepTimer"]
 

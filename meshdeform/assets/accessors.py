@@ -15,10 +15,60 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES
 from meshdeform.assets.storage import BYTE, FLOAT, SHORT, TYPE_COMPONENTS, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
-from meshdeform.assets.topology import triangle_list
 from meshdeform.errors import AssetError
 
-__all__ = ["DTYPES", "read_accessor", "read_floats", "read_indices", "read_triangles", "refresh_bounds"]
+__all__ = [
+    "DTYPES",
+    "read_accessor",
+    "read_floats",
+    "read_indices",
+    "read_triangles",
+    "refresh_bounds",
+    "triangle_list",
+]
+
+
+def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = None) -> NDArray[np.int64]:
+    """Return the triangles that a primitive's corners form.
+
+    Parameters
+    ----------
+    corners : (C,) int64
+        Vertex indices in drawing order.
+    mode : int
+        4 triangles, 5 strip, 6 fan.
+    restart : int, optional
+        The index that starts a new strip or fan (glTF forbids it, but some exporters write it).
+
+    Returns
+    -------
+    (T, 3) int64. Triangles with a repeated corner are removed from strips and fans, where they only join parts, but
+    not from lists. Corners past the last whole triangle are ignored.
+    """
+    if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
+        return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
+    cuts = np.flatnonzero(corners == restart) if restart is not None else np.empty(0, np.int64)
+    make = _strip if mode == TRIANGLE_STRIP else _fan
+    parts = [make(part[part != restart]) for part in np.split(corners, cuts)]
+    triangles = np.concatenate(parts)
+    a, b, c = triangles.T
+    return np.asarray(triangles[(a != b) & (b != c) & (c != a)])
+
+
+def _strip(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    if len(corners) < 3:
+        return np.empty((0, 3), np.int64)
+    triangles = np.lib.stride_tricks.sliding_window_view(corners, 3).copy()
+    triangles[1::2] = triangles[1::2][:, [0, 2, 1]]  # every second triangle has the opposite winding
+    return triangles
+
+
+def _fan(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    if len(corners) < 3:
+        return np.empty((0, 3), np.int64)
+    hub = np.full(len(corners) - 2, corners[0])
+    return np.stack([corners[1:-1], corners[2:], hub], axis=1)
+
 
 DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 

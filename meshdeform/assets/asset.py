@@ -12,27 +12,29 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.archive import Archive, open_archive
-from meshdeform.assets.backdrop import find_backdrop
 from meshdeform.assets.bundle import pack_gltf
+from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document
-from meshdeform.assets.draco import decode_draco
-from meshdeform.assets.embed import embed_data_uris
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.meshopt.views import decode_meshopt
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
-from meshdeform.assets.parts import Parts, read_parts
+from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axis_warnings
+from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
 from meshdeform.assets.references import Usage
 from meshdeform.assets.repair import rebuild_directions
-from meshdeform.assets.rig_contents import Rig, read_rig, rig_accessors
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
-from meshdeform.assets.writer import Deformation, Finish, write_shape, write_targets, write_vertex_values
+from meshdeform.assets.writer import (
+    Deformation,
+    Finish,
+    embed_data_uris,
+    write_shape,
+    write_targets,
+    write_vertex_values,
+)
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
-from meshdeform.geometry.coarseness import coarseness_warnings
-from meshdeform.geometry.up_axis import up_axis_warnings
 
 if TYPE_CHECKING:
     from meshdeform.assets.appearance import Appearance

@@ -14,12 +14,11 @@ from urllib.parse import unquote
 from meshdeform.assets.archive import Archive
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.document import Document
-from meshdeform.assets.embed import embed_data_uris
-from meshdeform.assets.fields import extension, index, integer, objects, text
-from meshdeform.assets.json_text import Json
+from meshdeform.assets.json_text import Json, extension, index, integer, objects, text
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS
+from meshdeform.assets.writer import embed_data_uris
 from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTruncatedError
 
 __all__ = ["pack_gltf", "read_with_files"]

@@ -19,7 +19,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset
+from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset, surface_format
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.picture_summary import PictureSummary
@@ -53,9 +53,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch", "scalars"]
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, or a line drawing."""
+in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -218,6 +218,7 @@ def main(arguments: list[str] | None = None) -> int:
         "lesson": _read_lesson,
         "weights": _read_weights,
         "sketch": _read_sketch,
+        "scalars": _read_scalars,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -249,11 +250,11 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     """Check a surface without triangles, or a mesh if it is none."""
-    from meshdeform.assets.surface_files import read_surface_file, summary_of, surface_format
-
     with path.open("rb") as file:
         if surface_format(file.read(65_536), filename) is None:
             return _decode(path, filename, limits)
+    from meshdeform.assets.surface_files import read_surface_file, summary_of
+
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
     if path.stat().st_size > limits.max_bytes:
         raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
@@ -274,6 +275,15 @@ def _read_sketch(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.drawing import summary_of
 
     return asdict(summary_of(path.read_bytes()))
+
+
+def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    if path.stat().st_size > limits.max_bytes:
+        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    from meshdeform.assets.scalar_files import read_scalar_file, summary_of_scalars
+
+    return asdict(summary_of_scalars(read_scalar_file(path.read_bytes())))
 
 
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

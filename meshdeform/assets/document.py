@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Mapping
 from typing import Any, Self
 from urllib.parse import unquote_to_bytes
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import glb_layout, pack_glb, padded
 from meshdeform.assets.json_text import Json, clone, dump_json, parse_json
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.storage import FLOAT
+from meshdeform.assets.storage import FLOAT, MESHOPT_EXTENSIONS
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 __all__ = ["ARRAY_BUFFER", "ELEMENT_ARRAY_BUFFER", "Document"]
@@ -84,8 +83,26 @@ class Document:
         """Set the data of a buffer whose `uri` names another file."""
         self._decoded[buffer] = memoryview(data)
 
-    def renumber_buffers(self, number: Mapping[int, int]) -> None:
-        """Keep the data of the buffers in `number`, under their new numbers; the caller has renumbered the JSON."""
+    def buffer_holders(self) -> list[Json]:
+        """Return every object that refers to a buffer: buffer views and their compression extensions."""
+        views = list(self.root.get("bufferViews", []))
+        bodies = [
+            view["extensions"][name]
+            for view in views
+            for name in MESHOPT_EXTENSIONS
+            if name in view.get("extensions", {})
+        ]
+        return views + bodies
+
+    def remove_buffers(self, gone: set[int]) -> None:
+        """Remove unreferenced buffers and renumber the others."""
+        if not gone:
+            return
+        kept = [i for i in range(len(self.root["buffers"])) if i not in gone]
+        number = {old: new for new, old in enumerate(kept)}
+        self.root["buffers"] = [self.root["buffers"][i] for i in kept]
+        for holder in self.buffer_holders():
+            holder["buffer"] = number[holder["buffer"]]
         self._decoded = {number[old]: data for old, data in self._decoded.items() if old in number}
 
     def view_bytes(self, view: int) -> memoryview:

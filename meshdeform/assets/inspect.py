@@ -11,8 +11,7 @@ from typing import Any
 
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
 from meshdeform.assets.container import GLB_MAGIC, Data, glb_layout
-from meshdeform.assets.fields import member, objects, text
-from meshdeform.assets.json_text import Json, parse_json
+from meshdeform.assets.json_text import Json, member, objects, parse_json, text
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, refuse_other_format
 from meshdeform.assets.scenegraph import (
@@ -29,7 +28,7 @@ from meshdeform.assets.scenegraph import (
 from meshdeform.assets.storage import check_storage, outside_images
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetUnsupportedError
 
-__all__ = ["FORMATS", "AssetSummary", "asset_format", "check_document", "inspect_asset"]
+__all__ = ["FORMATS", "AssetSummary", "asset_format", "check_document", "inspect_asset", "surface_format"]
 
 FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
@@ -134,6 +133,27 @@ def asset_format(data: Data, filename: str) -> str:
     if ending in {"glb", "ply", "zip"}:
         raise AssetFormatError(f"The file is named .{ending}, but its content is something else.")
     raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, nor a ZIP of one.")
+
+
+def surface_format(head: bytes, filename: str) -> str | None:
+    """Return `points`, `grid` or `network` if a file may be one of these; None for a mesh.
+
+    Parameters
+    ----------
+    head : bytes
+        The first 64 KiB.
+    filename : str
+    """
+    ending = filename.lower().rpartition(".")[2] if "." in filename else ""
+    if ending in {"xyz", "npz", "safetensors"}:
+        return {"xyz": "points", "npz": "grid", "safetensors": "network"}[ending]
+    if head.startswith((b"ply\n", b"ply\r")):
+        header = head.partition(b"end_header")[0]
+        counts = [
+            line.split()[2:3] for line in header.splitlines() if line.startswith((b"element face", b"element trist"))
+        ]
+        return "points" if all(count == [b"0"] for count in counts) else None
+    return None
 
 
 def check_document(root: Json, binary_length: int | None, limits: Limits, kind: str) -> AssetSummary:

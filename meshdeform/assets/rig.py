@@ -31,8 +31,7 @@ from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.corners import skin_weights
 from meshdeform.assets.document import Document
 from meshdeform.assets.json_text import Json
-from meshdeform.assets.placement import Matrix, bind_placement, is_invertible, local_matrix, world_matrices
-from meshdeform.assets.surface import Block
+from meshdeform.assets.surface import Block, Matrix, bind_placement, is_invertible, local_matrix, world_matrices
 
 __all__ = ["JointMove", "RigMotion", "move_joints"]
 

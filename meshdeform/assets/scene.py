@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.document import Document
-from meshdeform.assets.fields import index, objects
-from meshdeform.assets.json_text import Json
+from meshdeform.assets.json_text import Json, index, objects
 from meshdeform.assets.materials import Image, Material, read_image, read_materials
-from meshdeform.assets.placement import Matrix, instance_matrices, local_matrix, placement_matrix, world_matrices
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
     MODE_NAMES,
@@ -25,6 +23,7 @@ from meshdeform.assets.scenegraph import (
     Instance,
     instances_of,
 )
+from meshdeform.assets.surface import Matrix, instance_matrices, local_matrix, placement_matrix, world_matrices
 from meshdeform.errors import AssetError
 
 __all__ = ["SceneNode", "ScenePrimitive", "SceneView"]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.inspect import AssetSummary
+from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetEmptyError,
@@ -26,7 +26,7 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 
-__all__ = ["DistanceGrid", "ImplicitNetwork", "OrientedPoints", "read_surface_file", "surface_format"]
+__all__ = ["DistanceGrid", "ImplicitNetwork", "OrientedPoints", "read_surface_file"]
 
 _Floats = NDArray[np.float64]
 
@@ -97,27 +97,6 @@ class ImplicitNetwork:
     def check_values(values: _Floats) -> None:
         """Refuse values (X, Y, Z) on a grid over the bounds that do not have the surface inside."""
         _check_signs(values)
-
-
-def surface_format(head: bytes, filename: str) -> str | None:
-    """Return `points`, `grid` or `network` if a file may be one of these; None for a mesh.
-
-    Parameters
-    ----------
-    head : bytes
-        The first 64 KiB.
-    filename : str
-    """
-    ending = filename.lower().rpartition(".")[2] if "." in filename else ""
-    if ending in {"xyz", "npz", "safetensors"}:
-        return {"xyz": "points", "npz": "grid", "safetensors": "network"}[ending]
-    if head.startswith((b"ply\n", b"ply\r")):
-        header = head.partition(b"end_header")[0]
-        counts = [
-            line.split()[2:3] for line in header.splitlines() if line.startswith((b"element face", b"element trist"))
-        ]
-        return "points" if all(count == [b"0"] for count in counts) else None
-    return None
 
 
 def read_surface_file(

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.placement import Matrix, is_invertible
 from meshdeform.assets.scene import SceneNode, ScenePrimitive, SceneView
+from meshdeform.assets.surface import Matrix, is_invertible
 from meshdeform.errors import AssetNotFiniteError
 
 __all__ = ["UNITS", "Edges", "Frame", "Unit", "Up", "WorldMesh", "count_edges", "place_meshes"]

@@ -1,4 +1,9 @@
-"""Write a new shape into a document, giving each deformed primitive new accessors in its mesh's space."""
+"""Write a new shape into a document, giving each deformed primitive new accessors in its mesh's space.
+
+Points and lines are carried along: they have no faces to deform, but belong to the object. Each of their vertices moves
+like the nearest vertices of triangles (`meshdeform.geometry.scattered`). Data URIs move into the binary chunk, where
+viewers expect them: as base64 text they cost a third more bytes, and validators warn about it.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +15,27 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.carried import carried_positions
-from meshdeform.assets.document import Document
-from meshdeform.assets.embed import embed_data_uris
+from meshdeform.assets.document import Document, decode_data_uri
 from meshdeform.assets.json_text import Json, clone
+from meshdeform.assets.materials import image_type
 from meshdeform.assets.references import Usage
+from meshdeform.assets.storage import MESHOPT_EXTENSIONS
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
-from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 if TYPE_CHECKING:
     from meshdeform.assets.morph import NewTargets
 
-__all__ = ["Deformation", "Finish", "LocalShape", "write_shape", "write_targets", "write_vertex_values"]
+__all__ = [
+    "Deformation",
+    "Finish",
+    "LocalShape",
+    "carried_positions",
+    "embed_data_uris",
+    "write_shape",
+    "write_targets",
+    "write_vertex_values",
+]
 
 
 @dataclass(frozen=True)
@@ -252,3 +266,65 @@ def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) ->
     for p in block.primitives:
         mesh["primitives"][p]["attributes"].update(new)
     return pairs
+
+
+def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> list[NDArray[np.float32]]:
+    """Return the new positions of points and lines, in the space of their meshes.
+
+    Parameters
+    ----------
+    surface : Surface
+    moved : (N, 3) float64
+        Displacement of its vertices, in world space.
+    blocks : list of Block
+        The points and lines.
+
+    Returns
+    -------
+    A (V, 3) float32 array for each block.
+    """
+    if not blocks:
+        return []
+    from meshdeform.geometry.scattered import interpolate
+
+    used = np.unique(surface.triangles)
+    world = [block.positions @ block.placement[:3, :3].T + block.placement[:3, 3] for block in blocks]
+    shift = interpolate(surface.positions[used], moved[used], np.concatenate(world))  # one search tree for all
+    ends = np.cumsum([len(positions) for positions in world])[:-1]
+    return [
+        (block.positions + part @ np.linalg.inv(block.placement[:3, :3]).T).astype(np.float32)
+        for block, part in zip(blocks, np.split(shift, ends), strict=True)
+    ]
+
+
+def embed_data_uris(document: Document) -> None:
+    """Store the buffers and images with data URIs in the binary chunk, in place; broken or unknown images stay."""
+    for image in document.root.get("images", []):
+        _embed_image(document, image)
+    buffers = document.root.get("buffers", [])
+    moved = {
+        i: document.append_bytes(bytes(document.buffer_bytes(i)[: buffer["byteLength"]]))
+        for i, buffer in enumerate(buffers)
+        if "uri" in buffer and i > 0 and not any(name in buffer.get("extensions", {}) for name in MESHOPT_EXTENSIONS)
+    }
+    if buffers and "uri" in buffers[0]:
+        document.append_bytes(b"")  # makes buffer 0 the binary chunk
+    for holder in document.buffer_holders():
+        if holder["buffer"] in moved:
+            holder["byteOffset"] = holder.get("byteOffset", 0) + moved[holder["buffer"]]
+            holder["buffer"] = 0
+    document.remove_buffers(set(moved))
+
+
+def _embed_image(document: Document, image: Json) -> None:
+    uri = image.get("uri", "")
+    if uri[:5].lower() != "data:":
+        return
+    try:
+        data = decode_data_uri(uri, "an image")
+    except AssetError:
+        return
+    kind = image_type(data) or uri[5:].partition(",")[0].partition(";")[0].lower()
+    if kind.startswith("image/") and data:
+        del image["uri"]
+        image |= {"bufferView": document.append_view(data), "mimeType": kind}

@@ -66,7 +66,7 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
     from meshdeform.runs.devices import use_threads
     from meshdeform.runs.preparation import subdivided
     from meshdeform.runs.text_report import read_result
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     use_threads(settings.threads)
     limits = Limits.from_settings(settings)

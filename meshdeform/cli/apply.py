@@ -136,7 +136,7 @@ def _report_of(result: Path, sha256: str) -> dict[str, Any]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

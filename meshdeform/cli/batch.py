@@ -209,7 +209,7 @@ def _checker() -> Any:
     """Return a check that refuses a row that cannot run on this machine, without importing torch."""
     require("torch", "deform")
     from meshdeform.assets.usd import require_usd
-    from meshdeform.runs import text_deform_kind
+    from meshdeform.runs import text_deform_checks
 
     settings = load_settings()
 
@@ -218,7 +218,7 @@ def _checker() -> Any:
             require_usd()
         request = find_taught(request, settings)
         named = request.params.model
-        text_deform_kind.check(
+        text_deform_checks.check(
             request,
             default_model=settings.model,
             allowed_models=[named] if named else [],

@@ -132,7 +132,7 @@ def _listed(left_out: dict[str, int]) -> str:
 
 
 def _write(files: dict[Path, bytes]) -> None:
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     first = next(iter(files))
     try:

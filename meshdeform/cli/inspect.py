@@ -68,11 +68,11 @@ def _front(data: bytes, filename: str, request: JobRequest, settings: Settings) 
     """Return the orientation that a job would have, as its report would describe it."""
     from meshdeform.assets import Limits
     from meshdeform.priors import load_prior
-    from meshdeform.runs import text_deform, text_deform_kind
+    from meshdeform.runs import text_deform, text_deform_checks
     from meshdeform.runs.devices import resolve_device, use_threads
 
     named = [request.params.model] if request.params.model else []
-    params = text_deform_kind.check(
+    params = text_deform_checks.check(
         request, default_model=settings.model, allowed_models=named, revision=settings.model_revision
     )
     revision = settings.model_revision if params.model == settings.model else ""

@@ -28,11 +28,10 @@ from meshdeform.requests.stages import needs_prior, stage_at
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
-from meshdeform.runs.fitted_source import fitted_source
 from meshdeform.runs.generated_target import generated_target
-from meshdeform.runs.sketched_target import read_targets
+from meshdeform.runs.text_deform_kind import read_source, read_targets
 from meshdeform.settings import Settings
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["LocalJob", "Outputs", "ctrl_c_between_steps", "try_folder", "writing"]
 
@@ -227,7 +226,7 @@ class LocalJob:
             default_model=given.default_model,
             limits=given.limits,
             device=given.device,
-            source=fitted_source(given),
+            source=read_source(given),
         )
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:

@@ -83,7 +83,13 @@ def _described(entry: dict[str, Any]) -> str:
     words = entry.get("vocabulary") or {}
     if entry.get("problem"):
         lines.append(entry["problem"])
-    for name in ("nouns", "attributes", "examples"):
+    if words.get("nouns"):
+        lines.append(f"{len(words['nouns'])} nouns")
+    # A service of an older version names no groups.
+    for name, nouns in (words.get("groups") or {"nouns": words.get("nouns") or []}).items():
+        if nouns:
+            lines.append(f"  {name}: {', '.join(nouns)}")
+    for name in ("attributes", "examples"):
         if words.get(name):
             lines.append(f"{name}: {', '.join(words[name])}")
     for lesson in entry.get("lessons") or []:

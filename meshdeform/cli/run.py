@@ -228,11 +228,11 @@ def run(
 
         require_usd()
     from meshdeform.requests.stages import generated_targets
-    from meshdeform.runs import text_deform_kind
+    from meshdeform.runs import text_deform_checks
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
     target_models = [target.model for target in generated_targets(request.params)]
-    text_deform_kind.check(
+    text_deform_checks.check(
         request,
         default_model=settings.model,
         allowed_models=[name for name in (request.params.model, *target_models) if name],

@@ -101,7 +101,7 @@ def api(
 
     from meshdeform.serving.connections import http_options, raise_open_files
     from meshdeform.serving.stack import listen
-    from meshdeform.support.logs import ACCESS_LOG, configure_logging
+    from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 
     _require_redis()
     settings = load_settings(auth="off" if no_auth else None)

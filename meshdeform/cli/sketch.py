@@ -99,7 +99,7 @@ def write_sketched_target(drawing: Path, path: Path) -> str:
     UnavailableError
         The file cannot be written.
     """
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     found = _guesses(drawing, "", {})[0]
     try:
@@ -141,7 +141,7 @@ def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> No
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.runs.family_picture import assets_png
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]

@@ -71,6 +71,17 @@ def surface_fit(
             show_default=False,
         ),
     ] = None,
+    scalars: Annotated[
+        Path | None,
+        typer.Option(
+            help="Values at points near SURFACE, an NPZ, to learn along it and to keep in the .ndf.",
+            exists=True,
+            dir_okay=False,
+            readable=True,
+            rich_help_panel=_FIT,
+            show_default=False,
+        ),
+    ] = None,
     anchor: Annotated[
         list[str] | None,
         typer.Option(
@@ -118,14 +129,16 @@ def surface_fit(
         "anchors": [_anchor(text) for text in anchor] if anchor else None,
     }
     request = _request({name: value for name, value in given.items() if value is not None})
+    given_files = {"asset": surface, "base": base, "scalars": scalars}
+    files = {part: path for part, path in given_files.items() if path is not None}
     paths = _paths(output, request.params.level if meshes else None)  # type: ignore[attr-defined]
     if not force:
-        check_outputs(paths, [path for path in (surface, base, resume) if path])
+        check_outputs(paths, [*files.values(), *([resume] if resume else [])])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
     from meshdeform.cli.local_job import ctrl_c_between_steps, try_folder, writing
     from meshdeform.cli.progress import show_progress
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with writing():
         try_folder(output)
@@ -134,7 +147,7 @@ def surface_fit(
             try_folder(checkpoint)
     with show_progress(quiet=quiet) as progress:
         progress.phase("loading")
-        run = _start({"asset": surface, **({"base": base} if base else {})}, request, resume, settings)
+        run = _start(files, request, resume, settings)
         progress.phase("optimizing")
         _optimize(run, progress, checkpoint, request.params.checkpoint_every_steps)
         progress.phase("writing")
@@ -222,7 +235,7 @@ def _start(paths: dict[str, Path], request: JobRequest, resume: Path | None, set
 
 def _optimize(run: JobRun, progress: ProgressView, path: Path | None, every: int) -> None:
     from meshdeform.cli.local_job import ctrl_c_between_steps, writing
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:
         for report in run:

@@ -44,7 +44,7 @@ def teach(
         list[Path],
         typer.Argument(
             help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. The subfolders of a folder are named by "
-            "attributes: tall, long-neck.",
+            "attributes: tall, long-nose.",
             exists=True,
             readable=True,
         ),
@@ -172,7 +172,7 @@ def teach(
     from meshdeform.priors.builtin.weights_file import WEIGHTS
     from meshdeform.runs.devices import resolve_device, use_threads
     from meshdeform.runs.teaching import TeachRequest, start
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with writing():
         try_folder(output)
@@ -258,7 +258,7 @@ def _check_state(path: Path | None) -> None:
 def _drive(run: TeachingRun, progress: ProgressView, checkpoint: Path | None) -> None:
     """Do the steps; store checkpoints, also at Ctrl-C."""
     from meshdeform.cli.local_job import ctrl_c_between_steps, writing
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:
         for done in run:

@@ -49,7 +49,7 @@ def unfold(
                 )
     from meshdeform.fields.level_files import intrinsic_npz, level_glb
     from meshdeform.fields.reader import read_field
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     try:
         found = read_field(field)

@@ -107,7 +107,7 @@ def _made(
     from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
     from meshdeform.rendering.variants import variant_sheet
-    from meshdeform.support.atomic_files import write_files
+    from meshdeform.support.files import write_files
 
     limits = Limits.from_settings(settings)
     source = load_asset(read_with_files(asset, limits), asset.name, limits)

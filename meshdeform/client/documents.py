@@ -305,6 +305,7 @@ class Vocabulary(_Open):
     nouns: list[str]
     attributes: list[str]
     examples: list[str] = Field(default_factory=list)
+    groups: dict[str, list[str]] = Field(default_factory=dict)
 
 
 class Lesson(_Open):

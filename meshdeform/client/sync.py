@@ -226,11 +226,11 @@ class Client(FileMethods, SketchMethods):
         Parameters
         ----------
         noun : str
-            What the meshes show: "a teapot".
+            What the meshes show: "a gnome".
         meshes : like `asset` of `submit`, or a sequence of paths
             One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes.
         params : mapping, optional
-            More parameters, such as `{"synonyms": ["kettle"], "steps": 600}`.
+            More parameters, such as `{"synonyms": ["dwarf"], "steps": 600}`.
         metadata, idempotency_key
             As for `submit`.
 

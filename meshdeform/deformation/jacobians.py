@@ -15,8 +15,7 @@ from torch import Tensor
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 
 __all__ = ["completed_jacobians", "identity_jacobians", "jacobians_from_verts"]
 

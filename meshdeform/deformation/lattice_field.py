@@ -30,8 +30,7 @@ from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 
 __all__ = ["LatticeField"]
 

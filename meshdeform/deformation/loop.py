@@ -46,8 +46,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
-from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
-from meshdeform.rendering.views import OrthogonalGrid, Views
+from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading, Views
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
 

@@ -21,8 +21,7 @@ from torch import Tensor
 
 from meshdeform.deformation.binding import corner_normals
 from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 
 __all__ = ["TOLERANCE", "Mirror", "Partners", "find_partners"]
 

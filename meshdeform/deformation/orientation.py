@@ -10,8 +10,9 @@ Picture, timestep and noise of a draw are the same for all turns, so only differ
 azimuths of the draws are spread evenly, so that for a symmetric source all turns have the same grade. t is high: the
 noisy picture contains little of the shape, and the prediction depends mostly on prompt and azimuth.
 
-A first pass grades turns all around. If one is better than none, a second pass with new draws compares it and its
-neighbours with none; since these draws did not choose the turn, the margin is not biased by that choice.
+A first pass grades turns all around: all in its first draw, only none and the best of them in the others. If
+one is better than none, a second pass with new draws compares it and its neighbours with none; since these draws did
+not choose the turn, the margin is not biased by that choice.
 
 Source: Li et al. 2023, Your diffusion model is secretly a zero-shot classifier, eq. 9 and section 3.2 (shared noise).
 """
@@ -39,6 +40,8 @@ _SECOND_DEG = (0.0, 105.0, 210.0, 315.0, 60.0, 165.0)
 spacing: the four views of a symmetric source are then the same for every turn, only in another order."""
 _FRACTION = 0.94
 """The timestep, as a fraction of T. At 0.88 T, the background and the noise of a draw outweigh the azimuth."""
+_KEPT = 4
+"""How many turns, besides none, stay after the first draw."""
 _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
 """What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
@@ -88,7 +91,8 @@ class Orientation:
     margin : float
         Relative gain of the best turn that the search found over none; 0 without a search.
     grades : tuple of float
-        The grades of the first pass, of turns spaced evenly from 0; empty without a search.
+        The grades of the first pass, of turns spaced evenly from 0; empty without a search. Turns that only its first
+        draw graded have that grade, changed by what the other draws changed on average.
     """
 
     turn_deg: float = 0.0
@@ -141,7 +145,7 @@ def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
     if math.isclose(front, side, rel_tol=1e-5):
         return Orientation(source=OrientationSource.UNCONDITIONED)
     turns = [360.0 * k / _TURNS for k in range(_TURNS)]
-    first = search.grades(_FIRST_DEG, turns).mean(0)
+    first = search.narrowed(_FIRST_DEG, turns)
     grades = tuple(first.tolist())
     best = turns[int(first.argmin())]
     hope = 1 - float(first.min() / first[0])
@@ -166,8 +170,23 @@ class _Search:
     @torch.no_grad()
     def grades(self, azimuths_deg: Sequence[float], turns_deg: Sequence[float]) -> Tensor:
         """Return the grades (draws, turns) of new draws at these azimuths from a random one."""
-        begin = 360 * float(torch.rand((), generator=self._generator, dtype=torch.float64))
+        begin = self._azimuth()
         return torch.stack([self._graded(begin + azimuth, turns_deg) for azimuth in azimuths_deg])
+
+    @torch.no_grad()
+    def narrowed(self, azimuths_deg: Sequence[float], turns_deg: Sequence[float]) -> Tensor:
+        """Return the mean grades (turns,) of new draws, of which those after the first grade the best turns only."""
+        begin = self._azimuth()
+        once = self._graded(begin + azimuths_deg[0], turns_deg)
+        kept = sorted({0, *once.argsort(stable=True)[:_KEPT].tolist()})
+        again = [self._graded(begin + azimuth, [turns_deg[k] for k in kept]) for azimuth in azimuths_deg[1:]]
+        mean = torch.stack([once[kept], *again]).mean(0)
+        result = once + (mean - once[kept]).mean()
+        result[kept] = mean
+        return result
+
+    def _azimuth(self) -> float:
+        return 360 * float(torch.rand((), generator=self._generator, dtype=torch.float64))
 
     def _graded(self, azimuth_deg: float, turns_deg: Sequence[float]) -> Tensor:
         image, cameras = self._draw(azimuth_deg, self._generator)

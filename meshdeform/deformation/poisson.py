@@ -23,6 +23,7 @@ QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for a
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -33,8 +34,7 @@ from meshdeform.deformation.ldl import Factor, factorise
 from meshdeform.deformation.linear_system import solve_linear
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import COLLAPSED_SHAPE
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE, RestMesh
 
 __all__ = ["PoissonSystem"]
 
@@ -115,8 +115,8 @@ class PoissonSystem:
         return solve_linear(self, jacobians, known)
 
     def _forward(self, jacobians: _Floats) -> _Floats:
-        field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
-        right = self._divergence @ field
+        matrix, right = self._divergence, np.zeros((len(self._labels), 3))
+        _diverge(matrix.indptr, matrix.indices, matrix.data, np.ascontiguousarray(jacobians), right)
         verts: _Floats = self._factor.solve(right if self._pull is None else right - self._pull)
         if not np.isfinite(verts).all():
             raise NumericalError("The Jacobians are not finite, or too large to solve for.")
@@ -125,8 +125,10 @@ class PoissonSystem:
         return verts
 
     def _backward(self, gradient: _Floats) -> _Floats:
-        field = self._divergence_t @ self._factor.solve(self._balanced(gradient))
-        return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
+        matrix, field = self._divergence_t, np.zeros((len(self.rest.faces), 3, 3))
+        solved = self._factor.solve(self._balanced(gradient))
+        _diverge_back(matrix.indptr, matrix.indices, matrix.data, solved, field)
+        return field
 
     def smooth(self, forces: _Floats) -> _Floats:
         """Return the displacements (V, 3) that forces (V, 3) cause on a thin plate: G = S M S with S = L^-1.
@@ -151,6 +153,30 @@ class PoissonSystem:
         if values.ndim == 1:
             return np.bincount(self._labels, values, self._count).astype(np.float64)
         return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _diverge(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], data: _Floats, jacobians: _Floats, out: _Floats
+) -> None:
+    """Apply the right-hand side's operator, whose column 3 f + j is column j of each Jacobian (F, 3, 3)."""
+    for v in range(len(out)):
+        for k in range(indptr[v], indptr[v + 1]):
+            f, j = divmod(indices[k], 3)
+            for i in range(3):
+                out[v, i] += data[k] * jacobians[f, i, j]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _diverge_back(
+    indptr: NDArray[np.int32], indices: NDArray[np.int32], data: _Floats, values: _Floats, out: _Floats
+) -> None:
+    """Apply the transposed operator to values (V, 3)."""
+    for f in range(len(out)):
+        for j in range(3):
+            for k in range(indptr[3 * f + j], indptr[3 * f + j + 1]):
+                for i in range(3):
+                    out[f, i, j] += data[k] * values[indices[k], i]
 
 
 def _ungrounded(labels: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -38,11 +38,19 @@ import math
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.geometry.mesh import TriangleMesh, face_normals, safe_normalize
-from meshdeform.geometry.operators import sparse_product
+from meshdeform.deformation.compiled_penalties import (
+    bends,
+    crease_energy,
+    dirichlet_penalty,
+    jacobian_penalty,
+    normal_penalty,
+    penalty,
+)
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["REFERENCE_FACES", "Regularizers"]
@@ -50,10 +58,8 @@ __all__ = ["REFERENCE_FACES", "Regularizers"]
 REFERENCE_FACES = 5000
 _MASS_FLOOR = 0.1
 _DISTANCE_FLOOR = 0.1
-_CREASE = 1 - math.cos(math.radians(15))
-"""y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
-_LEAST_DETERMINANT = 1e-16
-"""Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
+
+_Floats = NDArray[np.float64]
 
 
 class Regularizers:
@@ -69,72 +75,60 @@ class Regularizers:
         rest = RestMesh.of(mesh)
         self._faces, self._rest = rest.faces, rest.verts
         total = max(float(rest.areas.sum()), 1e-300)
-        self._face_weights = torch.from_numpy(rest.areas / total)
+        self._face_weights = rest.areas / total
         mass = rest.vertex_areas
         used = mass > 0
         # Vertices of needle triangles have almost no mass, and there M^-1 L u is no meaningful curvature.
         floor = _MASS_FLOOR * float(mass[used].mean()) if used.any() else 1.0
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
         self._half_operator = (root @ rest.laplacian).tocsr()
+        self._transposed = self._half_operator.T.tocsr()
         self._init_edges(rest, torch.from_numpy(rest.areas), total)
-        self._solid = torch.from_numpy(np.flatnonzero(rest.solid))
-        self._inverse_rest = torch.linalg.inv(_in_plane(rest.verts[rest.faces[self._solid]]))
+        solid = rest.faces[torch.from_numpy(np.flatnonzero(rest.solid))]
+        inverse = torch.linalg.inv(_in_plane(rest.verts[solid])).contiguous().numpy()
+        self._solid = (solid.numpy(), inverse, self._face_weights[rest.solid])
 
     def _init_edges(self, mesh: RestMesh, areas: Tensor, total: float) -> None:
         edges = mesh.edges
         # Two faces are neighbours only where exactly two meet and they are not duplicates of each other.
         kept = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
         kept[kept.clone()] = (areas[edges.faces[kept]] > 0).all(1)
-        self._pairs, self._ends = edges.faces[kept], edges.edges[kept]
-        pairs = self._pairs
+        pairs, ends = edges.faces[kept], edges.edges[kept]
         # Neighbours of inconsistent winding have opposite normals where the surface is flat.
-        self._sign = torch.where(edges.consistent[kept], 1.0, -1.0).double()
-        self._rest_bend = self._bend(mesh.verts)
+        sign = torch.where(edges.consistent[kept], 1.0, -1.0).double()
+        around = [tensor.contiguous().numpy() for tensor in (self._faces, pairs, ends, sign)]
+        rest_bend = bends(mesh.verts.numpy(), *around)
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
         squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
         # Centroids of equilateral neighbours of area a are 2/3 of a height apart: d^2 = 4 a / (3 sqrt 3).
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
-        self._edge_scale = reference_sq / squared
-        self._edge_weights = areas[pairs].sum(1) / 3 / total
-        self._rest_energy = self._energy((1 - self._rest_bend[:, 0]).clamp_min(0))
+        self._edge_scale = scale = (reference_sq / squared).numpy()
+        weights = (areas[pairs].sum(1) / 3 / total).numpy()
+        rest_energy = crease_energy(np.ascontiguousarray(rest_bend[:, 0]), scale)
+        self._edges = (*around, np.ascontiguousarray(rest_bend[:, 1]), rest_energy, weights)
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""
-        rigid = torch.eye(3, dtype=jacobians.dtype)
-        return (self._face_weights * (jacobians - rigid).square().sum((1, 2))).sum()
+        return penalty(lambda values, gradient: jacobian_penalty(values, self._face_weights, gradient), jacobians)
 
     def laplacian(self, verts: Tensor) -> Tensor:
         """Return the integral of the squared Laplacian of the displacement of positions (V, 3), divided by 4 pi."""
-        bent = sparse_product(self._half_operator, verts - self._rest)
-        return bent.square().sum() / (4 * math.pi)
+        return penalty(self._bending, verts)
+
+    def _bending(self, verts: _Floats, gradient: _Floats | None) -> float:
+        bent = self._half_operator @ (verts - self._rest.numpy())
+        if gradient is not None:
+            gradient += self._transposed @ (bent / (2 * math.pi))
+        return float((bent * bent).sum() / (4 * math.pi))
 
     def normal(self, verts: Tensor) -> Tensor:
         """Return the bending of neighbouring faces beyond rest: a dimensionless, area-weighted mean.
 
         Neighbours are two faces at an edge of no other face; if their winding is inconsistent, one normal is flipped.
         """
-        bend = self._bend(verts)
-        # At an edge that bends to the other side than at rest, all bending counts.
-        same_way = bend[:, 1] * self._rest_bend[:, 1] > 0
-        at_rest = torch.where(same_way, self._rest_energy, 0.0)
         # A face that has collapsed since has a zero normal and a constant cost.
-        beyond = (self._energy((1 - bend[:, 0]).clamp_min(0)) - at_rest).clamp_min(0)
-        return (self._edge_weights * beyond).sum()
-
-    def _energy(self, c: Tensor) -> Tensor:
-        """Return g (E,) of c = 1 - cos t (E,)."""
-        return _smooth_part(self._edge_scale * c) + self._edge_scale.sqrt() * (c.square() - _smooth_part(c))
-
-    def _bend(self, verts: Tensor) -> Tensor:
-        """Return cosine and sine (E, 2) of the signed angle between the normals of neighbouring faces."""
-        normals = face_normals(verts, self._faces)
-        beside = normals.index_select(0, self._pairs.reshape(-1)).view(-1, 2, 3)
-        first, second = beside[:, 0], self._sign[:, None] * beside[:, 1]
-        ends = verts.index_select(0, self._ends.reshape(-1)).view(-1, 2, 3)
-        along = safe_normalize(ends[:, 1] - ends[:, 0])
-        sine = (along * torch.linalg.cross(first, second)).sum(1)
-        return torch.stack([(first * second).sum(1), sine], 1)
+        return penalty(lambda values, gradient: normal_penalty(values, *self._edges, self._edge_scale, gradient), verts)
 
     def dirichlet(self, verts: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of positions (V, 3), zero for a rigid motion.
@@ -142,21 +136,7 @@ class Regularizers:
         Dimensionless. With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4.
         Faces without area at rest are left out.
         """
-        corners = verts.index_select(0, self._faces[self._solid].reshape(-1)).view(-1, 3, 3)
-        edges = torch.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], 2)
-        mapped = edges @ self._inverse_rest
-        metric = mapped.mT @ mapped
-        trace = metric[:, 0, 0] + metric[:, 1, 1]
-        determinant = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] * metric[:, 1, 0]
-        energy = trace + trace / determinant.clamp_min(_LEAST_DETERMINANT) - 4
-        mean: Tensor = (self._face_weights[self._solid] * energy).sum()
-        return mean
-
-
-def _smooth_part(y: Tensor) -> Tensor:
-    """Return h(y): y^2 up to y_0, proportional to the square root plus a constant beyond; h' is continuous."""
-    beyond = 4 * (_CREASE**3 * y.clamp_min(_CREASE)).sqrt() - 3 * _CREASE**2
-    return torch.where(y < _CREASE, y.square(), beyond)
+        return penalty(lambda values, gradient: dirichlet_penalty(values, *self._solid, gradient), verts)
 
 
 def _in_plane(corners: Tensor) -> Tensor:

@@ -26,8 +26,7 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 from meshdeform.requests.choices import Rigidity
 
 __all__ = ["Body", "RigidBodies"]

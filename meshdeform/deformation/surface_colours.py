@@ -18,8 +18,7 @@ from meshdeform.assets.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.base_colours import BaseColours
-from meshdeform.rendering.textures import srgb_from_linear
+from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
 
 __all__ = ["baked_appearance", "welded_appearance"]
 

@@ -24,7 +24,8 @@ from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.errors import CheckpointError
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.area_vectors import area_vectors
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["Elements", "JacobianField", "Variables", "copy_into", "placed"]
@@ -174,7 +175,8 @@ class JacobianField:
 
     def sizes(self, control: Tensor) -> Tensor:
         """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
-        return face_cross(self.verts(control), self.rest.faces)[:, None] * self._solid
+        vectors = area_vectors(self.verts(control).detach().numpy(), self.rest.faces.numpy())
+        return torch.from_numpy(vectors)[:, None] * self._solid
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return the argument: Jacobians have a row per face."""

@@ -134,7 +134,7 @@ class VertexDisplacements:
 class SingleViews:
     """Four views a quarter turn apart, in separate pictures of the size of the combined one.
 
-    Implements `rendering.views.Views`.
+    Implements `rendering.shading.Views`.
 
     Parameters
     ----------

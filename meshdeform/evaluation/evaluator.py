@@ -33,9 +33,9 @@ from meshdeform.evaluation.suite import Item
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
-from meshdeform.rendering.normalization import Frame
-from meshdeform.runs.text_guidance import score_distillation
-from meshdeform.support.atomic_files import write_files
+from meshdeform.rendering.cameras import Frame
+from meshdeform.runs.goals import score_distillation
+from meshdeform.support.files import write_files
 
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
 

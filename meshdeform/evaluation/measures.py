@@ -6,7 +6,7 @@ The figures of `meshdeform.geometry.quality`, which every job's report has, and 
 
     displacement               sqrt(sum_v a_v |v - v0|^2 / sum_v a_v) / d     a_v: a third of the faces' areas at rest
     neighbour_offset           mean change of the offsets between neighbouring components over d (`neighbours.py`)
-    texture_stretch            p95 and share above 2 of the stretch of textures (`geometry/texture_stretch.py`)
+    texture_stretch            p95 and share above 2 of the stretch of textures (`geometry/quality.py`)
     chamfer                    (mean_p min_q |p - q| + mean_q min_p |p - q|) / 2 d    p, q: points on either surface
 
 with d the diagonal of the source's bounding box, so all are dimensionless. The first follows every vertex,
@@ -25,8 +25,7 @@ from scipy.spatial import cKDTree
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure
-from meshdeform.geometry.texture_stretch import measure_texture_stretch
+from meshdeform.geometry.quality import measure, measure_texture_stretch
 
 __all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
 

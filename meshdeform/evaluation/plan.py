@@ -18,7 +18,7 @@ from meshdeform.evaluation.ablations import Ablation
 from meshdeform.evaluation.sources import mesh_sha256, source_mesh
 from meshdeform.evaluation.suite import Suite
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["FORMAT", "Plan", "check_manifest", "code_sha256", "manifest", "plan_of", "read_manifest", "write_manifest"]
 

@@ -12,7 +12,7 @@ from meshdeform.evaluation.plan import read_manifest
 from meshdeform.evaluation.sheet import contact_sheet
 from meshdeform.evaluation.summary import states_of, summarise
 from meshdeform.evaluation.tables import comparison, table
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["compare", "read_results", "write_report"]
 

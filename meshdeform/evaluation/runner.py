@@ -31,7 +31,7 @@ from meshdeform.evaluation.retrieval import NO_JUDGE
 from meshdeform.evaluation.sources import source_mesh, source_texels
 from meshdeform.evaluation.suite import Item
 from meshdeform.requests.models import is_builtin
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["default_jobs", "rejudge", "run"]
 

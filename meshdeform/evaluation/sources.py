@@ -29,8 +29,8 @@ from torch import Tensor
 from meshdeform.assets import load_asset
 from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.shapes import box, join, torus
-from meshdeform.geometry.texture_stretch import texel_corners
 from meshdeform.geometry.weld import weld
 
 __all__ = ["SOURCES", "mesh_sha256", "quadruped", "source_mesh", "source_texels"]

@@ -3,8 +3,8 @@
 `small` and `full` use prompts of the builtin prior's vocabulary; twelve nouns, easy (a mushroom) and hard (a chair, a
 table and an airplane need thin parts far from any source), a third of them with an attribute.
 
-`nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into every pair of noun and attribute that
-no training picture of that prior showed, which tests combinations of known words.
+`nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into 40 of the pairs of noun and attribute
+that no training picture of that prior showed, which tests combinations of known words.
 
 `assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
 names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
@@ -49,7 +49,15 @@ _PROMPTS = (
 
 _SMALL_SOURCES = ("sphere", "cube", "vase", "quadruped")
 _NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
-_UNSEEN_PROMPTS = tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in unseen_pairs())
+_UNSEEN_COUNT = 40
+
+
+def _unseen_prompts() -> tuple[str, ...]:
+    """Return prompts of unseen pairs, evenly spaced in their list, which is sorted by noun."""
+    pairs = unseen_pairs()
+    chosen = [pairs[number * len(pairs) // _UNSEEN_COUNT] for number in range(_UNSEEN_COUNT)]
+    return tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in chosen)
+
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
 """The prompts of `paper` that the papers' authors use themselves."""
@@ -200,7 +208,7 @@ SUITES: dict[str, Suite] = {
         ),
         Suite("turned", _SMALL_SOURCES, _PROMPTS, (0,), "balanced", turned=True),
         Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
-        Suite("unseen", ("sphere",), _UNSEEN_PROMPTS, (0,), "balanced"),
+        Suite("unseen", ("sphere",), _unseen_prompts(), (0,), "balanced"),
         Suite(
             "assets",
             tuple(dict.fromkeys(source for source, _ in ASSET_PAIRS)),

@@ -12,13 +12,16 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from meshdeform.fields.network import FieldNetwork
+from meshdeform.fields.scalar_fields import ScalarField
 
 __all__ = ["EncodedBase", "encode_base", "write_field"]
 
@@ -114,7 +117,13 @@ def encode_base(verts: _Floats, faces: _Index) -> EncodedBase:
 
 
 def write_field(
-    base: EncodedBase, field: FieldNetwork, *, centre: _Floats, scale: float, provenance: dict[str, Any] | None = None
+    base: EncodedBase,
+    field: FieldNetwork,
+    *,
+    centre: _Floats,
+    scale: float,
+    provenance: dict[str, Any] | None = None,
+    scalars: Sequence[ScalarField] = (),
 ) -> bytes:
     """Write a `.ndf` file.
 
@@ -128,9 +137,10 @@ def write_field(
         The frame: world = centre + scale frame.
     provenance : dict, optional
         JSON to store as `made`.
+    scalars : sequence of ScalarField, optional
+        With features in the same order.
     """
-    halves = np.concatenate([t.detach().double().numpy().ravel() for t in field.tensors]).astype("<f2")
-    raw = [base.codes, base.steps, _planes(halves.tobytes(), 2)]
+    raw = [base.codes, base.steps, _halves(field.tensors), *[_halves(each.tensors) for each in scalars]]
     packed = [_deflated(part) for part in raw]
     header = {
         "vertices": len(base.verts),
@@ -142,11 +152,17 @@ def write_field(
         "centre": [float(x) for x in centre],
         "scale": float(scale),
         "sections": [[len(small), len(large)] for small, large in zip(packed, raw, strict=True)],
+        **({"scalars": [each.header for each in scalars]} if scalars else {}),
         **({"made": provenance} if provenance else {}),
     }
     text = json.dumps(header, separators=(",", ":")).encode()
     body = b"NDF\x01" + struct.pack("<I", len(text)) + text + b"".join(packed)
     return body + struct.pack("<I", zlib.crc32(body))
+
+
+def _halves(tensors: Sequence[Tensor]) -> bytes:
+    halves = np.concatenate([tensor.detach().double().numpy().ravel() for tensor in tensors]).astype("<f2")
+    return _planes(halves.tobytes(), 2)
 
 
 def _deflated(data: bytes) -> bytes:

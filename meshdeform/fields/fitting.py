@@ -29,7 +29,7 @@ from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.fields.network import FieldNetwork, octaves_of
-from meshdeform.fields.patches import level_of, patch
+from meshdeform.fields.patches import in_corners, level_of, patch
 from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
@@ -257,7 +257,7 @@ class FieldFit:
         owner = found // 4**2
         local = level.weights[level.faces[found]]
         # A level's vertices have the corners of one of their faces; express them in those of the face that was found.
-        local = _in_corners(level.corners[level.faces[found]], local, self.faces[owner])
+        local = in_corners(level.corners[level.faces[found]], local, self.faces[owner])
         place = np.einsum("pk,pkc->pc", shares, local)
         self._other = (
             torch.from_numpy(self.faces[owner]),
@@ -327,9 +327,3 @@ class FieldFit:
             if found is None or found.shape != tensor.shape:
                 raise CheckpointError("The checkpoint has a field with another base or network.")
             tensor.copy_(found)
-
-
-def _in_corners(corners: _Index, weights: _Floats, wanted: _Index) -> _Floats:
-    """Express barycentric coordinates (P, 3, 3) for corners (P, 3, 3) in the corners (P, 3) of one face each."""
-    same = corners[:, :, :, None] == wanted[:, None, None, :]
-    return np.asarray(np.einsum("pvk,pvkw->pvw", weights, same.astype(np.float64)))

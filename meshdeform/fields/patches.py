@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Level", "level_of", "patch"]
+__all__ = ["Level", "in_corners", "level_of", "patch"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -67,3 +67,9 @@ def level_of(faces: _Index, vertices: int, level: int) -> Level:
     corners[table.ravel()] = np.repeat(faces, len(weights), 0)
     found[table.ravel()] = np.tile(weights, (len(faces), 1))
     return Level(corners, found, table[:, small].reshape(-1, 3))
+
+
+def in_corners(corners: _Index, weights: _Floats, wanted: _Index) -> _Floats:
+    """Express barycentric coordinates (P, 3, 3) for corners (P, 3, 3) in the corners (P, 3) of one face each."""
+    same = corners[:, :, :, None] == wanted[:, None, None, :]
+    return np.asarray(np.einsum("pvk,pvkw->pvw", weights, same.astype(np.float64)))

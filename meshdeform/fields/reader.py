@@ -36,6 +36,7 @@ class NeuralField:
     faces: _Index
     features: NDArray[np.float32]
     layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    more: list[NDArray[np.float32]]  # the sections of scalars (`scalar_sections.py`)
 
     def evaluate(self, corners: _Index, weights: _Floats) -> _Floats:
         """Return points (P, 3) of the surface, in the world, from corners (P, 3) in the base and weights (P, 3)."""
@@ -95,7 +96,8 @@ def _read(data: bytes) -> NeuralField:
     for before, after in itertools.pairwise(header["widths"]):
         weight, bias, rest = np.split(rest, [after * before, after * before + after])
         layers.append((weight.reshape(after, before), bias))
-    return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers)
+    more = [part.view("<f2").astype(np.float32) for part in found[3:]]
+    return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers, more)
 
 
 def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:

@@ -1,10 +1,10 @@
 """Find the self-intersections of a triangle mesh: faces that cut another, pairs that cut or touch each other.
 
-Bounding boxes are swept along the longest axis. Two triangles cut each other if an edge of one passes through the
-other. The signs of five determinants decide this: the edge's ends lie on different sides of the plane, and the edge's
-line passes on the same side of all three edges of the triangle. A determinant closer to zero than its rounding error
-has no sign; then the point where the edge crosses the plane decides. An edge that ends in the other's plane only
-touches it: touching and coplanar overlap do not count as cuts.
+Bounding boxes are swept along the longest axis, in strips of the second longest. Two triangles cut each other if an
+edge of one passes through the other. The signs of five determinants decide this: the edge's ends lie on different sides
+of the plane, and the edge's line passes on the same side of all three edges of the triangle. A determinant closer to
+zero than its rounding error has no sign; then the point where the edge crosses the plane decides. An edge that ends in
+the other's plane only touches it: touching and coplanar overlap do not count as cuts.
 
 Faces that share an edge cannot cut each other unless they are folded flat, and are not tested; of faces that share one
 vertex, each one's opposite edge is tested.
@@ -28,6 +28,9 @@ _ERROR = 8.0e-16
 
 _BORDER = 1e-9
 """Barycentric coordinate below zero that counts as on the border."""
+
+_STRIPS = 32
+"""Strips of the second axis in a sweep; a face is in all that its box meets."""
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -115,21 +118,55 @@ def _faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _sweep(verts: _Floats, faces: _Index, low: _Floats, high: _Floats, hit: _Flags) -> None:
-    """Mark faces that cut another; boxes (F, 3) are sorted by their lower end on the first axis."""
-    n = len(faces)
-    for f in range(n):
-        for g in range(f + 1, n):
-            if low[g, 0] > high[f, 0]:
-                break
-            if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
-                continue
-            if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
-                continue
-            if hit[f] and hit[g]:
-                continue
-            if _faces_cut(verts, faces[f], faces[g]):
-                hit[f] = True
-                hit[g] = True
+    """Mark faces that cut another; boxes (F, 3) are sorted by their lower end on the first axis.
+
+    The second axis is divided into strips, each of which is swept alone: most boxes that overlap on the first axis are
+    in other strips. A pair is tested in the first strip that has both.
+    """
+    begin, extent = low[:, 1].min(), high[:, 1].max() - low[:, 1].min()
+    scale = _STRIPS / extent if 0.0 < extent < np.inf else 0.0
+    first, last = np.empty(len(faces), np.int64), np.empty(len(faces), np.int64)
+    ends = np.zeros(_STRIPS + 1, np.int64)
+    for f in range(len(faces)):
+        first[f] = min(int((low[f, 1] - begin) * scale), _STRIPS - 1)
+        last[f] = min(int((high[f, 1] - begin) * scale), _STRIPS - 1)
+        for strip in range(first[f], last[f] + 1):
+            ends[strip + 1] += 1
+    for strip in range(_STRIPS):
+        ends[strip + 1] += ends[strip]
+    filled = ends.copy()
+    members = np.empty(ends[-1], np.int64)
+    for f in range(len(faces)):
+        for strip in range(first[f], last[f] + 1):
+            members[filled[strip]] = f
+            filled[strip] += 1
+    for strip in range(_STRIPS):
+        for a in range(ends[strip], ends[strip + 1]):
+            f = members[a]
+            for b in range(a + 1, ends[strip + 1]):
+                g = members[b]
+                if low[g, 0] > high[f, 0]:
+                    break
+                if low[g, 1] > high[f, 1] or high[g, 1] < low[f, 1]:
+                    continue
+                if low[g, 2] > high[f, 2] or high[g, 2] < low[f, 2]:
+                    continue
+                if (hit[f] and hit[g]) or max(first[f], first[g]) != strip:
+                    continue
+                if _faces_cut(verts, faces[f], faces[g]):
+                    hit[f] = True
+                    hit[g] = True
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _boxes(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
+    """Return the least and the greatest coordinates (F, 3) of each face."""
+    low, high = np.empty((len(faces), 3)), np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        for c in range(3):
+            x, y, z = verts[faces[f, 0], c], verts[faces[f, 1], c], verts[faces[f, 2], c]
+            low[f, c], high[f, c] = min(x, y, z), max(x, y, z)
+    return low, high
 
 
 def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
@@ -148,10 +185,9 @@ def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
     if len(faces) < 2:
         return hit
     points = np.ascontiguousarray(verts, np.float64)
-    corners = points[faces]
-    low, high = corners.min(1), corners.max(1)
+    low, high = _boxes(points, faces)
     # The longest axis separates the boxes best; in the order of the sweep they stay in the cache.
-    axes = np.argsort(-np.ptp(points[np.unique(faces)], axis=0), kind="stable")
+    axes = np.argsort(low.min(0) - high.max(0), kind="stable")
     order = np.argsort(low[:, axes[0]], kind="stable")
     sorted_hit = np.zeros(len(faces), np.bool_)
     _sweep(

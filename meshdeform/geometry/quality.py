@@ -1,8 +1,20 @@
 """Measure the quality of a deformed mesh relative to its rest state, for the report and the benchmarks.
 
+The texture's stretch: of the map from the texture to a triangle, affine with the partial derivatives S_u and S_v, the
+larger singular value is the length to which the texture is drawn out in its worst direction (the L-infinity stretch of
+Sander et al.)::
+
+    a = S_u . S_u,  b = S_u . S_v,  c = S_v . S_v
+    Gamma = sqrt((a + c + sqrt((a - c)^2 + 4 b^2)) / 2)
+    stretch = (Gamma' / Gamma) / s,     s = sqrt(area' / area) of the whole textured surface
+
+with a prime for the result. Division by the mean growth `s` makes it free of scale, as theirs is: a similarity of the
+whole surface has 1, and a place where texels became twice as long as `s` explains has 2. Where they became shorter, it
+is below 1. Lengths in the texture are in texels. Triangles without a texture, or without an area in it, do not count.
+
 Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2,
 here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after removing the mean area
-scale, so that a similarity has the value 1.
+scale, so that a similarity has the value 1. Stretch: Sander et al. 2001, Texture Mapping Progressive Meshes, section 3.
 """
 
 from __future__ import annotations
@@ -13,10 +25,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
-from meshdeform.geometry.operators import COLLAPSED_SHAPE
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 
-__all__ = ["FOLD_MARGIN", "FaceNeighbours", "MeshQuality", "measure"]
+__all__ = [
+    "FOLD_MARGIN",
+    "FaceNeighbours",
+    "MeshQuality",
+    "TextureStretch",
+    "face_stretch",
+    "measure",
+    "measure_texture_stretch",
+    "texel_corners",
+]
+
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -94,7 +118,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     """
     diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
     verts = _without_rounding(rest_verts, verts, diagonal_sq**0.5)
-    area_old, area_new = _areas(rest_verts, faces), _areas(verts, faces)
+    area_old, area_new = _areas(rest_verts[faces]), _areas(verts[faces])
     solid = area_old > COLLAPSED_SHAPE * _longest_sq(rest_verts, faces)
     f, a, b = faces[solid], area_old[solid], area_new[solid]
     scale = float(b.sum() / a.sum()) if len(a) else 1.0
@@ -141,10 +165,6 @@ def _added(rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float) -> int
 def _cross(verts: _Floats, faces: _Faces) -> _Floats:
     a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
     return np.cross(b - a, c - a)
-
-
-def _areas(verts: _Floats, faces: _Faces) -> _Floats:
-    return np.asarray(0.5 * np.linalg.norm(_cross(verts, faces), axis=1))
 
 
 def _longest_sq(verts: _Floats, faces: _Faces) -> _Floats:
@@ -217,8 +237,103 @@ class FaceNeighbours:
 
         With a `margin`, include faces whose cosine to that sum is below it.
         """
-        cross = _cross(verts, self._faces)
+        cross = area_vectors(np.ascontiguousarray(verts), self._faces)
         around = self._signs @ cross
         limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
         against = (around * cross).sum(1) < limit
         return np.asarray(against[self._same.reshape(-1)])
+
+
+_STRONG = 2.0
+_FLAT = 1e-9
+"""Area in the texture, in texels, below which a triangle shows one colour."""
+
+
+@dataclass(frozen=True)
+class TextureStretch:
+    """Stretch of a result's texture; percentiles and shares are of the result's measured area.
+
+    Attributes
+    ----------
+    p50, p95 : float
+        Percentiles of the stretch.
+    above_2 : float
+        Share with a stretch above 2.
+    scale : float
+        s: how much longer the measured surface became on average.
+    measured : float
+        Share of the source's area that has a texture and was measured.
+    """
+
+    p50: float
+    p95: float
+    above_2: float
+    scale: float
+    measured: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the values by name, rounded."""
+        return {name: round(value, 4) for name, value in asdict(self).items()}
+
+
+def texel_corners(appearance: Appearance) -> _Floats:
+    """Return the corners (T, 3, 2) of all triangles in their texture, in texels; NaN where there is none."""
+    sizes = np.array(
+        [(np.nan, np.nan) if p.texture is None else p.texture.pixels.shape[1::-1] for p in appearance.paints], float
+    )
+    corners: _Floats = appearance.texcoords[appearance.triangles] * sizes[appearance.paint_of_triangle][:, None]
+    return corners
+
+
+def face_stretch(texels: _Floats, before: _Floats, after: _Floats) -> tuple[_Floats, float]:
+    """Return the stretch (T,) of triangles, NaN where it is not defined, and s.
+
+    Parameters
+    ----------
+    texels : (T, 3, 2)
+        Corners in the texture; NaN for triangles without one.
+    before, after : (T, 3, 3)
+        Corners on the source and on the result.
+    """
+    old, new = _largest(texels, before), _largest(texels, after)
+    valid = (old > 0) & np.isfinite(old) & np.isfinite(new)
+    if not valid.any():
+        return np.full(len(texels), np.nan), 1.0
+    scale = float(np.sqrt(_areas(after)[valid].sum() / _areas(before)[valid].sum()))
+    found = np.full(len(texels), np.nan)
+    np.divide(new, old * max(scale, 1e-300), out=found, where=valid)
+    return found, scale
+
+
+def measure_texture_stretch(texels: _Floats, before: _Floats, after: _Floats) -> TextureStretch | None:
+    """Measure the stretch; None if no triangle has a texture. The parameters are those of `face_stretch`."""
+    values, scale = face_stretch(texels, before, after)
+    valid = np.isfinite(values)
+    old, new = _areas(before), _areas(after)
+    if not valid.any() or new[valid].sum() <= 0:
+        return None
+    order = np.argsort(values[valid], kind="stable")
+    found, weights = values[valid][order], new[valid][order]
+    share = np.cumsum(weights) / weights.sum()
+    p50, p95 = (float(found[np.searchsorted(share, q - 1e-12)]) for q in (0.5, 0.95))
+    above = float(weights[found > _STRONG].sum() / weights.sum())
+    return TextureStretch(p50, p95, above, scale, float(old[valid].sum() / old.sum()))
+
+
+def _largest(texels: _Floats, points: _Floats) -> _Floats:
+    """Return Gamma (T,), NaN without an area in the texture."""
+    (u1, v1), (u2, v2) = (np.moveaxis(texels[:, k] - texels[:, 0], 1, 0) for k in (1, 2))
+    first, second = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    double_area = u1 * v2 - u2 * v1
+    divisor = np.where(np.abs(double_area) > 2 * _FLAT, double_area, np.nan)[:, None]
+    along_u = (first * v2[:, None] - second * v1[:, None]) / divisor
+    along_v = (second * u1[:, None] - first * u2[:, None]) / divisor
+    a, b, c = (along_u**2).sum(1), (along_u * along_v).sum(1), (along_v**2).sum(1)
+    largest: _Floats = np.sqrt((a + c + np.sqrt((a - c) ** 2 + 4 * b**2)) / 2)
+    return largest
+
+
+def _areas(points: _Floats) -> _Floats:
+    """Return the area (T,) of triangles with these corners (T, 3, 3)."""
+    areas: _Floats = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1) / 2
+    return areas

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 from meshdeform.geometry.samples import blend_matrix
 
 __all__ = ["Landmark", "LandmarkTerm"]

@@ -26,8 +26,7 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.operators import sparse_product
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 from meshdeform.geometry.samples import blend_matrix, even_samples
 
 __all__ = ["EVERY_STEPS", "LIMITS", "SAMPLES", "PointTerm", "diagonal_of", "on_border"]

@@ -63,8 +63,8 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
     device : str
         `cpu`, `cuda` or `cuda:N`.
     dtype : str
-        Precision of a Stable Diffusion model: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior
-        always uses float32.
+        Precision: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior has no float16, and uses float32
+        instead.
 
     Raises
     ------
@@ -76,11 +76,11 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
     if model == BUILTIN_MODEL:
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
-        return BuiltinPrior(device=device)
+        return BuiltinPrior(device=device, dtype=dtype)
     if is_taught(model):
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
-        return BuiltinPrior(device=device, weights=Path(model).expanduser())
+        return BuiltinPrior(device=device, weights=Path(model).expanduser(), dtype=dtype)
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
     return StableDiffusionPrior(model, device=device, revision=revision, dtype=dtype)

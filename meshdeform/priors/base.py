@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from torch import Tensor
 
 if TYPE_CHECKING:
+    import torch
+
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
     from meshdeform.requests.choices import Encoder
@@ -28,6 +30,10 @@ class Prior(Protocol):
     @property
     def alphas_cumprod(self) -> Tensor:
         """abar_t, the signal's share of the variance of z_t: (T,) float32 on the model's device."""
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """What the model computes in, for the report."""
 
     @property
     def identity(self) -> dict[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,6 +14,7 @@ from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
 from meshdeform.priors.public_names import hidden_folders, public_names
 from meshdeform.priors.text_to_3d import check_generator, is_generator
@@ -55,6 +56,8 @@ class Vocabulary:
         Maximum number of attributes in one prompt.
     examples : tuple of str
         Prompts that the model accepts.
+    groups : dict of str to tuple of str
+        The nouns by kind: animals, vehicles, furniture ...
     """
 
     nouns: tuple[str, ...]
@@ -62,6 +65,7 @@ class Vocabulary:
     parts: dict[str, tuple[str, ...]]
     max_attributes: int
     examples: tuple[str, ...]
+    groups: dict[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,7 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
             "seconds to minutes on any machine, without a download.",
             available=True,
             problem=None,
-            vocabulary=Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), NOUNS, MAX_ATTRIBUTES, EXAMPLES),
+            vocabulary=_vocabulary(NOUNS, EXAMPLES),
             licence="Apache-2.0",
         )
     if is_taught(model):
@@ -173,16 +177,19 @@ def describe_taught(model: str, name: str) -> ModelInfo:
         description=f"{_TAUGHT[:-1]}: {own}." if own else _TAUGHT,
         available=True,
         problem=None,
-        vocabulary=Vocabulary(
-            tuple(sorted(words.nouns)),
-            tuple(map(str, ATTRIBUTES)),
-            dict(words.nouns),
-            MAX_ATTRIBUTES,
-            tuple(_examples(words, lessons)),
-        ),
+        vocabulary=_vocabulary(words.nouns, _examples(words, lessons)),
         licence="; ".join(dict.fromkeys(lesson.licence for lesson in lessons if lesson.licence)),
         lessons=lessons,
     )
+
+
+def _vocabulary(nouns: Mapping[str, tuple[str, ...]], examples: Sequence[str]) -> Vocabulary:
+    """Describe nouns with their parts; those that no group has were taught."""
+    grouped = {name: tuple(noun for noun in group if noun in nouns) for name, group in NOUN_GROUPS.items()}
+    own = tuple(sorted(set(nouns).difference(*NOUN_GROUPS.values())))
+    groups = {name: group for name, group in {"taught": own, **grouped}.items() if group}
+    attributes = tuple(map(str, ATTRIBUTES))
+    return Vocabulary(tuple(sorted(nouns)), attributes, dict(nouns), MAX_ATTRIBUTES, tuple(examples), groups)
 
 
 def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:

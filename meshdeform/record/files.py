@@ -1,24 +1,29 @@
-"""Track which stored files are in use: equal bytes are stored once, and removed with the last job that needs them.
+"""Track which stored files are in use, count what an owner keeps, and remove what nothing refers to.
 
-A request pins its file before storing it, and the committed row of its job replaces the pin, so that a file cannot be
-removed while a request relies on it.
+Equal bytes are stored once, and removed with the last job that needs them. A request pins its file before storing it,
+and the committed row of its job replaces the pin, so that a file cannot be removed while a request relies on it.
 """
 
 from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import NotFoundError, TooMuchStoredError, UnavailableError
 from meshdeform.record.database import Database
-from meshdeform.record.schema import files, job_files, uploads
+from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads
+from meshdeform.storage import ObjectStore
 
-__all__ = ["FileLeases", "FileLedger"]
+if TYPE_CHECKING:
+    from meshdeform.record.repository import JobRecord
+
+__all__ = ["FileLeases", "FileLedger", "check_room", "measure", "remove_job", "remove_unreachable", "remove_upload"]
+
 
 _PIN_LASTS_S = 3600.0
 """Older pins belong to requests whose process died."""
@@ -167,3 +172,106 @@ class FileLedger:
             sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
         return sa.and_(unpinned, unneeded)
+
+
+_RETRY_AFTER_S = 3600
+
+
+def measure(connection: sa.Connection, job_id: str) -> None:
+    """Update the bytes of a job's artifacts and checkpoints in its row, after any of them has changed."""
+    results = sa.select(_total(artifacts.c.size)).where(artifacts.c.job_id == job_id).scalar_subquery()
+    size = checkpoints.c.size + sa.func.coalesce(checkpoints.c.mesh_size, 0)
+    saved = sa.select(_total(size)).where(checkpoints.c.job_id == job_id).scalar_subquery()
+    connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(stored_bytes=results + saved))
+
+
+def check_room(connection: sa.Connection, owner_id: str, files: Mapping[str, int], limit: int) -> None:
+    """Refuse a job if its owner would keep more bytes than allowed.
+
+    A file that several jobs of the owner use counts once. Every number comes from an index.
+
+    Parameters
+    ----------
+    connection : Connection
+    owner_id : str
+    files : mapping of str to int
+        Sizes of the job's stored files in bytes, by key.
+    limit : int
+        0: unlimited.
+
+    Raises
+    ------
+    TooMuchStoredError
+        There is no room for the job.
+    """
+    if not limit:
+        return
+    mine = job_files.c.owner_id == owner_id
+    each = sa.select(sa.func.max(job_files.c.size).label("size")).where(mine).group_by(job_files.c.key).subquery()
+    inputs = sa.select(_total(each.c.size)).scalar_subquery()
+    outputs = sa.select(_total(jobs.c.stored_bytes)).where(jobs.c.owner_id == owner_id).scalar_subquery()
+    stored = int(connection.execute(sa.select(inputs + outputs)).scalar_one())
+    known = set(connection.scalars(sa.select(job_files.c.key).where(mine, job_files.c.key.in_(sorted(files)))))
+    added = sum(size for key, size in files.items() if key not in known)
+    if stored >= limit or stored + added > limit:
+        raise TooMuchStoredError(
+            f"The jobs of this owner keep {stored} bytes, and this one would add {added}; the limit is {limit}.",
+            limit=limit,
+            stored=stored,
+            retry_after_s=_RETRY_AFTER_S,
+        )
+
+
+def _total(size: sa.ColumnElement[int]) -> sa.ColumnElement[int]:
+    return sa.func.coalesce(sa.func.sum(size), 0)
+
+
+def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
+    """Remove from the store what the record no longer refers to. Safe to interrupt, repeat, and run concurrently.
+
+    Raises
+    ------
+    UnavailableError
+        The record or the store does not answer; the remaining work stays recorded.
+    """
+    for prefix in record.upkeep.discarded_prefixes():
+        _remove_prefix(record, store, prefix)
+    for upload_id in record.upkeep.expired_uploads():
+        remove_upload(store, upload_id)
+        with suppress(NotFoundError):
+            record.uploads.delete(upload_id)
+    for key in record.files.unused():
+        record.files.remove_unused(key, store.delete)
+
+
+def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterable[str]) -> None:
+    """Remove the objects of one deleted job, and nothing else, so that the duration depends on no other job.
+
+    Parameters
+    ----------
+    record : JobRecord
+    store : ObjectStore
+    job_id : str
+    files : iterable of str
+        Keys of the files that it used, as returned by `JobRecord.delete`; files in use elsewhere stay.
+
+    Raises
+    ------
+    UnavailableError
+        The record or the store does not answer; `remove_unreachable` does the rest.
+    """
+    _remove_prefix(record, store, f"jobs/{job_id}/")
+    for key in files:
+        record.files.remove_unused(key, store.delete)
+
+
+def remove_upload(store: ObjectStore, upload_id: str) -> None:
+    """Remove the received bytes of an upload; the file stored from a complete upload is not affected."""
+    if store.appends:
+        store.discard_append(upload_id)
+    store.delete_prefix(f"uploads/{upload_id}/")
+
+
+def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
+    store.delete_prefix(prefix)
+    record.upkeep.forget_discarded(prefix)

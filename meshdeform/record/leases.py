@@ -16,8 +16,8 @@ from meshdeform.errors import DeviceMemoryError
 from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing, hold, stale, with_progress_event
 from meshdeform.record.database import Database
+from meshdeform.record.files import measure
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
-from meshdeform.record.quota import measure
 from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
 
 __all__ = ["RELEASED", "Leases", "WorkerIdentity"]

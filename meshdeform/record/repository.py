@@ -21,13 +21,12 @@ from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
-from meshdeform.record.files import FileLedger
+from meshdeform.record.files import FileLedger, check_room, measure
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.quota import check_room, measure
 from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
 from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
@@ -226,7 +225,7 @@ class JobRecord:
         return job
 
     def delete(self, job_id: str, owner: str | None = None) -> list[str]:
-        """Delete a finished job. Its objects are due for removal from then on (`cleanup.py`).
+        """Delete a finished job. Its objects are due for removal from then on (`files.remove_job`).
 
         Returns
         -------

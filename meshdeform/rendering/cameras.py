@@ -7,6 +7,8 @@ of the camera is such that a given sphere at the origin just fits the view.
 The published code places the camera at three half extents of the shape, measured anew at every step, so a growing shape
 keeps its size in the picture and never leaves it. `Framing` does the same within bounds.
 
+`Frame` maps the source into the cameras' frame: centred at the origin, small enough to be able to grow.
+
 Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal views).
 """
 
@@ -18,14 +20,19 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from meshdeform.geometry.mesh import TriangleMesh
+
 __all__ = [
     "NUM_VIEWS",
+    "RADIUS",
     "CameraRange",
     "Cameras",
+    "Frame",
     "Framing",
     "fixed_cameras",
     "sample_orthogonal_cameras",
 ]
+
 
 NUM_VIEWS = 4
 UNIT_SPHERE = 1.05
@@ -192,3 +199,41 @@ def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tenso
     view[:3, :3] = torch.stack([right, torch.linalg.cross(back, right), back])
     view[2, 3] = -distance
     return view
+
+
+RADIUS = 0.6
+"""Radius of the source in the cameras' frame, where they see the unit sphere: it leaves space for growth."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Similarity between the world and the cameras' frame.
+
+    Attributes
+    ----------
+    centre : (3,) float64
+        Centre of the bounding box, in the world.
+    scale : float
+        Camera units per world unit.
+    """
+
+    centre: Tensor
+    scale: float
+
+    @classmethod
+    def around(cls, verts: Tensor) -> Frame:
+        """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
+        centre = (verts.amin(0) + verts.amax(0)) / 2
+        return cls(centre, RADIUS / float((verts - centre).norm(dim=1).max()))
+
+    def enter(self, verts: Tensor) -> Tensor:
+        """Transform positions (V, 3) from the world into the frame."""
+        return (verts - self.centre) * self.scale
+
+    def leave(self, verts: Tensor) -> Tensor:
+        """Transform positions (V, 3) from the frame into the world."""
+        return verts / self.scale + self.centre
+
+    def place(self, mesh: TriangleMesh) -> TriangleMesh:
+        """Transform a mesh from the world into the frame."""
+        return TriangleMesh(self.enter(mesh.verts), mesh.faces)

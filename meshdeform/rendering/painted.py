@@ -17,11 +17,9 @@ from torch.nn import functional
 
 from meshdeform.assets.appearance import Appearance
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.rendering.base_colours import BaseColours
+from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.layers import Layers
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
-from meshdeform.rendering.textures import linear_from_srgb, srgb_from_linear
 
 __all__ = ["PaintedRenderer", "PaintedStyle"]
 

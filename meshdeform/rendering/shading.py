@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import torch
 from torch import Tensor
@@ -27,24 +27,18 @@ from torch.nn import functional
 from meshdeform.assets.appearance import Appearance
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.operators import COLLAPSED_SHAPE
-from meshdeform.rendering.base_colours import BaseColours
-from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.layers import Layers
-from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
+from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
+from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals
+from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, backend, interpolate, rasterize
 from meshdeform.rendering.scenes import Scene, sample_scene
-from meshdeform.rendering.textures import linear_from_srgb, srgb_from_linear
 
-__all__ = ["RenderStyle", "Renderer", "Shading", "combine_views"]
+__all__ = ["OrthogonalGrid", "RenderStyle", "Renderer", "Shading", "Views", "combine_views"]
+
 
 Shading = Literal["normals", "lambert", "textured", "mixed"]
 
-_SLIM_SHAPE = 1e-2
-"""Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
-
-The gradient of a pixel grows with the reciprocal of the face's height, but is only valid for motions shorter than that
-height, and no optimiser step is that short. The gradient is therefore limited to that of a face of this shape.
-"""
 _AMBIENT = 0.25
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 _VARIED_GAIN = 0.5 * 5 / math.pi
@@ -202,8 +196,10 @@ class Renderer:
         """
         if verts.shape != (self.n_verts, 3):
             raise ShapeError(f"expected verts ({self.n_verts}, 3), got {tuple(verts.shape)}")
-        surface = self._surface(verts.to(self._dtype), cameras)
-        shading = shading or self.shading
+        shading, verts = shading or self.shading, verts.to(self._dtype)
+        if shading == "normals" and backend.is_compiled(verts):
+            return self._pooled(self._compiled_normals(verts, cameras, scene))
+        surface = self._surface(verts, cameras)
         if self._colours is not None and shading in ("textured", "mixed"):
             return srgb_from_linear(self._pooled(self._textured(surface, self._colours, scene)))
         return self._pooled(self._plain(surface, scene, normals=shading == "normals"))
@@ -213,9 +209,17 @@ class Renderer:
             return image
         return functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
 
+    def _compiled_normals(self, verts: Tensor, cameras: Cameras, scene: Scene | None) -> Tensor:
+        """Draw normals as `_plain` does, (B, side, side, 3)."""
+        clip, side = _clip(verts, cameras), self.style.view_size * self.style.supersample
+        fragments = rasterize(clip, self.faces, side, side)
+        backdrop = self._backdrop(len(clip), side, scene)
+        axes = cameras.view[:, :3, :3]
+        image = colour_by_normals(verts, clip, self.faces, cameras.eye, axes, fragments.face_ids, backdrop)
+        return antialias(image, clip, self.edges, fragments.depth)
+
     def _surface(self, verts: Tensor, cameras: Cameras) -> _Surface:
-        matrices, axes = cameras.view_proj.to(verts.dtype), cameras.view.to(verts.dtype)
-        clip = verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+        clip, axes = _clip(verts, cameras), cameras.view.to(verts.dtype)
         corners = verts.index_select(0, self.faces.reshape(-1)).view(-1, 3, 3)
         cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with torch.no_grad():
@@ -227,7 +231,7 @@ class Renderer:
             double_area = cross.norm(dim=-1)
             solid = double_area > 2 * COLLAPSED_SHAPE * longest_sq
             shape = double_area / (2 * longest_sq).clamp_min(torch.finfo(longest_sq.dtype).tiny)
-            share = (shape / _SLIM_SHAPE).clamp_max(1.0)
+            share = (shape / SLIM_SHAPE).clamp_max(1.0)
         normals = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
         normals = functional.normalize(normals, dim=-1, eps=1e-12) @ axes[:, :3, :3].mT
         return _Surface(clip, axes[:, :3, :3], normals, cross, facing, solid, share)
@@ -297,6 +301,12 @@ class Renderer:
         return (functional.normalize(_damped(smooth, share), dim=-1, eps=1e-12) * facing * light).sum(-1).clamp_min(0)
 
 
+def _clip(verts: Tensor, cameras: Cameras) -> Tensor:
+    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
+    matrices = cameras.view_proj.to(verts.dtype)
+    return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+
+
 def _interpolated(clip: Tensor, values: Tensor, faces: Tensor, pixels: _Pixels, solid: Tensor, side: int) -> Tensor:
     """Return values of vertices (B, V, C) at pixels (P, C): interpolated, or the mean of corners if not `solid`."""
     has_area = solid.index_select(0, pixels.face)
@@ -322,7 +332,7 @@ def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:
     faded out at creases, where smooth and flat normals differ.
     """
     with torch.no_grad():
-        trust = (((smooth * flat).sum(-1, keepdim=True) - 0.7) / 0.25).clamp(0, 1)
+        trust = (((smooth * flat).sum(-1, keepdim=True) - TRUST_FROM) / TRUST_OVER).clamp(0, 1)
     return trust * (smooth - smooth.detach())
 
 
@@ -341,3 +351,48 @@ def combine_views(images: Tensor) -> Tensor:
         raise ShapeError(f"expected four views (4, H, W, C), got {tuple(images.shape)}")
     rows = torch.cat([torch.cat([images[0], images[1]], 1), torch.cat([images[2], images[3]], 1)], 0)
     return rows.permute(2, 0, 1)[None]
+
+
+class Views(Protocol):
+    """Cameras of a step and the layout of their pictures."""
+
+    style: RenderStyle
+    """Style of each view."""
+
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
+        """Draw the cameras of one step.
+
+        Parameters
+        ----------
+        generator : torch.Generator on the CPU
+        fitting_radius : float
+            Radius of the sphere around the origin that just fits the views.
+        turn_deg : float
+            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
+        """
+
+    def arrange(self, images: Tensor) -> Tensor:
+        """Arrange views (B, S, S, 3) as input of the guidance."""
+
+
+class OrthogonalGrid:
+    """Four views a quarter turn apart in one picture.
+
+    Parameters
+    ----------
+    bounds : CameraRange
+    style : RenderStyle
+        Style of each view.
+    """
+
+    def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
+        self._bounds = bounds
+        self.style = style
+
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
+        """Draw the cameras of one step."""
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
+
+    def arrange(self, images: Tensor) -> Tensor:
+        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
+        return combine_views(images)

@@ -1,7 +1,7 @@
 """Declare the parameters of a deformation: name, type, bounds, meaning and the paper's value. Torch-free.
 
 `DeformParams` holds what a user wrote: only the members in `model_fields_set` count, the others have the paper's
-values. `meshdeform.requests.resolve` fills in those of the preset and returns a `ResolvedParams`. The page's form, the
+values. `meshdeform.requests.document` fills in those of the preset and returns a `ResolvedParams`. The page's form, the
 completion of the command line and docs/parameters.md are generated from this declaration.
 
 Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its public configuration.
@@ -23,7 +23,6 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from meshdeform.requests.bounds import contradiction
 from meshdeform.requests.choices import (
     AlignMode,
     AppearanceMode,
@@ -36,15 +35,14 @@ from meshdeform.requests.choices import (
     Symmetry,
 )
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
-from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
+from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
 from meshdeform.requests.encoder import ENCODER, Encoder
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
-from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.sketches import SKETCH, Sketch
-from meshdeform.requests.stages import STAGES, TARGET, GeneratedTarget, Stage
+from meshdeform.requests.stages import PROMPTS, STAGES, TARGET, GeneratedTarget, Prompt, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Declare the stages of a job, and targets that a text-to-3D model makes. Torch-free."""
+"""Declare what guides a job beside its one prompt: more prompts, stages, targets of a text-to-3D model. Torch-free."""
 
 from __future__ import annotations
 
@@ -8,27 +8,101 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.selection import MAX_SELECTORS, Selection
 from meshdeform.requests.strict import StrictModel
 
 if TYPE_CHECKING:
     from meshdeform.requests.parameters import DeformParams
 
 __all__ = [
+    "MAX_PROMPTS",
     "MAX_STAGES",
+    "PROMPTS",
     "STAGES",
     "TARGET",
     "TARGET_PARTS",
     "GeneratedTarget",
+    "Prompt",
     "Stage",
     "StageProgress",
+    "active_prompts",
+    "contradicted",
     "generated_targets",
     "goal_guidance",
     "named_targets",
     "needs_prior",
     "of_stage",
+    "prompt_words",
     "stage_at",
     "with_target_models",
 ]
+
+
+MAX_PROMPTS = 8
+_MAX_LENGTH = 1_000
+_MAX_WEIGHT = 100.0
+
+_Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=_MAX_LENGTH)]
+
+
+class Prompt(StrictModel):
+    """One of several prompts that guide at the same time."""
+
+    prompt: _Text = Field(description="What the asset, or its region, should become.", examples=["a rabbit"])
+    weight: float = Field(
+        1.0,
+        ge=0.0,
+        le=_MAX_WEIGHT,
+        description="How strongly it pulls, relative to the others; 0: not at all. `prompt` of the request has the "
+        "weight 1. Where the weights add up to more than 1, they are divided by their sum.",
+        examples=[0.5],
+    )
+    regions: tuple[Selection, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="The parts of the surface that it pulls at. Default: everything.",
+        examples=[[{"box": {"min": [-1.0, 1.0, -1.0], "max": [1.0, 2.0, 1.0]}}]],
+    )
+    outside: bool = Field(False, description="Pull at everything outside of `regions` instead.", examples=[False])
+
+    @model_validator(mode="after")
+    def _outside_of_something(self) -> Self:
+        if self.outside and not self.regions:
+            raise ValueError("outside needs regions")
+        return self
+
+
+PROMPTS: Any = Field(
+    (),
+    max_length=MAX_PROMPTS,
+    description="Further prompts that guide at the same time as `prompt` of the request, each with a weight and, if it "
+    "has one, a region. Without `prompt`, they are all there are ([Control](control.md#several-prompts)).",
+    examples=[[{"prompt": "a rabbit", "weight": 0.5}]],
+)
+
+
+def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
+    """Return the prompts that pull at anything, that of the request first; there may be none."""
+    found = [Prompt(prompt=prompt)] if prompt else []
+    return [*found, *(each for each in prompts if each.weight > 0)]
+
+
+def prompt_words(prompt: str, params: Any) -> str:
+    """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
+    further = [each.prompt for each in getattr(params, "prompts", ())]
+    return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
+
+
+def contradicted(params: DeformParams, guidance: GuidanceKind) -> tuple[str, str] | None:
+    """Return what further prompts cannot be combined with, and why; None if there is nothing."""
+    if not params.prompts:
+        return None
+    if params.stages:
+        return "stages", "each stage has one prompt of its own"
+    if guidance is not GuidanceKind.SDS:
+        return "guidance", f"`{guidance}` uses no prompt"
+    return None
+
 
 MAX_STAGES = 8
 TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_STAGES + 1)))

@@ -21,12 +21,12 @@ _Name = Annotated[str, StringConstraints(min_length=1, max_length=80)]
 class TeachParams(StrictModel):
     """The parameters of a lesson."""
 
-    noun: _Name = Field(description="What the meshes show.", examples=["a teapot"])
+    noun: _Name = Field(description="What the meshes show.", examples=["a gnome"])
     synonyms: list[_Name] = Field(
         default_factory=list,
         max_length=MAX_SYNONYMS,
         description="Other names of the same thing.",
-        examples=[["kettle"]],
+        examples=[["dwarf"]],
     )
     replace: bool = Field(
         False,

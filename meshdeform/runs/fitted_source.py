@@ -16,7 +16,7 @@ import safetensors.torch
 import torch
 from safetensors import SafetensorError
 
-from meshdeform.assets.surface_files import read_surface_file, surface_format
+from meshdeform.assets.surface_files import read_surface_file
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.errors import AssetTooLargeError, CheckpointError
 from meshdeform.fields.base_mesh import base_of
@@ -70,8 +70,8 @@ class FittedSource:
         return Checkpoint(checkpoint.step, {**checkpoint.tensors, **more})
 
 
-def fitted_source(given: RunInput) -> FittedSource | None:
-    """Return the mesh that stands for the asset: that of the checkpoint, or a new one; None if the asset is a mesh.
+def fitted_source(given: RunInput) -> FittedSource:
+    """Return the mesh that stands for an asset without triangles: that of the checkpoint, or a new one.
 
     Parameters
     ----------
@@ -87,9 +87,6 @@ def fitted_source(given: RunInput) -> FittedSource | None:
     NumericalError
         The fit diverged.
     """
-    file = given.files["asset"]
-    if surface_format(file.data[:65_536], file.filename) is None:
-        return None
     if given.checkpoint is not None or given.initial is not None:
         source = _kept(given.checkpoint or given.initial or b"")
     else:

@@ -21,7 +21,7 @@ from meshdeform.priors.public_names import hidden_folders
 from meshdeform.priors.text_to_3d import GeneratedMesh, load_generator, model_state
 from meshdeform.requests.stages import GeneratedTarget
 from meshdeform.runs.base import ArtifactData, RunInput
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["KEPT", "GenerateTarget", "cannot_generate", "generated_target"]
 

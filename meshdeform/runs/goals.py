@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
-from meshdeform.errors import AlignmentError, ParameterError, PromptError
+from meshdeform.errors import AlignmentError, ModelError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
+from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.texts import WeightedPrompt
-from meshdeform.priors.base import Prior
+from meshdeform.priors.base import HasEncoders, Prior
 from meshdeform.priors.public_names import public_name
-from meshdeform.requests.choices import GuidanceKind
+from meshdeform.rendering.shading import Shading
+from meshdeform.requests.choices import AppearanceMode, Encoder, GuidanceKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.requests.prompts import prompt_words
-from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage
+from meshdeform.requests.models import is_builtin
+from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage, prompt_words
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.generated_target import GenerateTarget
 from meshdeform.runs.movement import HoldCounter, measure_movement
@@ -31,9 +33,46 @@ from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.report import sha256_hex
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.target_fit import TargetFit
-from meshdeform.runs.text_guidance import score_distillation
 
-__all__ = ["Goal", "GoalSource", "read_goals", "stage_reports", "unique_names"]
+__all__ = ["Goal", "GoalSource", "read_goals", "score_distillation", "stage_reports", "unique_names"]
+
+
+_SHADINGS: dict[AppearanceMode, Shading] = {
+    AppearanceMode.NORMALS: "normals",
+    AppearanceMode.CLAY: "lambert",
+    AppearanceMode.TEXTURED: "textured",
+    AppearanceMode.MIXED: "mixed",
+}
+
+
+def score_distillation(
+    prior: Prior, prompt: str | Sequence[WeightedPrompt], params: ResolvedParams
+) -> ScoreDistillation:
+    """Return the guidance `sds` of a job with these parameters.
+
+    Raises
+    ------
+    PromptError, ParameterError
+        The prior cannot use this prompt.
+    ModelError
+        The prior has no such encoder.
+    """
+    if isinstance(prior, HasEncoders):
+        prior = prior.with_encoder(params.encoder)
+    elif params.encoder is not Encoder.VAE:
+        raise ModelError(f"This model has no encoder {params.encoder!r}.", advice="Leave params.encoder out.")
+    return ScoreDistillation(
+        prior,
+        prompt,
+        negative_prompt=params.negative_prompt,
+        guidance_scale=params.guidance_scale,
+        guidance_rescale=params.guidance_rescale,
+        timestep_min=params.timestep_min,
+        timestep_max=params.timestep_max,
+        timestep_max_end=params.timestep_max_end,
+        # Parameters resolved by an earlier edition have no appearance, and this model takes only its own.
+        shading=None if is_builtin(params.model) else _SHADINGS[params.appearance],
+    )
 
 
 @dataclass(frozen=True)

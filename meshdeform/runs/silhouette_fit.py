@@ -36,8 +36,8 @@ class SilhouetteFit:
         self._params, self._views, self._sha256 = params, views, sha256
 
     @classmethod
-    def of(cls, params: ResolvedParams, pictures: Sequence[bytes]) -> Self | None:
-        """Read the pictures of a job; None if it has none.
+    def of(cls, params: ResolvedParams, pictures: Sequence[bytes]) -> Self:
+        """Read the pictures of a job.
 
         Raises
         ------
@@ -46,8 +46,6 @@ class SilhouetteFit:
         SilhouetteError, AssetTooLargeError
             A picture cannot be used.
         """
-        if not params.silhouettes:
-            return None
         if len(pictures) != len(params.silhouettes):
             detail = (
                 f"params.silhouettes has {len(params.silhouettes)} entries, and there are {len(pictures)} pictures."

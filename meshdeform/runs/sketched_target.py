@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from meshdeform.requests.document import DeformParams
-from meshdeform.requests.sketches import SKETCH_PART, Sketch
-from meshdeform.requests.stages import TARGET_PARTS
+from meshdeform.requests.sketches import Sketch
 from meshdeform.runs.base import ArtifactData, InputFile, RunInput
 from meshdeform.sketch.guesses import Guess, guess
 from meshdeform.sketch.members import member_glb
 
-__all__ = ["guessed", "read_targets", "sketched_target"]
+__all__ = ["guessed", "sketched_target"]
 
 
 def guessed(drawing: bytes | None, sketch: Sketch | None) -> Guess:
@@ -56,18 +54,3 @@ def sketched_target(drawing: bytes | None, sketch: Sketch | None, given: RunInpu
     return InputFile(data, f"{found.family}.glb"), about if drawing is None else about | {
         "probability": found.probability
     }
-
-
-def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, InputFile], dict[str, Any] | None]:
-    """Return the target meshes of a job, among them that of its drawing, and what the report says about the drawing.
-
-    Raises
-    ------
-    DrawingError, ModelError
-        As for `guessed`.
-    """
-    drawing = given.files.get(SKETCH_PART)
-    if drawing is None and params.sketch is None:
-        return {part: file for part, file in given.files.items() if part in TARGET_PARTS}, None
-    target, about = sketched_target(None if drawing is None else drawing.data, params.sketch, given)
-    return {"target": target}, about

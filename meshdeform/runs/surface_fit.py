@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.mesh_codecs import as_precise, packed_sizes
+from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, read_surface_file
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.errors import AssetTooLargeError
@@ -21,12 +23,13 @@ from meshdeform.fields.container import EncodedBase, encode_base, write_field
 from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.fields.gluing import glue, topology
 from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
+from meshdeform.fields.learned_scalars import check_places, learned_scalars
 from meshdeform.fields.level_files import intrinsic_npz, level_glb
 from meshdeform.fields.measures import Reference, distances
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
-from meshdeform.rendering.preview import comparison_png
+from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
@@ -97,7 +100,11 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
         anchors=_anchors(params, frame),
     )
     facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256}
-    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, clock)
+    scalars = None
+    if "scalars" in given.files:
+        scalars = read_scalar_file(given.files["scalars"].data)
+        check_places(surface.reference.verts, surface.reference.faces, scalars)
+    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, clock, scalars, given.on_wait)
 
 
 def _own_base(given: RunInput) -> CleanMesh | None:
@@ -143,9 +150,12 @@ class SurfaceFitRun:
         run: str,
         shape: str,
         clock: PhaseClock,
+        scalars: SampledScalars | None,
+        on_wait: Callable[[], None],
     ) -> None:
         self._surface, self._frame, self._base, self._fit = surface, frame, base, fit
         self._params, self._facts, self._run, self._shape, self._clock = params, facts, run, shape, clock
+        self._scalars, self._on_wait = scalars, on_wait
         self._history = LossHistory()
         self._first_step = fit.step
 
@@ -182,11 +192,23 @@ class SurfaceFitRun:
         """Return the container, the levels, the intrinsic triangulation, the report and the picture."""
         with self._clock.phase("unfold"):
             made = {"source": self._facts["sha256"], "seed": self._params.seed, "steps": self.step}
-            data = write_field(
-                self._base, self._fit.field, centre=self._frame.centre, scale=self._frame.scale, provenance=made
+            write = partial(
+                write_field,
+                self._base,
+                self._fit.field,
+                centre=self._frame.centre,
+                scale=self._frame.scale,
+                provenance=made,
             )
+            data = write()
             # Read back, so that everything else describes what is in the file.
             field = read_field(data)
+        learned: list[dict[str, Any]] = []
+        if self._scalars is not None:
+            with self._clock.phase("scalars"):
+                found = learned_scalars(field, self._scalars, seed=self._params.seed, on_step=self._on_wait)
+                data, learned = write(scalars=found.fields), found.facts
+        with self._clock.phase("unfold"):
             artifacts = {"surface.ndf": ArtifactData(data, _BYTES)}
             levels: list[dict[str, Any]] = []
             meshes = []
@@ -208,7 +230,7 @@ class SurfaceFitRun:
             packed = self._packed(verts, faces, levels[-1]["distance"]["mean"])
         with self._clock.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
-        report = self._report(data, artifacts, levels, mesh, {"packed": packed, **compared})
+        report = self._report(data, artifacts, levels, mesh, {"scalars": learned, "packed": packed, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
 

@@ -81,6 +81,13 @@ SURFACE_FIT = Kind(
             required=False,
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip"),
         ),
+        FilePart(
+            "scalars",
+            "Values at points near the surface, an NPZ, that are learned along it and kept in `surface.ndf`.",
+            required=False,
+            media_types=("application/octet-stream",),
+            content="scalars",
+        ),
     ),
     params=SurfaceFitParams,
     check=_check,

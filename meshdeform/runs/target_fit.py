@@ -23,8 +23,7 @@ from meshdeform.guidance.alignment import Alignment, aligned, given_alignment, r
 from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
 from meshdeform.guidance.points import diagonal_of
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import AlignMode
 from meshdeform.requests.document import ResolvedParams

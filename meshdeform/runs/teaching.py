@@ -17,8 +17,8 @@ from typing import Any
 import torch
 
 from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.notices import looks_z_up
 from meshdeform.errors import MeshdeformError
-from meshdeform.geometry.up_axis import looks_z_up
 from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, metadata_of, words_of
@@ -58,7 +58,7 @@ class TeachRequest:
     Attributes
     ----------
     noun : str
-        As the user wrote it: "a teapot".
+        As the user wrote it: "a gnome".
     synonyms : tuple of str
     replace : bool
         Whether a noun that the weights know may get a new meaning.
@@ -272,8 +272,8 @@ class TeachingRun:
     def report(self) -> dict[str, Any]:
         """Measure what was learned and forgotten, and describe the lesson.
 
-        Retrieval asks the network itself: which noun explains a held-out picture best? Each old noun has one grid of
-        a member that the lesson did not show.
+        Retrieval asks the network itself: which noun explains a held-out picture best? Up to 30 old nouns have
+        one grid of a member that the lesson did not show.
         """
         new, teacher = self._new, self._teacher
         after = teacher.network()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -26,16 +26,12 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
-from meshdeform.rendering.normalization import Frame
-from meshdeform.rendering.preview import preview_png
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.runs.appearance_report import appearance_report, sees_colours
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
-from meshdeform.runs.control import Control, read_control
-from meshdeform.runs.control_report import control_report
-from meshdeform.runs.fitted_source import FittedSource
+from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
@@ -46,7 +42,19 @@ from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import RunFacts, build_report, provenance, read_result
+from meshdeform.runs.text_report import (
+    RunFacts,
+    appearance_report,
+    build_report,
+    likeness,
+    precision_of,
+    provenance,
+    read_result,
+    sees_colours,
+)
+
+if TYPE_CHECKING:
+    from meshdeform.runs.fitted_source import FittedSource
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -136,7 +144,7 @@ def start(
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         own = {} if target is None else {"target": InputFile(target, target_filename)}
         meshes = {**(targets or {}), **own}
-        silhouettes = SilhouetteFit.of(params, pictures)
+        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
         given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
         identities = [goal.guidance.identity for goal in goals]
@@ -152,8 +160,8 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    given_as = asset_sha256, len(asset), filename
-    facts = RunFacts(request, params, *given_as, identities[-1], run, device, shape, division, source, sketch)
+    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior))
+    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 
@@ -201,8 +209,7 @@ class TextDeformRun:
         self._deformation = deformation
         self._facts = facts
         self._clock = clock
-        self._history = LossHistory()
-        self._holds = HoldCounter()
+        self._history, self._holds = LossHistory(), HoldCounter()
         self._rebuilt_normals = 0
         self._first_step = deformation.step
 
@@ -235,9 +242,8 @@ class TextDeformRun:
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         state, source = self._deformation.checkpoint(), self._facts.source
-        return dump_checkpoint(
-            source.kept_in(state) if source else state, self._facts.fingerprint, self._facts.shape_id
-        )
+        state = source.kept_in(state) if source else state
+        return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:
         """Return the current world positions (N, 3), float64, of the asset's own vertices."""
@@ -321,9 +327,8 @@ class TextDeformRun:
         if self._facts.params.stages:
             shapes = dict(zip(unique_names(self._goals), self._ends(verts), strict=True))
             return write_stages(self._asset, self._welded, shapes, surface, way, **options)
-        return write_morph(
-            self._asset, AssetPath(self._asset, surface.positions, self._welded), surface, way, **options
-        )
+        path = AssetPath(self._asset, surface.positions, self._welded)
+        return write_morph(self._asset, path, surface, way, **options)
 
     def _ends(self, verts: Tensor) -> list[Tensor]:
         """Return the world positions in which the stages ended; `verts` are those of the last one."""
@@ -356,16 +361,12 @@ class TextDeformRun:
             return self._compared(goal.prompt, verts)
 
     def _compared(self, prompt: str, verts: Tensor) -> dict[str, Any] | None:
-        from meshdeform.runs.likeness import likeness
-
         return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
 
     def _compared_prompts(self, verts: Tensor) -> list[dict[str, Any]] | None:
         """Compare the result with each of several prompts, if there are any."""
         if self._prompts is None:
             return None
-        from meshdeform.runs.likeness import likeness
-
         judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
         with self._clock.phase("measure"):
             mesh = TriangleMesh(verts, self._welded.mesh.faces)

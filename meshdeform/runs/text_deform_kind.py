@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
-from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError
-from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
+from meshdeform.assets.inspect import surface_format
+from meshdeform.errors import MeshdeformError, ParameterError
+from meshdeform.priors.public_names import configured_name, hidden_folders
+from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import (
-    BUILTIN_MODEL,
     DeformParams,
     JobKind,
     JobRequest,
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
-from meshdeform.requests.prompts import active_prompts
+from meshdeform.requests.models import WEIGHTS_PART, is_sent
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
 from meshdeform.requests.stages import (
     TARGET_PARTS,
-    generated_targets,
+    Stage,
+    goal_guidance,
     named_targets,
     needs_prior,
+    prompt_words,
     with_target_models,
 )
 from meshdeform.runs.base import (
@@ -36,175 +39,26 @@ from meshdeform.runs.base import (
     FORMATS_OF_RESULT,
     ArtifactKind,
     FilePart,
+    InputFile,
     JobRun,
     Kind,
     RunInput,
     StartRun,
 )
-from meshdeform.runs.goal_words import goal_of
-from meshdeform.runs.picture_parts import PICTURE_FILES, check_pictures
-from meshdeform.runs.sent_weights import WEIGHTS_FILE, check_weights_part, load_sent
-from meshdeform.runs.sketch_part import SKETCH_FILE, check_sketch, drawn_parts
-from meshdeform.runs.vocabulary import PlacedPrompt, at_parameter, check_vocabulary
+from meshdeform.runs.sent_weights import WEIGHTS_FILE, load_sent
+from meshdeform.runs.text_deform_checks import check, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
-    from meshdeform.priors.builtin.words import Words
+    from meshdeform.runs.fitted_source import FittedSource
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "check"]
+__all__ = ["TEXT_DEFORM", "read_source", "read_targets"]
 
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
-
-
-def check(
-    request: JobRequest,
-    *,
-    default_model: str,
-    allowed_models: Sequence[str] = (),
-    revision: str = "",
-    has_target: bool = False,
-    targets: Collection[str] = (),
-    pictures: Collection[str] = (),
-    has_weights: bool = False,
-    has_sketch: bool = False,
-) -> ResolvedParams:
-    """Refuse a request that could not run; return the values of all its parameters.
-
-    Parameters
-    ----------
-    request : JobRequest
-    default_model : str
-        The model used if the request names none; always allowed, like `builtin`.
-    allowed_models : sequence of str
-        Further models that a request may name.
-    revision : str
-        Revision of the default model.
-    has_target : bool
-        Whether the second mesh for `target` guidance is present.
-    targets : collection of str
-        The parts that are target meshes, for stages.
-    pictures : collection of str
-        The names of the parts with pictures that are present.
-    has_weights : bool
-        Whether taught weights are among the files.
-    has_sketch : bool
-        Whether a drawing is among them.
-
-    Raises
-    ------
-    ParameterError
-        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
-        reverse, or parameters that contradict the preset or each other.
-    PromptError, VocabularyError
-        The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
-    ModelError
-        The model is not allowed, or not on this machine.
-    """
-    params = request.params
-    resolved = resolve(params, default_model=default_model)
-    check_pictures(request, pictures)
-    given = {*targets, *(["target"] if has_target else [])}
-    if not check_sketch(resolved, given | ({SKETCH_PART} if has_sketch else set())):
-        _check_targets(resolved, given)
-    known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
-    for generated in generated_targets(resolved):
-        if generated.model != default_model and generated.model not in allowed_models:
-            raise _not_allowed(generated.model, known)
-        from meshdeform.priors.text_to_3d import check_generator
-
-        check_generator(generated.model)
-    if resolved.stages and request.prompt:
-        raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
-    if needs_prior(resolved):
-        model = params.model or default_model
-        check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
-        if is_sent(model):  # its words are those of a file, which is checked later
-            return resolved
-        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
-        if is_taught(model) and not offered:  # before its words are read
-            raise _not_allowed(model, known)
-        _check_prompts(_prompts(request), params, model)
-        if not offered:
-            raise _not_allowed(model, known)
-        from meshdeform.priors import check_model
-
-        check_model(model, revision if model == default_model else "", params.encoder)
-    elif has_weights:
-        check_weights_part(params.model, [WEIGHTS_PART])
-    return resolved
-
-
-def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
-    """Refuse a request whose target meshes are not those that were sent."""
-    needed = named_targets(params)
-    for part in needed:
-        if part not in given:
-            detail = "`target` guidance needs a second mesh." if not params.stages else f"A stage needs `{part}`."
-            raise _refusal("stages" if params.stages else "guidance", detail, f"Send it as the part `{part}`.")
-    for part in sorted(set(given) - set(needed)):
-        if params.stages or params.target is not None:
-            whose = "no stage" if params.stages else "params.target, which is generated, not"
-            detail = f"`{part}` was sent, but {whose} uses it."
-            raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
-        raise _refusal(
-            "guidance",
-            f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            f"Set params.guidance to `target`, or omit the part `{part}`.",
-        )
-
-
-def _prompts(request: JobRequest) -> list[PlacedPrompt]:
-    """Return the prompts of a request, each with its place in the document.
-
-    Raises
-    ------
-    ParameterError
-        There are several, and none pulls at anything.
-    """
-    params = request.params
-    if params.stages:
-        staged = enumerate(params.stages)
-        return [(["params", "stages", number, "prompt"], stage.prompt) for number, stage in staged if stage.prompt]
-    if not params.prompts:
-        return [(["prompt"], request.prompt)]
-    if not active_prompts(request.prompt, params.prompts):
-        raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
-    found: list[PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
-    for number, each in enumerate(params.prompts):
-        found.append((["params", "prompts", number, "prompt"], each.prompt))
-    return found
-
-
-def _check_prompts(prompts: Sequence[PlacedPrompt], params: DeformParams, model: str) -> None:
-    """Refuse prompts that are empty, or that the builtin model cannot read."""
-    _filled(prompts)
-    if is_builtin(model) and prompts:
-        from meshdeform.priors.builtin.taught import known_words
-
-        check_vocabulary(prompts, params, known_words(model))
-
-
-def _filled(prompts: Sequence[PlacedPrompt]) -> Sequence[PlacedPrompt]:
-    """Return the prompts; refuse empty ones."""
-    if not all(prompt for _, prompt in prompts):
-        raise PromptError("The prompt is empty.")
-    return prompts
-
-
-def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
-    return ModelError(
-        f"This server does not run the model {model!r}.",
-        advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
-        models=list(known),
-    )
-
-
-def _refusal(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, **at_parameter(name, detail))
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
@@ -231,11 +85,6 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             has_weights=WEIGHTS_PART in files,
             has_sketch=SKETCH_PART in files,
         )
-
-
-def _check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
-    if needs_prior(resolve(request.params)):
-        check_vocabulary(_filled(_prompts(request)), request.params, known)
 
 
 def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
@@ -290,27 +139,55 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 
 def _uses(request: JobRequest) -> list[str]:
-    weights = [WEIGHTS_PART] if is_sent(request.params.model or "") else []
+    params = request.params
+    weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
+    single = params.target is None and not params.stages
+    drawable = single and goal_guidance(params) is GuidanceKind.TARGET
     return [
         "asset",
-        *named_targets(request.params),
-        *drawn_parts(request.params),
-        *SILHOUETTE_PARTS[: len(request.params.silhouettes)],
+        *named_targets(params),
+        *([SKETCH_PART] if drawable else []),
+        *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
 
 
+def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, InputFile], dict[str, Any] | None]:
+    """Return the target meshes of a job, among them that of its drawing, and what the report says about the drawing.
+
+    Raises
+    ------
+    DrawingError, ModelError
+        As for `sketched_target.guessed`.
+    """
+    drawing = given.files.get(SKETCH_PART)
+    if drawing is None and params.sketch is None:
+        return {part: file for part, file in given.files.items() if part in TARGET_PARTS}, None
+    from meshdeform.runs.sketched_target import sketched_target
+
+    target, about = sketched_target(None if drawing is None else drawing.data, params.sketch, given)
+    return {"target": target}, about
+
+
+def read_source(given: RunInput) -> FittedSource | None:
+    """Return the mesh that stands for an asset without triangles (`fitted_source`); None if the asset is a mesh."""
+    asset = given.files["asset"]
+    if surface_format(asset.data[:65_536], asset.filename) is None:
+        return None
+    from meshdeform.runs.fitted_source import fitted_source
+
+    return fitted_source(given)
+
+
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
-    from meshdeform.runs.fitted_source import fitted_source
     from meshdeform.runs.generated_target import generated_target
-    from meshdeform.runs.sketched_target import read_targets
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
-        source = fitted_source(given)
+        source = read_source(given)
         targets, sketch = read_targets(params, given)
         return text_deform.start(
             asset=asset.data,
@@ -334,6 +211,22 @@ def _load() -> StartRun:
     return start
 
 
+def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
+    """Return the prompt, or what the result is to look like; `filenames` are those of the files, by part."""
+    if request.params.stages:
+        return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
+    like = filenames.get("target") or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
+    generated = request.params.target.prompt if request.params.target else ""
+    generated = f"like a {request.params.sketch.family}" if request.params.sketch else generated
+    prompts = prompt_words(request.prompt, request.params)
+    return prompts or generated or (f"like {PurePath(like).stem}" if like else "")
+
+
+def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
+    part = stage.target if isinstance(stage.target, str) and not stage.name else None
+    return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
+
+
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
@@ -351,8 +244,23 @@ TEXT_DEFORM = Kind(
             FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
             for part in TARGET_PARTS[1:]
         ),
-        *PICTURE_FILES,
-        SKETCH_FILE,
+        *(
+            FilePart(
+                name,
+                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
+                required=False,
+                media_types=("image/png", "image/jpeg", "image/webp"),
+                content="silhouette",
+            )
+            for number, name in enumerate(SILHOUETTE_PARTS, 1)
+        ),
+        FilePart(
+            SKETCH_PART,
+            "A line drawing that becomes the target mesh of `target` guidance.",
+            required=False,
+            media_types=("image/png", "image/jpeg", "image/webp"),
+            content="sketch",
+        ),
         WEIGHTS_FILE,
     ),
     params=DeformParams,
@@ -393,7 +301,7 @@ TEXT_DEFORM = Kind(
     uses=_uses,
     alternatives=("target", SKETCH_PART),
     check_files=_check_files,
-    check_words=_check_words,
+    check_words=check_words,
     as_branch=_as_branch,
-    goal=goal_of,
+    goal=_goal,
 )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +16,46 @@ import meshdeform
 from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.notices import up_axis_warnings
+from meshdeform.assets.parts import Rig
 from meshdeform.assets.subdivide import Subdivision
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
+from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.errors import ModelError
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.procrustes import closest_motion
-from meshdeform.geometry.quality import measure
+from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.texture_stretch import measure_texture_stretch, texel_corners
-from meshdeform.geometry.up_axis import up_axis_warnings
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.judge import Judge
+from meshdeform.priors.base import Prior
+from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.public_names import public_name
-from meshdeform.requests.choices import Rigidity
-from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
+from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.requests.stages import with_target_models
-from meshdeform.runs.fitted_source import FittedSource
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
-from meshdeform.runs.rig import rig_warnings
 
-__all__ = ["RunFacts", "build_report", "provenance", "read_result"]
+if TYPE_CHECKING:
+    from meshdeform.runs.fitted_source import FittedSource
+
+__all__ = [
+    "RunFacts",
+    "appearance_report",
+    "build_report",
+    "likeness",
+    "precision_of",
+    "provenance",
+    "read_result",
+    "rig_warnings",
+    "sees_colours",
+    "summarize",
+]
 
 
 @dataclass(frozen=True)
@@ -51,10 +70,16 @@ class RunFacts:
     guidance: dict[str, str]
     fingerprint: str
     device: str
+    precision: str | None = None
     shape_id: str = ""
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
     sketch: Mapping[str, Any] | None = None
+
+
+def precision_of(prior: Prior | None) -> str | None:
+    """Return what a prior computes in, such as `float32`; None if there is none."""
+    return None if prior is None else str(prior.dtype).removeprefix("torch.")
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -181,6 +206,7 @@ def build_report(
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
         "device": facts.device,
+        "precision": facts.precision,
         "versions": versions(),
         "result": {"bytes": len(result), "sha256": sha256_hex(result)},
         "mesh": {
@@ -275,4 +301,85 @@ def _invariants(source: Asset, result: Asset) -> dict[str, bool]:
         "same_vertex_count": len(old.positions) == len(new.positions),
         "same_faces": bool(np.array_equal(old.triangles, new.triangles)),
         "same_uvs": source.texture_coordinates() == result.texture_coordinates(),
+    }
+
+
+def rig_warnings(rig: Rig, mode: RigMode) -> list[str]:
+    """Return a sentence about morph targets and joints that did not follow the shape, if there are any."""
+    if mode is RigMode.FOLLOW or not rig:
+        return []
+    counted = [(rig.joints, "joint"), (rig.morph_targets, "morph target")]
+    what = " and ".join(f"{count} {name}{'s' if count > 1 else ''}" for count, name in counted if count)
+    return [
+        f"The asset has {what}, which stayed as they were: output.rig is keep. "
+        "Set it to follow, so that the result animates as the source does."
+    ]
+
+
+_NO_COLOURS = "The asset has no colours, so the model saw it as clay."
+_COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
+
+
+def sees_colours(params: ResolvedParams) -> bool:
+    """Return whether the guidance is to see the asset's colours."""
+    return params.guidance is GuidanceKind.SDS and params.appearance in _COLOURED
+
+
+def appearance_report(params: ResolvedParams, deformation: Deformation) -> dict[str, Any]:
+    """Return the report's `appearance`: what was `drawn`, where the `colours` come from, and a `notice`.
+
+    `colours` is `asset`; `stand_in` if a simplified mesh was drawn with vertex colours sampled from the asset; or None.
+    """
+    wanted = sees_colours(params)
+    coloured = wanted and deformation.shading != "lambert"
+    return {
+        "drawn": (AppearanceMode.CLAY if wanted and not coloured else params.appearance).value,
+        "colours": ("stand_in" if deformation.simplified else "asset") if coloured else None,
+        "notice": _NO_COLOURS if wanted and not coloured else "",
+    }
+
+
+_log = logging.getLogger(__name__)
+
+
+def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
+    """Compare a mesh with the noun of a prompt of the builtin prior.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        +Y up, of any position and size.
+    prompt : str
+
+    Returns
+    -------
+    As in `summarize`, with the judge's identity; None if its weights are missing or damaged, which is logged.
+    """
+    try:
+        judge = Judge()
+    except ModelError as error:
+        _log.warning("the result's likeness is not estimated: %s", error)
+        return None
+    return {**summarize(judge.noun_probabilities(mesh), parse(prompt).noun), "judge": judge.identity}
+
+
+def summarize(probabilities: dict[str, float], noun: str) -> dict[str, Any]:
+    """Summarize the probabilities of all nouns for a result that should be `noun`.
+
+    Returns
+    -------
+    dict
+        `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as `next`, and
+        `matches`: whether the rank is 1.
+    """
+    wanted = probabilities[noun]
+    other = max((name for name in probabilities if name != noun), key=probabilities.__getitem__)
+    rank = 1 + sum(probability > wanted for probability in probabilities.values())
+    return {
+        "noun": noun,
+        "probability": round(wanted, 4),
+        "rank": rank,
+        "nouns": len(probabilities),
+        "next": {"noun": other, "probability": round(probabilities[other], 4)},
+        "matches": rank == 1,
     }

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from meshdeform.assets.drawing import SIDE
 from meshdeform.errors import ModelError
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["WEIGHTS", "Look", "SketchNetwork", "load_network", "parameters_hash", "write_network"]
 

@@ -22,7 +22,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.models import Artifact, Job, JobState
 from meshdeform.runs import kind_of
-from meshdeform.support.file_names import result_name
+from meshdeform.support.files import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.making import made, makeable
 from service.downloads.responses import (
@@ -35,9 +35,8 @@ from service.downloads.responses import (
     signed_url,
 )
 from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
-from service.http.auth import PrincipalDep
+from service.http.auth import PrincipalDep, ViewerDep
 from service.http.errors import problem_responses
-from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 

@@ -12,8 +12,8 @@ from meshdeform.errors import NotFoundError
 from meshdeform.record.models import CheckpointRef
 from service.documentation.responses import CALLER_ERRORS, JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
+from service.http.auth import ViewerDep
 from service.http.errors import problem_responses
-from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 

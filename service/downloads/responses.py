@@ -1,9 +1,13 @@
-"""Answer with stored bytes, whole or as one range, and sign URLs that need no API key."""
+"""Answer with stored bytes, whole or as one range, and sign URLs that need no API key.
+
+Entity tags and byte ranges: RFC 9110, sections 8.8.3, 13.1 and 14.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import re
 import string
 import time
 from collections.abc import Iterator
@@ -21,21 +25,73 @@ from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import CALLER_ERRORS
+from service.http.auth import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.errors import problem_responses
-from service.http.links import SIGNING_KEY, Viewer, lifetime_s, viewer
-from service.http.ranges import matches, requested_range
 from service.state import AppState, AppStateDep
 
 __all__ = [
     "OPEN_TO_SIGNED",
+    "ByteRange",
     "Conditions",
     "ConditionsDep",
     "Download",
     "ReaderDep",
     "download",
     "download_responses",
+    "matches",
+    "requested_range",
     "signed_url",
 ]
+
+
+_ONE_RANGE = re.compile(r"\s*bytes\s*=\s*([0-9]{0,18})\s*-\s*([0-9]{0,18})\s*", re.IGNORECASE)
+_ENTITY_TAG = re.compile(r'(?:W/)?"[^"]*"')
+
+
+@dataclass(frozen=True)
+class ByteRange:
+    """Bytes [start, end)."""
+
+    start: int
+    end: int
+
+
+def matches(header: str | None, tag: str) -> bool:
+    """Return whether `If-None-Match` contains the tag, by weak comparison."""
+    if header is None:
+        return False
+    if header.strip() == "*":
+        return True
+    return tag.removeprefix("W/") in {found.removeprefix("W/") for found in _ENTITY_TAG.findall(header)}
+
+
+def requested_range(header: str | None, if_range: str | None, tag: str, size: int) -> ByteRange | None:
+    """Return the requested range, or None for the whole file.
+
+    An invalid header, several ranges, and a range of another version (`If-Range`) select the whole file, as the RFC
+    says.
+
+    Raises
+    ------
+    RangeError
+        The range begins past the end.
+    """
+    if header is None or (if_range is not None and if_range.strip() != tag):
+        return None
+    match = _ONE_RANGE.fullmatch(header)
+    if match is None or match.groups() == ("", ""):
+        return None
+    first, last = match.groups()
+    if first == "":
+        start, end = max(0, size - int(last)), size
+    else:
+        start, end = int(first), min(size, int(last) + 1) if last else size
+        if last and int(last) < start:
+            return None
+    if start >= size:
+        raise RangeError(f"The file has {size} bytes.", size=size)
+    return ByteRange(start, end)
+
 
 _CHUNK = 256 * 1024
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")

@@ -13,8 +13,7 @@ from meshdeform.errors import AssetFormatError, NotFoundError
 from meshdeform.record.models import Job, StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
-from service.http.auth import PrincipalDep
-from service.http.links import ViewerDep
+from service.http.auth import PrincipalDep, ViewerDep
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 

@@ -15,7 +15,7 @@ from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import StoredObject
 from service.downloads.deformed import deformed_file
-from service.http.slots import FairSlots
+from service.http.limits import FairSlots
 
 if TYPE_CHECKING:
     from service.state import AppState

@@ -20,11 +20,9 @@ from meshdeform.errors import LimitError, NotFoundError, ParameterError, Unavail
 from meshdeform.record.events import Head
 from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
-from service.events.broker import JobWaiters
-from service.events.waiting import Prefer, applied, preferred_wait, wait_here
-from service.http.auth import Gate
+from service.events.waiting import JobWaiters, Prefer, applied, preferred_wait, wait_here
+from service.http.auth import Gate, ViewerDep, still_opens
 from service.http.errors import problem_responses
-from service.http.links import ViewerDep, still_opens
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 

@@ -1,23 +1,261 @@
-"""Wait for the end of a job (`Prefer: wait=N`), without holding a thread."""
+"""Let requests wait for jobs, with one query for all of them; `Prefer: wait=N` waits for the end of one.
+
+A waiting request holds no thread and no database connection: it is a task with an entry here. While there are any, one
+query per tick reads the state of all their jobs, and the requests whose condition holds are woken.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import logging
 import re
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from typing import Annotated
+import signal
+import threading
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, TypeVarTuple
 
 import anyio
-from anyio import CancelScope
+from anyio import CancelScope, CapacityLimiter, to_thread
 from fastapi import Header, Request
 
 from meshdeform.api.limits import MAX_WAIT_S
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.events import Head
 from meshdeform.record.models import Job
-from service.state import AppState
+from meshdeform.serving.connections import connection_limit
 
-__all__ = ["Prefer", "applied", "preferred_wait", "settled", "wait_here"]
+if TYPE_CHECKING:
+    from service.state import AppState
+
+__all__ = [
+    "MOST_HELD_OF_ONE",
+    "JobWaiters",
+    "Prefer",
+    "applied",
+    "most_held",
+    "on_termination",
+    "preferred_wait",
+    "settled",
+    "wait_here",
+]
+
+
+MOST_HELD_OF_ONE = 100
+"""Maximum number of requests of one owner that wait at the same time in one process."""
+
+_TICK_S = 0.25
+_AWAY_S = 2.0  # longest pause between two queries while the record is unavailable
+_CLOSING_S = 2.0  # when the process ends, how long to wait for clients that do not read
+_READERS = 4
+_MOST_HELD = 2000
+_log = logging.getLogger(__name__)
+_Result = TypeVar("_Result")
+_Arguments = TypeVarTuple("_Arguments")
+
+
+def most_held() -> int:
+    """Return how many requests may wait in this process: at most half as many as it may have connections."""
+    return min(_MOST_HELD, connection_limit() // 2)
+
+
+@dataclass(eq=False)
+class _Waiter:
+    job_id: str
+    wanted: Callable[[Head | None], bool]
+    woken: asyncio.Future[None]
+
+
+class JobWaiters:
+    """Let requests wait for jobs.
+
+    Parameters
+    ----------
+    heads : callable
+        `EventLog.heads`: returns the state of jobs, without those that do not exist.
+    tick_s : float
+        Seconds between two queries.
+    """
+
+    def __init__(self, heads: Callable[[Collection[str]], dict[str, Head]], tick_s: float = _TICK_S) -> None:
+        self._heads, self._tick_s = heads, tick_s
+        self._waiters: set[_Waiter] = set()
+        self._wanted = asyncio.Event()
+        self._held: Counter[str] = Counter()
+        self._scopes: set[CancelScope] = set()
+        self._most = most_held()
+        self._closing = False
+        # Apart from the threads of other routes, which must not wait when many requests are woken at once.
+        self._readers = CapacityLimiter(_READERS)
+
+    @property
+    def closing(self) -> bool:
+        """Whether the process is ending, so that waiting requests must return."""
+        return self._closing
+
+    @property
+    def waiting(self) -> int:
+        """Number of requests that wait for a change of their job."""
+        return len(self._waiters)
+
+    @property
+    def held(self) -> int:
+        """Number of slots in use."""
+        return len(self._scopes)
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Query the record while requests wait, until the block ends."""
+        task = asyncio.create_task(self._run())
+        try:
+            yield
+        finally:
+            self.close()
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    def close(self) -> None:
+        """Wake all waiting requests. Call it on the event loop."""
+        self._closing = True
+        for waiter in self._waiters:
+            _wake(waiter)
+        for scope in self._scopes:
+            scope.deadline = anyio.current_time() + _CLOSING_S
+
+    @contextmanager
+    def slot(self, owner: str) -> Iterator[None]:
+        """Hold a slot while a request waits. The block is cancelled some time after `close`.
+
+        Parameters
+        ----------
+        owner : str
+            Owner of the request. Empty without a key: then only the limit of the process applies.
+
+        Raises
+        ------
+        LimitError
+            No slot is free.
+        """
+        if owner and self._held[owner] >= MOST_HELD_OF_ONE:
+            raise LimitError(
+                f"{MOST_HELD_OF_ONE} requests with this key are already waiting for jobs.",
+                advice="Close unused streams, or poll the jobs instead.",
+            )
+        if self.held >= self._most:
+            raise LimitError(
+                f"{self._most} requests are already waiting for jobs.",
+                advice="Poll the job instead.",
+            )
+        self._held[owner] += 1
+        scope = CancelScope()
+        if self._closing:
+            scope.deadline = anyio.current_time() + _CLOSING_S
+        self._scopes.add(scope)
+        try:
+            with scope:
+                yield
+        finally:
+            self._scopes.discard(scope)
+            self._held[owner] -= 1
+            if not self._held[owner]:
+                del self._held[owner]
+
+    async def until(self, job_id: str, wanted: Callable[[Head | None], bool], timeout_s: float) -> bool:
+        """Wait until a job meets a condition. Return whether it did, before the timeout and the end of the process.
+
+        Parameters
+        ----------
+        job_id : str
+        wanted : callable
+            The condition: takes the state of the job, None if it does not exist.
+        timeout_s : float
+        """
+        if self._closing or timeout_s <= 0:
+            return False
+        waiter = _Waiter(job_id, wanted, asyncio.get_running_loop().create_future())
+        self._waiters.add(waiter)
+        self._wanted.set()
+        try:
+            with anyio.move_on_after(timeout_s):
+                await waiter.woken
+                return not self._closing
+            return False
+        finally:
+            self._waiters.discard(waiter)
+
+    async def read(self, query: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
+        """Call a function that reads the record, in one of the threads for waiting requests."""
+        return await to_thread.run_sync(query, *arguments, limiter=self._readers, abandon_on_cancel=True)
+
+    async def _run(self) -> None:
+        pause_s = self._tick_s
+        while True:
+            await self._wanted.wait()
+            if not self._waiters:
+                self._wanted.clear()
+                continue
+            try:
+                await self._poll()
+                pause_s = self._tick_s
+            except UnavailableError:
+                # The record has logged the error. The requests keep waiting.
+                pause_s = min(2 * pause_s, _AWAY_S)
+            except Exception:
+                _log.exception("cannot query the jobs that requests wait for; trying again")
+                pause_s = _AWAY_S
+            await asyncio.sleep(pause_s)
+
+    async def _poll(self) -> None:
+        # A copy: the result does not cover requests that arrive during the query.
+        waiters = list(self._waiters)
+        heads = await self.read(self._heads, {waiter.job_id for waiter in waiters})
+        for waiter in waiters:
+            if waiter.wanted(heads.get(waiter.job_id)):
+                _wake(waiter)
+
+
+def _wake(waiter: _Waiter) -> None:
+    if not waiter.woken.done():
+        waiter.woken.set_result(None)
+
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def on_termination(callback: Callable[[], None]) -> Iterator[None]:
+    """Call `callback` on the running loop when a signal ends the process, before the server's own handler.
+
+    Signals arrive only in the main thread. A program that runs the application in another thread must call
+    `app.state.app_state.waiters.close` itself.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    before: dict[int, Any] = {number: signal.getsignal(number) for number in _SIGNALS}
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        loop.call_soon_threadsafe(callback)
+        if callable(before[number]):
+            before[number](number, frame)
+        elif before[number] is signal.SIG_DFL:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    for number in _SIGNALS:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number in _SIGNALS:
+            if signal.getsignal(number) is handle:
+                signal.signal(number, before[number])
 
 
 async def settled(

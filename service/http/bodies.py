@@ -1,23 +1,41 @@
-"""Receive request bodies, with limits on their number, speed and size."""
+"""Receive request bodies, with limits on their number, speed and size; the files of forms are streamed to disk."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from collections.abc import AsyncIterator
-from typing import TypeVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Protocol, TypeVar
 
 import anyio
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
+from python_multipart.exceptions import FormParserError
+from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import ClientDisconnect
 
-from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MIN_BODY_RATE
-from meshdeform.errors import PromptError, RequestError, RequestTimeoutError
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
+from meshdeform.errors import AssetTooLargeError, PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
+from meshdeform.runs import file_parts
 from service.http.errors import parameter_error
 from service.http.wording import in_plain_words
 
-__all__ = ["body_of", "parse_document", "receive_document"]
+if TYPE_CHECKING:
+    from python_multipart.multipart import MultipartCallbacks
+
+__all__ = [
+    "ReceivedFile",
+    "body_of",
+    "clean_filename",
+    "parse_document",
+    "receive_document",
+    "receive_form",
+]
+
 
 # This many bytes must arrive within `IDLE_S`, or the body is abandoned.
 _LEAST_BYTES = 64 * 1024
@@ -110,3 +128,215 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
         raise parameter_error(in_plain_words(findings, model, json.loads(document))) from error
+
+
+DOCUMENT = "request"
+_MAX_HEADER_BYTES = 8 * 1024
+
+
+@dataclass(frozen=True)
+class ReceivedFile:
+    """A received file on disk.
+
+    Attributes
+    ----------
+    path : Path
+    filename : str
+        The sender's name for the file, without folders.
+    size : int
+        Bytes.
+    sha256 : str
+        Hexadecimal.
+    """
+
+    path: Path
+    filename: str
+    size: int
+    sha256: str
+
+
+async def receive_form(
+    content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
+) -> tuple[bytes, dict[str, ReceivedFile]]:
+    """Receive the part `request` and the file parts. Every file part of any kind of job is accepted.
+
+    Parameters
+    ----------
+    content_type, content_length : str
+        The request's headers; empty if missing.
+    stream : async iterator of bytes
+        The body.
+    folder : Path
+        Folder for the files.
+    max_bytes : int
+        Maximum size of the body.
+
+    Returns
+    -------
+    bytes, dict of str to ReceivedFile
+        The document, unparsed, and the files by part name.
+
+    Raises
+    ------
+    RequestError
+        The body is not such a form.
+    AssetTooLargeError
+        The body exceeds the limit; the rest of it is not read.
+    """
+    if content_length.isdigit() and int(content_length) > max_bytes:
+        raise _too_large(max_bytes)
+    kind, options = parse_options_header(content_type)
+    boundary = options.get(b"boundary", b"")
+    if kind != b"multipart/form-data" or not boundary:
+        raise RequestError(
+            "The body is not multipart/form-data.",
+            advice="Send the file as the part `asset` and the JSON document as the part `request`: "
+            """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL.""",
+        )
+    receiver = _Receiver(folder)
+    received = 0
+    try:
+        parser = MultipartParser(boundary, receiver.callbacks())
+        async for chunk in stream:
+            received += len(chunk)
+            if received > max_bytes:
+                raise _too_large(max_bytes)
+            parser.write(chunk)
+        parser.finalize()
+    except FormParserError as error:
+        raise RequestError(f"The multipart body is malformed: {error}.") from error
+    finally:
+        receiver.close()
+    return receiver.form()
+
+
+def _too_large(max_bytes: int) -> AssetTooLargeError:
+    return AssetTooLargeError(
+        f"The body is larger than {max_bytes} bytes.",
+        advice="Simplify the mesh, or raise MESHDEFORM_MAX_UPLOAD_BYTES.",
+        limit=max_bytes,
+    )
+
+
+class _Receiver:
+    """Handle the parser's events and collect the parts."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._headers: dict[str, bytes] = {}
+        self._field, self._value = b"", b""
+        self._part: _Part | None = None
+        self._parts: dict[str, _Part] = {}
+        self._ended = False
+
+    def callbacks(self) -> MultipartCallbacks:
+        return {
+            "on_part_begin": self._on_part_begin,
+            "on_header_field": lambda data, start, end: self._grow("_field", data[start:end]),
+            "on_header_value": lambda data, start, end: self._grow("_value", data[start:end]),
+            "on_header_end": self._on_header_end,
+            "on_headers_finished": self._on_headers_finished,
+            "on_part_data": self._on_part_data,
+            "on_part_end": self._on_part_end,
+            "on_end": self._on_end,
+        }
+
+    def form(self) -> tuple[bytes, dict[str, ReceivedFile]]:
+        if not self._ended:
+            raise RequestError("The body ends without the final boundary.", advice="Send the whole body.")
+        if DOCUMENT not in self._parts:
+            raise RequestError(
+                f"The part `{DOCUMENT}` is missing.",
+                advice="Send the file as the part `asset` and the JSON document as the part `request`.",
+            )
+        document = self._parts[DOCUMENT]
+        assert isinstance(document, _DocumentPart)
+        files = {name: part.file() for name, part in self._parts.items() if isinstance(part, _FilePart)}
+        return bytes(document.data), files
+
+    def close(self) -> None:
+        for part in self._parts.values():
+            part.close()
+
+    def _on_part_begin(self) -> None:
+        self._headers = {}
+
+    def _grow(self, name: str, data: bytes) -> None:
+        grown = getattr(self, name) + data
+        if len(grown) > _MAX_HEADER_BYTES:
+            raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
+        setattr(self, name, grown)
+
+    def _on_header_end(self) -> None:
+        self._headers[self._field.decode("latin-1").lower()] = self._value
+        self._field, self._value = b"", b""
+
+    def _on_headers_finished(self) -> None:
+        _, options = parse_options_header(self._headers.get("content-disposition", b""))
+        name = options.get(b"name", b"").decode("utf-8", "replace")
+        known = sorted((*file_parts(), DOCUMENT))
+        if name not in known:
+            advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
+            raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)
+        if name in self._parts:
+            raise RequestError(f"The part `{name}` was sent twice.", advice="Send one job per request.")
+        if name == DOCUMENT:
+            self._part = _DocumentPart()
+        else:
+            self._part = _FilePart(
+                self._folder / name, clean_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
+            )
+        self._parts[name] = self._part
+
+    def _on_part_data(self, data: bytes, start: int, end: int) -> None:
+        assert self._part is not None
+        self._part.write(data[start:end])
+
+    def _on_part_end(self) -> None:
+        if self._part is not None:
+            self._part.close()
+
+    def _on_end(self) -> None:
+        self._ended = True
+
+
+class _Part(Protocol):
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+class _DocumentPart:
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def write(self, data: bytes) -> None:
+        if len(self.data) + len(data) > MAX_DOCUMENT_BYTES:
+            raise RequestError(f"The part `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
+        self.data += data
+
+    def close(self) -> None:
+        pass
+
+
+class _FilePart:
+    def __init__(self, path: Path, filename: str) -> None:
+        self.path, self.filename = path, filename
+        self.size, self.digest = 0, hashlib.sha256()
+        self._file: BinaryIO = path.open("wb")
+
+    def write(self, data: bytes) -> None:
+        self.size += len(data)
+        self.digest.update(data)
+        self._file.write(data)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def file(self) -> ReceivedFile:
+        return ReceivedFile(self.path, self.filename, self.size, self.digest.hexdigest())
+
+
+def clean_filename(filename: str) -> str:
+    """Return the last component of a path without control characters. A long name keeps its end, with the suffix."""
+    name = re.split(r"[/\\]", filename)[-1]
+    return "".join(letter for letter in name if letter.isprintable())[-MAX_FILENAME:]

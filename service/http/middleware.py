@@ -1,6 +1,7 @@
-"""Wrap every request: set its id and the response's standard headers, limit its body, and log it.
+"""Wrap every request: set its id and the response's standard headers, limit its body, log it, and trace it.
 
-Plain ASGI, so that streaming works. It is the outermost middleware, outside the handler of unexpected errors.
+Plain ASGI, so that streaming works. `RequestFrame` is the outermost middleware, outside the handler of unexpected
+errors.
 """
 
 from __future__ import annotations
@@ -17,14 +18,17 @@ from starlette.datastructures import Headers, MutableHeaders
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError, RequestTimeoutError
 from meshdeform.record.ids import new_id
-from meshdeform.support import logs
+from meshdeform.support import telemetry
+from meshdeform.support.telemetry import rename_span, span
+from service.operations.metrics import route_of
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["RequestFrame", "add_header", "request_id"]
+__all__ = ["RequestFrame", "TracingMiddleware", "add_header", "request_id"]
 
-_access = logging.getLogger(logs.ACCESS_LOG)
+
+_access = logging.getLogger(telemetry.ACCESS_LOG)
 _ID = re.compile(r"[\x21-\x7e]{1,128}")
 _HEADERS = "meshdeform.headers"
 _DEFAULTS = {
@@ -37,7 +41,7 @@ _DEFAULTS = {
 
 def request_id() -> str:
     """Return the id of the current request; empty outside of one."""
-    return logs.request_id.get()
+    return telemetry.request_id.get()
 
 
 def add_header(scope: MutableMapping[str, Any], name: str, value: str) -> None:
@@ -66,7 +70,7 @@ class RequestFrame:
         sent = Headers(scope=scope).get("x-request-id", "")
         identity = sent if _ID.fullmatch(sent) else new_id("req")
         # Never reset: each request runs in its own task, and the server logs its errors after this method returns.
-        logs.request_id.set(identity)
+        telemetry.request_id.set(identity)
         scope.setdefault("state", {})["request_id"] = identity
         scope[_HEADERS] = {}
 
@@ -125,3 +129,28 @@ def _log_request(scope: Scope, status: int, duration_ms: float) -> None:
     route = getattr(scope.get("route"), "path", "-")
     fields = {"method": scope["method"], "route": route, "status": status, "duration_ms": round(duration_ms, 1)}
     _access.info("%s %s %d %.1f ms", *fields.values(), extra=fields)
+
+
+_QUIET = ("/healthz", "/readyz", "/metrics")
+
+
+class TracingMiddleware:
+    """Trace requests, except those of health checks and of Prometheus."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request within a span."""
+        if scope["type"] != "http" or scope["path"] in _QUIET:
+            await self._app(scope, receive, send)
+            return
+        caller = next((value.decode("latin-1") for name, value in scope["headers"] if name == b"traceparent"), None)
+        method = scope["method"]
+        with span(method, {"http.request.method": method}, traceparent=caller):
+            try:
+                await self._app(scope, receive, send)
+            finally:
+                # The route is known only after the router has run.
+                route = route_of(scope)
+                rename_span(f"{method} {route}", {"http.route": route})

@@ -26,10 +26,9 @@ from service.documentation.responses import (
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, parse_document, receive_document
+from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.errors import problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
-from service.http.multipart import receive_form
 from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument

@@ -26,8 +26,8 @@ from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
 from service.http.auth import Principal
+from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.http.multipart import ReceivedFile
 from service.jobs.sources import Submission
 from service.schemas import AssetFound, JobEstimate, PictureFound, Validation
 from service.state import AppState

@@ -8,9 +8,8 @@ from fastapi.responses import JSONResponse
 from meshdeform.api.jobs import SignedUrl
 from meshdeform.errors import NotFoundError
 from service.documentation.responses import CALLER_ERRORS, JobId
-from service.http.auth import PrincipalDep
+from service.http.auth import PrincipalDep, job_link
 from service.http.errors import problem_responses
-from service.http.links import job_link
 from service.http.queries import KNOWN_QUERY
 from service.state import AppStateDep
 

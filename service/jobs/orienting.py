@@ -7,7 +7,7 @@ from anyio import to_thread
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.orientation_process import check_searchable, orientation_of
-from service.http.multipart import ReceivedFile
+from service.http.bodies import ReceivedFile
 from service.jobs.intake import check_job, check_params
 from service.jobs.sources import Submission
 from service.schemas import FoundOrientation

@@ -15,16 +15,15 @@ from pydantic import AwareDatetime, BeforeValidator
 from meshdeform.api.jobs import JobList, JobView, job_headers
 from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
-from meshdeform.record.cleanup import remove_job
+from meshdeform.record.files import remove_job
 from meshdeform.record.models import Job, JobState
 from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
+from service.downloads.responses import matches
 from service.events.waiting import Prefer, applied, preferred_wait, settled
-from service.http.auth import PrincipalDep
+from service.http.auth import PrincipalDep, ViewerDep
 from service.http.errors import problem_responses
-from service.http.links import ViewerDep
 from service.http.queries import KNOWN_QUERY
-from service.http.ranges import matches
 from service.state import AppStateDep
 
 __all__ = ["JobId", "router", "shown"]

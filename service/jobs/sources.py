@@ -11,7 +11,7 @@ from typing import TypeVar
 from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, ParameterError
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kind_of
-from service.http.multipart import ReceivedFile
+from service.http.bodies import ReceivedFile
 from service.jobs.documents import FileReference, JobDocument
 from service.state import AppState
 

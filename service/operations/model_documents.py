@@ -25,15 +25,18 @@ class VocabularyView(BaseModel):
     examples: list[str] = Field(
         description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
     )
+    groups: dict[str, list[str]] = Field(
+        default_factory=dict, description="The nouns by kind.", examples=[{"animals": ["giraffe"]}]
+    )
 
 
 class LessonView(BaseModel):
     """What the builtin model was taught by `meshdeform teach`."""
 
-    noun: str = Field(description="The noun.", examples=["teapot"])
-    synonyms: list[str] = Field(description="Other names of it.", examples=[["kettle"]])
+    noun: str = Field(description="The noun.", examples=["gnome"])
+    synonyms: list[str] = Field(description="Other names of it.", examples=[["dwarf"]])
     attributes: list[str] = Field(description="Attributes that its meshes were labelled with.", examples=[["tall"]])
-    meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/utah.obj"]])
+    meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/garden.obj"]])
     licence: str = Field(description="What was said about the licence of the meshes.", examples=["CC0-1.0"])
     date: str = Field(description="The day of the lesson.", examples=["2026-11-22"])
     steps: int = Field(ge=0, description="Steps of the training.", examples=[600])

@@ -44,7 +44,7 @@ DEAF_ONCE = """
     import contextlib, signal
     from rq import Queue
     from rq.worker.base import StopRequested
-    from worker.rq_worker import InProcessWorker
+    from worker.process import InProcessWorker
 
     wait_for_a_job = Queue.dequeue_any
 

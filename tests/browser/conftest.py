@@ -210,3 +210,12 @@ def small_sphere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tests.acceptance.meshes import write_ellipsoid
 
     return write_ellipsoid(tmp_path_factory.mktemp("assets") / "sphere.obj", 1.0)
+
+
+@pytest.fixture(scope="session")
+def axe(repository: Path) -> str:
+    """axe-core's source."""
+    path = repository / "tests" / "node" / "node_modules" / "axe-core" / "axe.min.js"
+    if not path.exists():
+        pytest.skip("axe-core is not installed (npm install --prefix tests/node)")
+    return path.read_text()

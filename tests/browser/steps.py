@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,3 +112,22 @@ def straight_way(page: Page, watch: Watch) -> None:
     refusal = {"code": "invalid_request", "title": "Invalid request", "status": 422, "detail": "Not here."}
     headers = {"Content-Type": "application/problem+json"}
     page.route("**/result.glb?strength=*", lambda route: route.fulfill(status=422, headers=headers, json=refusal))
+
+
+def barriers(page: Page, axe: str) -> list[str]:
+    """What axe-core finds, of whatever impact."""
+    if not page.evaluate("() => 'axe' in window"):
+        # By the debugger, which the page's policy does not bind.
+        page.evaluate(axe)
+    # A colour on its way from light to dark is neither.
+    page.evaluate("() => Promise.allSettled(document.getAnimations().map((animation) => animation.finished))")
+    found: list[dict[str, Any]] = page.evaluate(
+        """async () => (await axe.run(document, {
+          runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
+        })).violations"""
+    )
+    return [
+        f"{each['impact']}: {each['id']}: {each['help']}: "
+        + json.dumps([(node["html"][:160], node.get("failureSummary", "")[:300]) for node in each["nodes"][:3]])
+        for each in found
+    ]

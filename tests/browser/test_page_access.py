@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +20,17 @@ from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
 from meshdeform.settings import Settings  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch, watched  # noqa: E402
-from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start, straight_way, until_noted  # noqa: E402
+from tests.browser.steps import (  # noqa: E402
+    badge,
+    barriers,
+    choose,
+    open_form,
+    set_steps,
+    shown_job,
+    start,
+    straight_way,
+    until_noted,
+)
 from tests.fake_kind import FakeKind  # noqa: E402
 from tests.integration.conftest import serving  # noqa: E402
 from tests.worker_world import working  # noqa: E402
@@ -51,15 +60,6 @@ def finished(service: Service, small_sphere: Path) -> str:
     return job_id
 
 
-@pytest.fixture(scope="session")
-def axe(repository: Path) -> str:
-    """axe-core's source."""
-    path = repository / "tests" / "node" / "node_modules" / "axe-core" / "axe.min.js"
-    if not path.exists():
-        pytest.skip("axe-core is not installed (npm install --prefix tests/node)")
-    return path.read_text()
-
-
 def views(page: Page, finished: str) -> Iterator[str]:
     """Each view of the page, once it is complete."""
     open_form(page)
@@ -75,6 +75,14 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_label("Length along x", exact=True).select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
+    page.goto("/#/surface")
+    page.get_by_label("Steps", exact=True).wait_for()
+    page.get_by_text("Advanced", exact=True).click()
+    page.get_by_label("Anchors", exact=True).fill("1,0,0")
+    page.set_input_files("#base-file", {"name": "base.glb", "mimeType": "", "buffer": b"base"})
+    page.get_by_role("button", name="Remove base.glb").wait_for()
+    yield "surface form"
+    page.get_by_role("button", name="Remove base.glb").click()
     page.goto(f"/#/jobs/{finished}")
     page.get_by_role("button", name="Download result.glb").wait_for()
     page.get_by_role("heading", name="Settings").click()
@@ -310,25 +318,6 @@ def test_no_barrier_is_found(
                 page.get_by_role("dialog").wait_for()
                 assert barriers(page, axe) == [], "dialog"
                 page.keyboard.press("Escape")
-
-
-def barriers(page: Page, axe: str) -> list[str]:
-    """What axe-core finds, of whatever impact."""
-    if not page.evaluate("() => 'axe' in window"):
-        # By the debugger, which the page's policy does not bind.
-        page.evaluate(axe)
-    # A colour on its way from light to dark is neither.
-    page.evaluate("() => Promise.allSettled(document.getAnimations().map((animation) => animation.finished))")
-    found: list[dict[str, Any]] = page.evaluate(
-        """async () => (await axe.run(document, {
-          runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
-        })).violations"""
-    )
-    return [
-        f"{each['impact']}: {each['id']}: {each['help']}: "
-        + json.dumps([(node["html"][:160], node.get("failureSummary", "")[:300]) for node in each["nodes"][:3]])
-        for each in found
-    ]
 
 
 @pytest.mark.without_3d

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
+from meshdeform.assets import build_glb  # noqa: E402
 from meshdeform.geometry.shapes import icosphere  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, difference, picture, shown_job, until_drawn  # noqa: E402
+from tests.browser.steps import badge, barriers, difference, picture, shown_job, until_drawn  # noqa: E402
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -30,11 +33,27 @@ SLOW = {"offline": False, "latency": 300, "downloadThroughput": 50_000, "uploadT
 def fitted(service: Service, small_sphere: Path) -> str:
     """A finished job of this kind."""
     params = {"base_faces": 100, "steps": 30, "level": 1}
-    answer = service.post(small_sphere.read_bytes(), "sphere.obj", {"kind": "surface_fit", "params": params})
+    files = {"asset": ("sphere.obj", small_sphere.read_bytes()), "scalars": ("scalars.npz", scalars_of_ball())}
+    request = json.dumps({"kind": "surface_fit", "params": params})
+    answer = service.http.post("/v1/jobs", files=files, data={"request": request})
     assert answer.status_code == 202, answer.text
     job = str(answer.json()["id"])
     assert service.finished(job)["state"] == "succeeded"
     return job
+
+
+def scalars_of_ball(*names: str) -> bytes:
+    """Return the height of a sphere's points, and its two halves, or what is named of them."""
+    points = icosphere(3).verts.numpy()
+    found = {"height": 10 * points[:, 1], "half": (points[:, 1] > 0).astype(int) + 4}
+    file = io.BytesIO()
+    np.savez(file, points=points, **{name: found[name] for name in names or found})
+    return file.getvalue()
+
+
+def kilobytes(size: int) -> str:
+    """Return a size as the page says it."""
+    return f"{size / 1000:.{0 if size >= 10_000 else 1}f} kB"
 
 
 def ball_of_points() -> bytes:
@@ -71,17 +90,36 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.get_by_label("Level", exact=True).fill("0")
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Octaves", exact=True).fill("1")
+    anchors = page.get_by_label("Anchors", exact=True)
+    anchors.fill("1,0,0 : 0,0,1\n0,1,0")
+    expect(page.get_by_text("Line 2 is not x,y,z : x,y,z.")).to_be_visible()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    expect(anchors).to_be_focused()
+    anchors.fill("1,0,0 : 0,0,1\n0,1,0 : 0,1,0")
+    mesh = icosphere(1)
+    base = {"name": "base.glb", "mimeType": "", "buffer": build_glb(mesh.verts.numpy(), mesh.faces.numpy())}
+    page.set_input_files("#scalars-file", base)
+    expect(page.get_by_text("base.glb isn't supported. Use NPZ.")).to_be_visible()
+    page.set_input_files("#scalars-file", {"name": "scalars.npz", "mimeType": "", "buffer": scalars_of_ball("half")})
+    page.set_input_files("#base-file", base)
     page.get_by_role("button", name="Fit", exact=True).click()
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job = service.finished(shown_job(page))
     assert (job["kind"], job["state"], job["asset"]["filename"]) == ("surface_fit", "succeeded", "cloud.ply")
     asked = {"base_faces": 100, "steps": 4, "level": 0, "octaves": 1, "checkpoint_every_steps": 1}
     assert asked.items() <= job["params"].items()
+    pairs = [{"base": [1, 0, 0], "surface": [0, 0, 1]}, {"base": [0, 1, 0], "surface": [0, 1, 0]}]
+    assert (job["params"]["anchors"], {part: job["files"][part]["filename"] for part in ("base", "scalars")}) == (
+        pairs, {"base": "base.glb", "scalars": "scalars.npz"}
+    )  # fmt: skip
     expect(page.locator(".field-stage .viewer-tag")).to_contain_text("triangles")
     page.get_by_role("button", name="Edit and run again").click()
     expect(steps).to_have_value("4")
     expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
     expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
+    expect(anchors).to_have_value("1,0,0 : 0,0,1\n0,1,0 : 0,1,0")
+    for name in ("base.glb", "scalars.npz"):
+        expect(page.get_by_role("button", name=f"Remove {name}")).to_be_visible()
 
 
 # long: the usual fit takes 6 s of CPU in the worker; first proof: tests/unit/runs/test_fitted_source.py.
@@ -120,7 +158,7 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     assert not [path for path in fetched if re.search(r"/asset$|\.glb|preview", path)], fetched
     size = len(service.http.get(f"/v1/jobs/{fitted}/artifacts/surface.ndf").content)
     facts = page.locator(".field-facts")
-    expect(facts).to_contain_text(f"{size / 1000:.1f} kB loaded")
+    expect(facts).to_contain_text(f"{kilobytes(size)} loaded")
 
     page.get_by_label("Level", exact=True).fill("2")
     expect(tag).to_have_text("Level 2 · 1,600 triangles")
@@ -151,6 +189,17 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     page.get_by_role("button", name="Distances").click()
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
+    page.get_by_label("Scalars", exact=True).select_option("half")
+    until("the pieces are to be seen", lambda: difference(plain, picture(viewer)) > 0.3)
+    whole = picture(viewer)
+    page.get_by_label("Scalars", exact=True).select_option("height")
+    until("the scalar is to be seen", lambda: difference(whole, picture(viewer)) > 0.3)
+    lines = picture(viewer)
+    page.get_by_role("button", name="Stripes").click()
+    until("the stripes are to be seen", lambda: difference(lines, picture(viewer)) > 0.1)
+    page.get_by_label("Scalars", exact=True).select_option("none")
+    until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
+
     with page.expect_download() as download:
         page.get_by_role("button", name="Download this level").click()
     assert download.value.suggested_filename == "sphere-field-seed0-level2.glb"
@@ -160,7 +209,7 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
 
 
 @pytest.mark.without_pictures
-def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fitted: str) -> None:
+def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fitted: str, axe: str) -> None:
     page.goto(f"/#/jobs/{fitted}")
     facts = page.locator(".field-facts")
     expect(page.locator(".field-stage .viewer-tag")).to_have_text("Level 4 · 25,600 triangles")
@@ -171,9 +220,9 @@ def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fi
     expect(sizes.get_by_role("row")).to_have_count(6)
     row = sizes.get_by_role("row", name=f"Draco, level 1, {packed['top_level']['bits']} bits")
     draco = packed["top_level"]["draco"]["bytes"]
-    expect(row).to_contain_text(f"{draco} B" if draco < 1000 else f"{draco / 1000:.1f} kB")
+    expect(row).to_contain_text(f"{draco} B" if draco < 1000 else kilobytes(draco))
     size = len(service.artifact(fitted, "surface.ndf"))
-    expect(sizes.get_by_role("row", name="This field")).to_contain_text(f"{size / 1000:.1f} kB")
+    expect(sizes.get_by_role("row", name="This field")).to_contain_text(kilobytes(size))
 
     mode = page.get_by_label("Eigenfunction", exact=True)
     mode.fill("3")
@@ -189,6 +238,19 @@ def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fi
     mode.fill("1")
     expect(facts).to_contain_text("Eigenvalue")
     expect(page.get_by_role("button", name="Distances")).to_have_attribute("aria-pressed", "false")
+    scalars = page.get_by_label("Scalars", exact=True)
+    expect(scalars.get_by_role("option")).to_have_text(["none", "height", "half"])
+    scalars.select_option("height")
+    expect(facts).to_contain_text("height: from -")
+    low, high = re.findall(r"height: from (-?[\d.]+) to (-?[\d.]+),", facts.inner_text())[0]
+    assert (float(low), float(high)) == (pytest.approx(-10, abs=1), pytest.approx(10, abs=1))
+    expect(mode).to_have_value("0")
+    scalars.select_option("half")
+    expect(facts).to_contain_text("half: 2 pieces, in")
+    expect(page.locator(".legend .ramp-ticks span")).to_have_text(["4", "5"])
+    assert barriers(page, axe) == []
+    mode.fill("2")
+    expect(scalars).to_have_value("0")
     blue, white = (page.get_by_role("button", name=f"{name} noise") for name in ("Blue", "White"))
     blue.click()
     expect(facts).to_contain_text("2,000 samples of blue noise in")

@@ -79,7 +79,7 @@ def test_a_word_is_taught_and_used(page: Page, small_sphere: Path) -> None:
     expect(page.get_by_role("heading", level=1)).to_have_text("The word “a teapot”")
     expect(badge(page)).to_have_text("Succeeded")
     expect(page.locator(".stage-picture img")).to_be_visible()
-    expect(page.get_by_text("old words are still known")).to_be_visible()
+    expect(page.get_by_text("old words that were tried are still known")).to_be_visible()
     page.get_by_text("Settings", exact=True).click()
     expect(page.get_by_text('["kettle"]')).to_be_visible()
 

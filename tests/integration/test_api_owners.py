@@ -55,7 +55,7 @@ def two(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
-        patch.setattr("service.http.links.principal", named_too)
+        patch.setattr("service.http.auth.principal", named_too)
         with conftest.serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
             record = JobRecord(database_url)
             ann = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)

@@ -16,9 +16,9 @@ import pytest
 
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.support.logs import ACCESS_LOG
+from meshdeform.support.telemetry import ACCESS_LOG
 from service.http.auth import _FAILURES, Gate
-from service.http.rate import RateLimiter
+from service.http.limits import RateLimiter
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving
 from tests.servers import free_port
 

@@ -208,7 +208,7 @@ def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) 
     ("options", "code", "said"),
     [
         (["--suite", "large"], 3, "no suite"),
-        (["--suite", "paper"], 3, "dragon"),
+        (["--suite", "paper"], 3, "shaped"),
         (["--suite", "assets"], 2, "--assets"),
         (["--suite", "assets", "--assets", "."], 3, "CesiumMilkTruck.glb"),
         (["--assets", "."], 3, "Omit --assets"),

@@ -19,8 +19,8 @@ from meshdeform.record.events import Head
 from meshdeform.record.models import TERMINAL_STATES, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from service.events import broker as hub_module
-from service.events.broker import JobWaiters
+from service.events import waiting as hub_module
+from service.events.waiting import JobWaiters
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.streams import STREAM, stream, until
 from tests.integration.test_api_process import api_process

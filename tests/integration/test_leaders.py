@@ -11,11 +11,10 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.leaders import Candidate
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
-from meshdeform.record.reconciler import Reconciler
+from meshdeform.record.reconciler import Candidate, Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import leaders
 from tests.integration.conftest import DEADLINE_S, new_job

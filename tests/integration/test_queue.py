@@ -17,7 +17,7 @@ from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.queue import JobQueue, job_of
 from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
-from worker.rq_worker import InProcessWorker
+from worker.process import InProcessWorker
 
 
 @pytest.fixture

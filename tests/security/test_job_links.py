@@ -20,7 +20,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import sign_path
 from service.events import routes as event_routes
-from service.http.links import SIGNING_KEY
+from service.http.auth import SIGNING_KEY
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, Api
 from tests.integration.http_calls import check_problem

@@ -29,7 +29,7 @@ from tests.in_process import children_in_process
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.taught import shorten_lessons, write_small_weights
 from tests.worker_world import working
-from worker.engine import PriorCache
+from worker.process import PriorCache
 
 LESSON: dict[str, Any] = {"noun": "a teapot", "model": "small.safetensors", "steps": 1}
 QUICK = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1, "orientation": "keep"}

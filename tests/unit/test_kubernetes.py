@@ -20,7 +20,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.operations.metrics import Metrics
 from tests.cases import each_case
-from worker.pulse import STOP_GRACE_S
+from worker.health import STOP_GRACE_S
 
 FOLDER = Path(__file__).parents[2] / "deploy/kubernetes"
 OURS = {"MESHDEFORM_" + name.upper() for name in Settings.model_fields}

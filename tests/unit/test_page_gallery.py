@@ -12,8 +12,7 @@ import numpy as np
 from PIL import Image
 
 from meshdeform.assets import load_asset
-from meshdeform.requests.document import JobRequest
-from meshdeform.requests.resolve import resolve
+from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs.report import sha256_hex
 from tests.cases import each_case
 

@@ -5,7 +5,7 @@ import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } fro
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, nearby, surprise, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
-const KNOWN = { nouns: ["giraffe", "octopus", "vase"], attributes: ["tall", "thin", "long", "short/long neck"], examples: [] };
+const KNOWN = { nouns: ["giraffe", "octopus", "vase"], attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
 test("good news, bad news and no news of a mesh", () => {
   const good = findings({ quality: { flipped_faces: 0, self_intersecting_faces_before: 0, self_intersecting_faces_after: 0 } });
@@ -120,5 +120,7 @@ test("a server that knows no models, or says odd things, is borne", () => {
   assert.deepEqual(catalogue({}), { default: "", models: [] });
   const found = catalogue({ default: "builtin", models: [{ id: "builtin", vocabulary: { nouns: ["vase"] } }, { title: "no id" }] });
   assert.equal(found.models.length, 1);
-  assert.deepEqual(found.models[0].vocabulary, { nouns: ["vase"], attributes: [], examples: [] });
+  assert.deepEqual(found.models[0].vocabulary, { nouns: ["vase"], attributes: [], examples: [], groups: [["nouns", ["vase"]]] });
+  const grouped = catalogue({ models: [{ id: "builtin", vocabulary: { nouns: ["cat", "vase"], groups: { animals: ["cat"], vessels: ["vase"] } } }] });
+  assert.deepEqual(grouped.models[0].vocabulary?.groups, [["animals", ["cat"]], ["vessels", ["vase"]]]);
 });

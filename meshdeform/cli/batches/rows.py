@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.cli.batches.manifest import Entry
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
-from meshdeform.support.file_names import artifact_name, slug
+from meshdeform.support.files import artifact_name, slug
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest

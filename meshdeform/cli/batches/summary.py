@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["count_states", "record_of", "write_summary"]
 

@@ -12,7 +12,7 @@ from meshdeform.cli.batches.rows import Row
 from meshdeform.errors import UnavailableError
 from meshdeform.runs.strength import check_same_asset, matched
 from meshdeform.runs.text_report import read_result
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = ["write_target_sets"]
 

@@ -3,8 +3,9 @@
 Run it as ``python -m meshdeform.judge.training.measure``.
 
 Prints the top-1 accuracy of the noun from one view and from eight; retrieval of the whole prompt among twelve, among
-the plain nouns and the variants of the noun, and among the variants alone; calibration; the pairs most often confused;
-and the judgements of shapes that are no noun.
+the plain nouns and the variants of the noun, and among the variants alone; calibration; the pairs most often confused,
+the nouns that are found least often, and the judgements of shapes that are no noun. Members of the families and
+members by the judge's own code are measured apart; of the latter, variants are not compared: their truth is not known.
 """
 
 from __future__ import annotations
@@ -87,10 +88,11 @@ class _Measured:
         for row, prompt in enumerate(self.prompts):
             twelve = [others[k] for k in rng.permutation(len(others))[:12] if others[k] != prompt][:11]
             found["among 12"].append(self.retrieves(row, twelve))
-            found["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
-            found["variants"].append(self.retrieves(row, variants(prompt.noun)))
+            if not self.data.other[row]:
+                found["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
+                found["variants"].append(self.retrieves(row, variants(prompt.noun)))
         count = np.array([len(prompt.attributes) for prompt in self.prompts])
-        table = {name: np.array(pairs, float) for name, pairs in found.items()}
+        table = {name: np.array(pairs, float) for name, pairs in found.items() if pairs}
         return {
             name: [*(float(held[count == k, 0].mean()) for k in range(3)), *held.mean(0).tolist()]
             for name, held in table.items()
@@ -132,7 +134,11 @@ def _report(name: str, network: JudgeNetwork, data: ViewSet) -> None:
         for was, said in zip(data.noun.tolist(), guess.tolist(), strict=True)
         if was != said
     )  # fmt: skip
-    print("  confused: " + ", ".join(f"{was} as {said} {n}" for (was, said), n in wrong.most_common(10)))
+    print("  confused: " + ", ".join(f"{was} as {said} {n}" for (was, said), n in wrong.most_common(16)))
+    of_noun = Counter(names[was] for was in data.noun.tolist())
+    lost = Counter({noun: sum(n for (was, _), n in wrong.items() if was == noun) for noun in of_noun})
+    print("  least often found: " + ", ".join(f"{noun} {of_noun[noun] - n}/{of_noun[noun]}"
+                                              for noun, n in lost.most_common(10)))  # fmt: skip
 
 
 def main() -> None:
@@ -140,7 +146,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m meshdeform.judge.training.measure", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("--members", type=int, default=25, help="held-out members of each family")
+    parser.add_argument("--members", type=int, default=8, help="held-out members of each noun and source")
     parser.add_argument("--weights", type=Path, default=WEIGHTS)
     parser.add_argument("--threads", type=int, help="CPU threads")
     arguments = parser.parse_args()
@@ -151,7 +157,9 @@ def main() -> None:
     print(f"{parameters} parameters, {arguments.weights.stat().st_size} bytes, {metadata['steps']} steps")
     print(f"sharpness: nouns {float(network.noun_sharpness):.2f}, prompts {float(network.prompt_sharpness):.2f}")
     for name, rough in (("as built", False), ("roughened", True)):
-        _report(name, network, ViewSet.drawn(HELD_OUT, arguments.members, rough=rough))
+        for source, prefix in (("of the families", ""), ("by the judge's own code", "other ")):
+            drawn = [ViewSet.drawn(HELD_OUT, prefix + noun, arguments.members, rough=rough) for noun in NOUNS]
+            _report(f"{name}, {source}", network, ViewSet.joined(drawn))
     judge = Judge(arguments.weights)
     plain = [str(ParsedPrompt(noun)) for noun in NOUNS]
     print("\nshapes that are no noun: the three likeliest nouns; the likeliest of the prompts without attributes")

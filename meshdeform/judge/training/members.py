@@ -1,34 +1,51 @@
-"""Render the judge's training views: family members that the prior never saw, and shapes that are no noun.
+"""Render the judge's training views: members that the prior never saw, and shapes that are no noun.
 
-The families are those of the prior, but not the members: seeds begin with a constant of the judge. Attributes are drawn
-from all pairs that the grammar accepts. Meshes are smoothed and roughened before rendering, because a deformed sphere
-is smoother than joined parts, and lumpier.
+Members have two sources. Some are of the prior's families, though not the prior's members: seeds begin with a constant
+of the judge, and attributes are drawn from all pairs that the grammar accepts. The others are made by the judge's own
+code (`shapes`), so that it is not the prior's mirror. Meshes are smoothed and roughened before rendering, because a
+deformed sphere is smoother than joined parts, and lumpier; some get flat facets, as assets of kits have.
 
 Source of the shapes that are no noun: Hendrycks et al. 2019, Deep anomaly detection with outlier exposure.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.network import encoded
+from meshdeform.judge.training import shapes
 from meshdeform.judge.views import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.training.dataset import drawn_from
 from meshdeform.priors.builtin.training.families import Part, member
 from meshdeform.priors.builtin.training.families.parts import box, ellipsoid, join, limb, normalised
 
-__all__ = ["CALIBRATION", "HELD_OUT", "TRAINING", "ViewSet", "draw_member", "draw_nothing", "roughened", "seeded"]
+__all__ = [
+    "CALIBRATION",
+    "HELD_OUT",
+    "NOTHING",
+    "TRAINING",
+    "ViewSet",
+    "draw_member",
+    "draw_nothing",
+    "draw_other",
+    "faceted",
+    "roughened",
+    "seeded",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -40,24 +57,30 @@ TRAINING, CALIBRATION, HELD_OUT = 0, 1, 2
 
 _ATTRIBUTE_COUNT_ODDS = (0.4, 0.42, 0.18)
 """Odds of none, one and two attributes."""
+_OTHERS_COUNT_ODDS = (0.6, 0.32, 0.08)
+"""The same of members by the judge's own code."""
 
 
-def seeded(split: int, kind: int, number: int) -> np.random.Generator:
-    """Return the generator of one member of the range `split`; `kind` is the noun's number (-1: no noun)."""
-    return np.random.default_rng([_SEED, split, kind + 1, number])
-
-
-def _draw_prompt(noun: str, rng: np.random.Generator) -> ParsedPrompt:
-    """Draw a prompt about a noun with up to two compatible attributes."""
-    known = [Attribute("whole", word) for word in ADJECTIVES]
-    known += [Attribute(part, degree) for part in NOUNS[noun] for degree in PARTS[part]]
-    return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
+def seeded(split: int, kind: str, number: int) -> np.random.Generator:
+    """Return the generator of one member of the range `split`; `kind` is a noun, or what `ViewSet.drawn` names."""
+    return np.random.default_rng([_SEED, split, int.from_bytes(hashlib.sha256(kind.encode()).digest()[:8]), number])
 
 
 def draw_member(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:
-    """Draw a member of the noun's family; return its true prompt and the mesh."""
-    prompt = _draw_prompt(noun, rng)
+    """Draw a member of the noun's family with up to two attributes; return its true prompt and the mesh."""
+    known = [Attribute("whole", word) for word in ADJECTIVES]
+    known += [Attribute(part, degree) for part in NOUNS[noun] for degree in PARTS[part]]
+    prompt = drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
     return prompt, member(noun, prompt.attributes, rng)
+
+
+def draw_other(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:
+    """Draw a noun by the judge's own code with up to two attributes of the whole; return its prompt and the mesh.
+
+    The sizes of its parts are not known, so the prompt says nothing of them.
+    """
+    prompt = drawn_from(noun, [Attribute("whole", word) for word in ADJECTIVES], _OTHERS_COUNT_ODDS, rng)
+    return prompt, shapes.drawn(noun, prompt.attributes, rng)
 
 
 def draw_nothing(rng: np.random.Generator) -> Part:
@@ -114,58 +137,123 @@ def _smoothed(shape: Part, times: int) -> NDArray[np.float64]:
     return verts
 
 
+def faceted(shape: Part) -> Part:
+    """Give every face its own vertices, so that it is shaded flat."""
+    return Part(shape.verts[shape.faces.ravel()], np.arange(shape.faces.size).reshape(-1, 3))
+
+
 @dataclass(frozen=True)
 class ViewSet:
     """Views of M meshes with their labels.
 
-    `images` (M, V, 64, 64) uint8; `noun` (M,) int64, -1 for shapes that are no noun; `attributes` (M, A) uint8.
+    `images` (M, V, 64, 64) uint8; `noun` (M,) int64, -1 for shapes that are no noun; `attributes` (M, A) uint8;
+    `other` (M,) bool: made by the judge's own code, so that the sizes of parts are not known.
     """
 
     images: Tensor
     noun: Tensor
     attributes: Tensor
+    other: Tensor
 
     def __len__(self) -> int:
         return len(self.images)
 
+    def rows(self, rows: Tensor) -> ViewSet:
+        """Return some meshes of the set."""
+        return ViewSet(*(getattr(self, field.name)[rows] for field in fields(self)))
+
     @classmethod
-    def drawn(cls, split: int, members: int, nothings: int = 0, *, rough: bool = True) -> ViewSet:
-        """Draw `members` of every family and `nothings` shapes that are no noun.
+    def joined(cls, sets: Sequence[ViewSet]) -> ViewSet:
+        """Join sets."""
+        return cls(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(cls)))
+
+    @classmethod
+    def drawn(cls, split: int, kind: str, members: int, *, first: int = 0, rough: bool = True) -> ViewSet:
+        """Draw `members` of a kind, from number `first` on: a noun (its family), "other " and a noun, or "nothing".
 
         The training range is rendered from four random cameras, the others from the judge's eight cameras.
         """
-        kinds = [(kind, number) for kind in range(len(NOUNS)) for number in range(members)]
-        kinds += [(-1, number) for number in range(nothings)]
-        images = torch.empty(len(kinds), 4 if split == TRAINING else 8, VIEW_SIZE, VIEW_SIZE, dtype=torch.uint8)
-        attributes = torch.zeros(len(kinds), len(ATTRIBUTES), dtype=torch.uint8)
-        names = list(NOUNS)
-        for row, (kind, number) in enumerate(kinds):
-            rng = seeded(split, kind, number)
-            if kind < 0:
-                shape = draw_nothing(rng)
-            else:
-                prompt, shape = draw_member(names[kind], rng)
+        other, noun = kind.startswith("other "), kind.removeprefix("other ")
+        number_of = {name: number for number, name in enumerate(NOUNS)}
+        images = torch.empty(members, 4 if split == TRAINING else 8, VIEW_SIZE, VIEW_SIZE, dtype=torch.uint8)
+        attributes = torch.zeros(members, len(ATTRIBUTES), dtype=torch.uint8)
+        for row in range(members):
+            prompt, shape, rng = _drawn_shape(split, kind, first + row)
+            if prompt is not None:
                 attributes[row] = encoded([prompt]).attributes[0].to(torch.uint8)
             if rough:
                 shape = roughened(shape, rng)
+                if rng.random() < (0.3 if other else 0.1):
+                    shape = faceted(shape)
             mesh = TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces))
             cameras = (training_cameras(rng),) if split == TRAINING else judging_cameras()
             images[row] = (draw_views(mesh, *cameras)[:, 0] * 255.0).round().to(torch.uint8)
-            if row % 1000 == 999:
-                _log.info("drew %d of %d meshes", row + 1, len(kinds))
-        return cls(images, torch.tensor([kind for kind, _ in kinds]), attributes)
+        nouns = torch.full((members,), -1 if kind == NOTHING else number_of[noun])
+        return cls(images, nouns, attributes, torch.full((members,), other))
 
     @classmethod
-    def cached(cls, path: Path, split: int, members: int, nothings: int = 0) -> ViewSet:
-        """Read the set from `path`, or draw it and write it there."""
-        if path.is_file():
-            held = cls(**load_file(path))
-            if len(held) == len(NOUNS) * members + nothings and held.attributes.shape[1] == len(ATTRIBUTES):
-                return held
-            _log.warning("%s contains another set and is replaced", path)
-        drawn = cls.drawn(split, members, nothings)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        save_file({"images": drawn.images, "noun": drawn.noun, "attributes": drawn.attributes}, part)
-        part.replace(path)
-        return drawn
+    def of_all(cls, split: int, nouns: Sequence[str], members: int, others: int, nothings: int = 0) -> ViewSet:
+        """Draw `members` of the nouns' families, `others` by the judge's own code, and shapes that are no noun."""
+        counts = _counts(nouns, members, others, nothings)
+        return cls.joined([cls.drawn(split, kind, count) for kind, count in counts.items()])
+
+    @classmethod
+    def cached(cls, folder: Path, nouns: Sequence[str], members: int, others: int, nothings: int = 0) -> ViewSet:
+        """Read training views from a folder with a file for each kind; draw what is missing or was drawn otherwise.
+
+        A kind is drawn anew if its first members differ from those of its file, and its file is continued if it has
+        too few.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        sets = []
+        for kind, count in _counts(nouns, members, others, nothings).items():
+            path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind)
+            held = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
+            if len(held) < count:
+                held = cls.joined([held, cls.drawn(TRAINING, kind, count - len(held), first=len(held))])
+                part = path.with_suffix(".part")
+                save_file({field.name: getattr(held, field.name) for field in fields(cls)}, part, recipe)
+                part.replace(path)
+                _log.info("drew %s, %d in all", kind, count)
+            # Numbers of nouns are those of today's vocabulary.
+            number = -1 if kind == NOTHING else list(NOUNS).index(kind.removeprefix("other "))
+            sets.append(replace(held.rows(torch.arange(count)), noun=torch.full((count,), number)))
+        return cls.joined(sets)
+
+
+NOTHING = "nothing"
+"""The kind of shapes that are no noun."""
+_TOLD_MEMBERS = 2
+"""Members whose shapes are part of a recipe: enough to notice that a family was changed."""
+
+
+def _counts(nouns: Sequence[str], members: int, others: int, nothings: int) -> dict[str, int]:
+    counts = dict.fromkeys(nouns, members) | {f"other {noun}": others for noun in nouns} | {NOTHING: nothings}
+    return {kind: count for kind, count in counts.items() if count}
+
+
+def _drawn_shape(split: int, kind: str, number: int) -> tuple[ParsedPrompt | None, Part, np.random.Generator]:
+    """Draw a shape of a kind; return its prompt, None if it is no noun, and the generator that draws the rest."""
+    rng = seeded(split, kind, number)
+    if kind == NOTHING:
+        return None, draw_nothing(rng), rng
+    draw = draw_other if kind.startswith("other ") else draw_member
+    return *draw(kind.removeprefix("other "), rng), rng
+
+
+def _recipe(kind: str) -> dict[str, str]:
+    """Return what the training views of a kind depend on."""
+    digest = hashlib.sha256()
+    for number in range(_TOLD_MEMBERS):
+        prompt, shape, _ = _drawn_shape(TRAINING, kind, number)
+        digest.update(str(prompt).encode())
+        digest.update(np.round(shape.verts, 6).tobytes())
+        digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
+    return {"kind": kind, "attributes": str(len(ATTRIBUTES)), "shapes": digest.hexdigest()}
+
+
+def _stored_recipe(path: Path) -> dict[str, str]:
+    if not path.is_file():
+        return {}
+    with safe_open(path, framework="pt") as file:
+        return dict(file.metadata() or {})

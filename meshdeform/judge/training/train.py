@@ -1,10 +1,11 @@
-"""Train the judge: ``python -m meshdeform.judge.training.train --cache views.safetensors --threads 1``.
+"""Train the judge: ``python -m meshdeform.judge.training.train --cache views --threads 1``.
 
 The loss of a batch of M meshes with four views each is the mean of three cross entropies: of the mesh's prompt among
 candidates from a single view, of the same from the mean over the views, and of the noun from a single view.
 Candidates are the prompts of the batch and others about the same nouns. Each occurs once, with the logarithm of its
 frequency added to its score, so that the score itself learns log p(view | prompt) and not the posterior, which favours
-frequent prompts. For shapes that are no noun, the target distribution is the frequency of the prompts.
+frequent prompts. For shapes that are no noun, the target distribution is the frequency of the prompts. Members by the
+judge's own code are not compared with other prompts about their noun, whose truth is not known.
 
 Sources: van den Oord et al. 2018 (InfoNCE), Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier
 exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on held-out examples).
@@ -19,12 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
 from meshdeform.judge.network import JudgeNetwork, Prompts
 from meshdeform.judge.training.augment import augmented
-from meshdeform.judge.training.members import CALIBRATION, TRAINING, ViewSet
+from meshdeform.judge.training.members import CALIBRATION, ViewSet
 from meshdeform.judge.weights_file import WEIGHTS, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS
 
@@ -40,7 +42,7 @@ _OTHERS = 6
 class TrainConfig:
     """Settings of a run; the defaults are those of the shipped weights."""
 
-    steps: int = 1100
+    steps: int = 2400
     batch: int = 48
     learning_rate: float = 2.5e-3
     weight_decay: float = 2e-2
@@ -99,6 +101,7 @@ class Trainer:
             noun_logits, features = self.network.encode_views(images.contiguous(memory_format=torch.channels_last))
         candidates = Prompts(self.prompts.noun[number], self.prompts.attributes[number])
         scores = self.network.scores(noun_logits, features, candidates)
+        scores = scores - _unknown(self.data, rows, candidates).repeat_interleave(views, 0)
         pooled = scores.view(-1, views, len(number)).mean(1) * 2.0
         shown = self.data.noun[rows] >= 0
         # One-hot for the prompt; for a shape that is no noun, the frequencies of the candidates.
@@ -150,28 +153,54 @@ def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
     noun_logits, features = network.encode_views(held.images.flatten(0, 1)[:, None].float() / 255.0)
     labels = torch.cat([held.noun[:, None], held.attributes.long()], 1)
     labels, own = torch.unique(labels[shown], dim=0, return_inverse=True)
-    scores = network.scores(noun_logits, features, Prompts(labels[:, 0], labels[:, 1:].float()))
+    candidates = Prompts(labels[:, 0], labels[:, 1:].float())
+    scores = network.scores(noun_logits, features, candidates)
+    unknown = _unknown(held, torch.arange(count), candidates)
     sharpness = torch.logspace(-1.0, 1.0, 101)
 
-    def best(logits: Tensor, right: Tensor) -> Tensor:
+    def best(logits: Tensor, right: Tensor, penalty: Tensor) -> Tensor:
         mean = logits.view(count, views, -1).mean(1)
         target = torch.full_like(mean, 1.0 / mean.shape[1])
         target[shown] = functional.one_hot(right, mean.shape[1]).float()
-        return sharpness[torch.stack([functional.cross_entropy(s * mean, target) for s in sharpness]).argmin()]
+        tried = [functional.cross_entropy(s * mean - penalty, target) for s in sharpness]
+        return sharpness[torch.stack(tried).argmin()]
 
-    network.noun_sharpness.copy_(best(noun_logits, held.noun[shown]))
-    network.prompt_sharpness.copy_(best(scores, own))
+    network.noun_sharpness.copy_(best(noun_logits, held.noun[shown], torch.zeros(())))
+    network.prompt_sharpness.copy_(best(scores, own, unknown))
+
+
+def _unknown(data: ViewSet, rows: Tensor, candidates: Prompts) -> Tensor:
+    """Return a penalty (rows, P) that takes prompts out of the comparison whose truth is not known.
+
+    Members by the judge's own code are compared with prompts of other nouns only. They vary as kinds do: one without
+    attributes may well be true of "a deer with long horns", or of "a tall deer".
+    """
+    same = candidates.noun[None] == data.noun[rows][:, None]
+    own = (candidates.attributes[None] == data.attributes[rows][:, None].float()).all(2)
+    return 1e4 * (data.other[rows][:, None] & same & ~own).float()
+
+
+def _start_from(trainer: Trainer, path: Path) -> None:
+    """Copy from a file of weights what has the same shape: all but the nouns' own rows, if the vocabulary grew."""
+    state = trainer.network.state_dict()
+    for name, tensor in load_file(path).items():
+        if name in state and state[name].shape == tensor.shape and not name.endswith("sharpness"):
+            state[name].copy_(tensor)
+            trainer.average[name].copy_(tensor)
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m meshdeform.judge.training.train", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("--cache", type=Path, required=True, help="file for the rendered views (about 200 MB)")
+    parser.add_argument("--cache", type=Path, required=True, help="folder for the rendered views (about 520 MB)")
     parser.add_argument("--steps", type=int, default=TrainConfig.steps)
-    parser.add_argument("--members", type=int, default=250, help="members of each family")
+    parser.add_argument("--nouns", nargs="+", choices=list(NOUNS), default=list(NOUNS), help="nouns to learn")
+    parser.add_argument("--members", type=int, default=170, help="members of each family")
+    parser.add_argument("--others", type=int, default=80, help="members of each noun by the judge's own code")
     parser.add_argument("--nothings", type=int, default=500, help="shapes that are no noun")
-    parser.add_argument("--calibration", type=int, default=6, help="further members of each family, for calibration")
+    parser.add_argument("--calibration", type=int, default=3, help="further members of each kind, for calibration")
+    parser.add_argument("--initial", type=Path, help="weights to start from, possibly for another vocabulary")
     parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
@@ -184,8 +213,10 @@ def main() -> None:
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    data = ViewSet.cached(arguments.cache, TRAINING, arguments.members, arguments.nothings)
+    data = ViewSet.cached(arguments.cache, arguments.nouns, arguments.members, arguments.others, arguments.nothings)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
+    if arguments.initial:
+        _start_from(trainer, arguments.initial)
     begun, smooth = time.monotonic(), torch.zeros(3)
     while trainer.done < arguments.steps:
         losses = trainer.step()
@@ -195,8 +226,13 @@ def main() -> None:
             per_step = (time.monotonic() - begun) / trainer.done
             _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
     network = trainer.averaged()
-    calibrate(network, ViewSet.drawn(CALIBRATION, arguments.calibration, 2 * arguments.calibration))
-    provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members, "meshes": len(data)}
+    # As in training, one shape that is no noun per sixty others.
+    nothings = len(arguments.nouns) * arguments.calibration // 30
+    calibrate(
+        network, ViewSet.of_all(CALIBRATION, arguments.nouns, arguments.calibration, arguments.calibration, nothings)
+    )
+    provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members,
+                  "others": arguments.others, "meshes": len(data)}  # fmt: skip
     write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
     _log.info(
         "sharpness of nouns %.2f, of prompts %.2f", float(network.noun_sharpness), float(network.prompt_sharpness)

@@ -228,13 +228,18 @@ class PriorNetwork(nn.Module):
             Azimuth of the first or only view, degrees.
         single : (B,) bool, optional
             Whether each picture is a single view; by default none is.
+
+        Returns
+        -------
+        (B, 3, 128, 128) float32, whatever the layers compute in (`computing_in`).
         """
         conditions = self._condition(timestep, text, azimuth_deg)
         if single is not None:
             conditions = conditions + single[:, None] * self.single
-        condition = functional.silu(conditions)
-        cameras = camera_map(azimuth_deg, single, IMAGE_SIZE // 4)
-        h0 = self.down0(self.stem(x) + self.camera_fine(cameras), condition)
+        dtype = self.stem.weight.dtype
+        condition = functional.silu(conditions).to(dtype)
+        cameras = camera_map(azimuth_deg, single, IMAGE_SIZE // 4).to(dtype)
+        h0 = self.down0(self.stem(x.to(dtype)) + self.camera_fine(cameras), condition)
         h1 = self.pool0(h0)
         for block in self.down1:
             h1 = block(h1, condition)
@@ -250,7 +255,16 @@ class PriorNetwork(nn.Module):
         h = torch.cat([functional.interpolate(h, scale_factor=2.0), h0], 1)
         for block in self.up0:
             h = block(h, condition)
-        return functional.pixel_shuffle(self.out(functional.silu(self.norm(h))), 4)
+        return functional.pixel_shuffle(self.out(functional.silu(self.norm(h))).float(), 4)
+
+    def computing_in(self, dtype: torch.dtype) -> PriorNetwork:
+        """Convert the layers on pictures, in place; texts, times and azimuths, which cost nothing, stay in float32."""
+        for name, layer in self.named_children():
+            if name not in ("text", "time", "azimuth"):
+                layer.to(dtype)
+        for place in (self.place, self.single_place):
+            place.data = place.data.to(dtype)
+        return self
 
     def _condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:
         frequency = torch.exp(-math.log(1e4) * torch.arange(32, device=timestep.device) / 32)

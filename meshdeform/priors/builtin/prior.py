@@ -36,7 +36,9 @@ class BuiltinPrior:
     Parameters
     ----------
     device : str or torch.device
-        Device of the network, which always computes in float32.
+        Device of the network.
+    dtype : "auto", "float32", "float16" or "bfloat16"
+        What the network computes in. `auto` is float32, and so is float16, a precision of other models.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
@@ -50,11 +52,11 @@ class BuiltinPrior:
     """Style of the four views of a grid; a single view has twice that size."""
     num_timesteps = NUM_TIMESTEPS
 
-    def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS) -> None:
+    def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS, dtype: str = "float32") -> None:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
-        self.dtype = torch.float32
-        self._network = network.to(self.device)
+        self.dtype = torch.bfloat16 if dtype == "bfloat16" else torch.float32
+        self._network = network.computing_in(self.dtype).to(self.device)
         self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.identity = {
@@ -115,7 +117,7 @@ class BuiltinPrior:
             raise ShapeError(
                 f"{count} pictures and {len(azimuths)} cameras are neither a grid of {NUM_VIEWS} views nor single views"
             )
-        noisy = z_t.detach().to(self.device, self.dtype)
+        noisy = z_t.detach().to(self.device, torch.float32)
         texts = len(embedding)
         inputs = noisy.repeat(texts, 1, 1, 1).contiguous(memory_format=torch.channels_last)
         steps = timestep.to(self.device).repeat(texts)

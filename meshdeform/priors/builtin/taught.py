@@ -111,15 +111,18 @@ def words_of(metadata: Mapping[str, str], path: Path) -> Words:
     tokens = tuple(metadata.get("words", "").split())
     nouns = {str(noun): tuple(map(str, parts)) for noun, parts in document["nouns"].items()}
     synonyms = {str(word): str(noun) for word, noun in document["synonyms"].items()}
+    own_parts = {part for parts in nouns.values() for part in parts}
     fixed = set(BUILTIN_WORDS.tokens) - set(BUILTIN_WORDS.nouns)
+    # Weights of an older edition lack the parts that came later; their nouns do not have them.
+    needed = (fixed - set(PARTS)) | own_parts | set(nouns)
     wrong = (
         not 0 < len(nouns) <= MAX_NOUNS
-        or set(tokens) != fixed | set(nouns)
+        or not needed <= set(tokens) <= fixed | set(nouns)
         or len(tokens) != len(set(tokens))
         or tokens[0] != BUILTIN_WORDS.tokens[0]
         or not all(_WORD.fullmatch(word) and len(word) <= _LONGEST_WORD for word in (*nouns, *synonyms))
         or not set(synonyms.values()) <= set(nouns)
-        or not {part for parts in nouns.values() for part in parts} <= set(PARTS)
+        or not own_parts <= set(PARTS)
     )
     if wrong:
         raise ModelError(f"The words of the weights in {path} contradict each other.", advice=_ADVICE)

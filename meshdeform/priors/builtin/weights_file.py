@@ -20,7 +20,7 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, check, words_of
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 
 __all__ = [
     "REPLAY",

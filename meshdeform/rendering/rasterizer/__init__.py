@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
+from meshdeform.rendering.rasterizer import backend
 from meshdeform.rendering.rasterizer.antialias import SilhouetteEdges, antialias
 from meshdeform.rendering.rasterizer.interpolate import interpolate
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
@@ -58,7 +59,7 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tens
     """
     if clip.ndim != 3 or clip.shape[2] != 4 or faces.ndim != 2 or faces.shape[1] != 3:
         raise ShapeError(f"expected clip (B, V, 4) and faces (F, 3), got {tuple(clip.shape)} and {tuple(faces.shape)}")
-    if clip.device.type == "cpu":
+    if backend.is_compiled(clip):
         from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
 
         return Fragments(*rasterize_compiled(clip.detach(), faces, height, width, behind))

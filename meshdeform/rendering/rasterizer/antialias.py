@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from meshdeform.rendering.rasterizer import backend
+from meshdeform.rendering.rasterizer.compiled_edges import antialias_compiled
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
 
 __all__ = ["SilhouetteEdges", "antialias"]
@@ -62,6 +64,8 @@ def antialias(
     -------
     (B, H, W, C), the antialiased image.
     """
+    if backend.is_compiled(clip):
+        return antialias_compiled(image, clip, edges.verts, edges.opposite, depth, removed)
     height, width, channels = image.shape[1:]
     ndc = clip[..., :2] / clip[..., 3:]
     pixels = torch.stack([(ndc[..., 0] + 1) * (width * 0.5), (1 - ndc[..., 1]) * (height * 0.5)], -1)

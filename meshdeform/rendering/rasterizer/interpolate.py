@@ -18,6 +18,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.rendering.rasterizer import backend
+
 __all__ = ["interpolate", "interpolate_torch"]
 
 
@@ -41,7 +43,7 @@ def interpolate(
     -------
     (P, C) float32
     """
-    if clip.device.type == "cpu":
+    if backend.is_compiled(clip):
         result: Tensor = _Interpolate.apply(clip, values, faces, pixels, face_of_pixel, height, width)  # type: ignore[no-untyped-call]
         return result
     return interpolate_torch(clip, values, faces, pixels, face_of_pixel, height, width)

@@ -39,7 +39,7 @@ export function repairs(error, prompt, known) {
   const { suggestions, nouns, attributes } = error.problem;
   if (Array.isArray(suggestions) && suggestions.length) return suggestions.slice(0, 3).map(String);
   if (error.code !== "prompt_unknown_words") return [];
-  const words = known ?? (Array.isArray(nouns) ? { nouns, attributes: attributes ?? [], examples: [] } : null);
+  const words = known ?? (Array.isArray(nouns) ? { nouns, attributes: attributes ?? [], examples: [], groups: [] } : null);
   return words ? nearby(prompt, suggestions ?? {}, words) : [];
 }
 

@@ -2,7 +2,7 @@
 /**
  * Prompts put together from the words that a model knows.
  *
- * @typedef {{nouns: string[], attributes: string[], examples: string[]}} Vocabulary
+ * @typedef {{nouns: string[], attributes: string[], examples: string[], groups: [string, string[]][]}} Vocabulary
  * @typedef {{id: string, title: string, description: string, available: boolean, vocabulary: Vocabulary | null}} Model
  * @typedef {{default: string, models: Model[]}} Catalogue
  */
@@ -34,7 +34,15 @@ export function catalogue(document) {
  */
 function vocabulary(document) {
   const words = (/** @type {unknown} */ list) => (Array.isArray(list) ? list.map(String) : []);
-  return { nouns: words(document.nouns), attributes: words(document.attributes), examples: words(document.examples) };
+  const nouns = words(document.nouns);
+  /** @type {[string, string[]][]} */
+  const groups = Object.entries(document.groups ?? {}).map(([name, some]) => [name, words(some)]);
+  return {
+    nouns,
+    attributes: words(document.attributes),
+    examples: words(document.examples),
+    groups: groups.length ? groups : [["nouns", nouns]],
+  };
 }
 
 /** Attributes that stand before a noun; those of parts ("long neck") are two words. @param {Vocabulary} known */

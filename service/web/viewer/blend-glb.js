@@ -52,9 +52,9 @@ export function verticesOf(buffer) {
 /**
  * The primitives of the scene's nodes, depth first: a mesh of several nodes comes several times, as some results have it.
  * @param {Record<string, any>} json
- * @returns {{ attributes: Record<string, number> }[]}
+ * @returns {{ attributes: Record<string, number>, indices?: number }[]}
  */
-function primitivesOf(json) {
+export function primitivesOf(json) {
   const visit = (/** @type {number} */ index) => {
     const { mesh, children = [] } = json.nodes[index];
     const own = mesh === undefined ? [] : json.meshes[mesh].primitives;
@@ -144,7 +144,7 @@ function reader(view, type, normalized) {
 }
 
 /** @param {ArrayBuffer} buffer @param {Record<string, any>} json @param {number} index where an accessor's bytes are */
-function place(buffer, json, index) {
+export function place(buffer, json, index) {
   const { bufferView, byteOffset = 0, componentType, type, sparse } = json.accessors[index];
   const held = json.bufferViews?.[bufferView];
   if (!held || sparse || held.buffer !== 0 || Object.keys(held.extensions ?? {}).length || !BYTES[componentType] || !SIZES[type]) {
@@ -152,6 +152,6 @@ function place(buffer, json, index) {
   }
   const view = new DataView(buffer);
   const chunk = 20 + view.getUint32(12, true) + 8;
-  const stride = held.byteStride ?? BYTES[componentType] * SIZES[type];
-  return { start: chunk + (held.byteOffset ?? 0) + byteOffset, stride, view };
+  const size = BYTES[componentType] * SIZES[type];
+  return { start: chunk + (held.byteOffset ?? 0) + byteOffset, stride: held.byteStride ?? size, size, view };
 }

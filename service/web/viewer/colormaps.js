@@ -44,6 +44,23 @@ export function cssGradient(name) {
 }
 
 /**
+ * Colours that tell pieces apart: hues a golden angle apart, by turns lighter and darker.
+ * @param {number} count
+ * @returns {[number, number, number][]} sRGB, 0..255
+ */
+export function pieceColors(count) {
+  return Array.from({ length: count }, (_, i) => {
+    const [hue, light] = [((i * 137.508 + 210) % 360) / 30, [0.62, 0.48, 0.74][i % 3]];
+    const spread = 0.55 * Math.min(light, 1 - light);
+    const channel = (/** @type {number} */ shift) => {
+      const k = (shift + hue) % 12;
+      return Math.round(255 * (light - spread * Math.max(-1, Math.min(k - 3, 9 - k, 1))));
+    };
+    return [channel(0), channel(8), channel(4)];
+  });
+}
+
+/**
  * Where a value lies on the legend.
  * @param {number} value
  * @param {{ range: [number, number], scale: "linear" | "log" }} legend

@@ -1,8 +1,8 @@
 // @ts-check
 /** A field in a viewer: its levels, distances from a point as colours with isolines, and the point, which can be dragged. */
 import { BufferAttribute, BufferGeometry, Mesh, MeshBasicMaterial, Points, PointsMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
-import { cssGradient, ticks } from "./colormaps.js";
-import { colorTexture, HeatMaterial } from "./heatmap.js";
+import { cssGradient, pieceColors, ticks } from "./colormaps.js";
+import { colorTexture, HeatMaterial, pieceTexture } from "./heatmap.js";
 import { meshesOf } from "./loading.js";
 
 const ISOLINES = 24;
@@ -29,7 +29,7 @@ export class FieldWorker {
   }
 
   /**
-   * @param {"open" | "level" | "heat" | "mode" | "samples"} task
+   * @param {"open" | "level" | "heat" | "mode" | "samples" | "scalar"} task
    * @param {Record<string, unknown>} given
    * @param {Transferable[]} [owned] what the worker gets for itself
    * @returns {Promise<any>} as the worker describes it
@@ -62,6 +62,8 @@ export class FieldView {
     /** @type {import("three").Material | null} */
     this.plain = null;
     this.material = new HeatMaterial(colorTexture("viridis"), false, ISOLINES);
+    /** @type {Record<number, HeatMaterial>} By how many pieces there are. */
+    this.divided = {};
     this.marker = new Mesh(new SphereGeometry(1, 20, 14), new MeshBasicMaterial({ color: 0xd9622b, toneMapped: false, depthTest: false, transparent: true }));
     this.marker.userData.overlay = true; // no shadow, and no part of the surface
     this.marker.renderOrder = 2;
@@ -84,20 +86,36 @@ export class FieldView {
   }
 
   /**
-   * Colour the surface by distances.
+   * Colour the surface.
    *
-   * @param {Float32Array | null} values of its vertices; null: as it is
-   * @param {number} farthest
+   * @param {Float32Array | null} values of its vertices, 0 to `most`; null: as it is
+   * @param {number} most
    */
-  colour(values, farthest) {
+  colour(values, most) {
+    if (!values) return this.#dress(null, null);
+    const heat = Float32Array.from(values, (value) => (Number.isFinite(value) ? value / (most || 1) : -1));
+    this.#dress(heat, this.material);
+  }
+
+  /** Colour the surface by pieces. @param {Float32Array} values of its vertices: numbers below `count` @param {number} count */
+  divide(values, count) {
+    const material = (this.divided[count] ??= new HeatMaterial(pieceTexture(count), false, 0, true));
+    this.#dress(values.map((piece) => (piece + 0.5) / count), material);
+  }
+
+  /** Show stripes instead of isolines. @param {boolean} on */
+  stripe(on) {
+    this.material.stripes.value = Number(on);
+    this.viewer.invalidate();
+  }
+
+  /** @param {Float32Array | null} heat @param {HeatMaterial | null} material */
+  #dress(heat, material) {
     const { mesh } = this;
     if (!mesh) return;
-    if (mesh.material !== this.material) this.plain = /** @type {import("three").Material} */ (mesh.material);
-    if (values) {
-      const heat = Float32Array.from(values, (value) => (Number.isFinite(value) ? value / (farthest || 1) : -1));
-      mesh.geometry.setAttribute("heat", new BufferAttribute(heat, 1));
-      mesh.material = this.material;
-    } else if (this.plain) mesh.material = this.plain;
+    if (!(mesh.material instanceof HeatMaterial)) this.plain = /** @type {import("three").Material} */ (mesh.material);
+    if (heat) mesh.geometry.setAttribute("heat", new BufferAttribute(heat, 1));
+    mesh.material = material ?? this.plain ?? mesh.material;
     this.viewer.invalidate();
   }
 
@@ -108,18 +126,28 @@ export class FieldView {
     this.viewer.invalidate();
   }
 
-  /** What the colours of an eigenfunction mean. @param {number} number @param {import("./field-worker.js").Mode} mode @returns {import("../app/viewer-box.js").Scale} */
-  modeScale(number, { least, most }) {
+  /**
+   * What the colours mean.
+   *
+   * @param {string} label
+   * @param {{ least: number, most: number }} values
+   * @param {string} [unit]
+   * @returns {import("../app/viewer-box.js").Scale}
+   */
+  scale(label, { least, most }, unit = "") {
     const range = /** @type {[number, number]} */ ([least, most]);
     const marks = ticks({ range, scale: "linear" }, 4);
-    return { min: least, max: most, p99: most, unit: "", label: `Eigenfunction ${number}`, gradient: cssGradient("viridis"), ticks: marks, problem: "" };
+    return { min: least, max: most, p99: most, unit, label, gradient: cssGradient("viridis"), ticks: marks, problem: "" };
   }
 
-  /** What the colours mean. @param {number} farthest @returns {import("../app/viewer-box.js").Scale} */
-  scale(farthest) {
-    const range = /** @type {[number, number]} */ ([0, farthest]);
-    const marks = ticks({ range, scale: "linear" }, 4);
-    return { min: 0, max: farthest, p99: farthest, unit: "units", label: "Distance", gradient: cssGradient("viridis"), ticks: marks, problem: "" };
+  /** What the colours of pieces mean. @param {string} label @param {number[]} labels @returns {import("../app/viewer-box.js").Scale} */
+  pieceScale(label, labels) {
+    const count = labels.length;
+    const stops = pieceColors(count).map((color, i) => `rgb(${color}) ${(100 * i) / count}% ${(100 * (i + 1)) / count}%`);
+    const every = Math.ceil(count / 8);
+    const marks = labels.map((value, i) => ({ value, text: String(value), at: (i + 0.5) / count })).filter((_, i) => i % every === 0);
+    const [min, max] = [labels[0], labels[count - 1]];
+    return { min, max, p99: max, unit: "", label, gradient: `linear-gradient(to right, ${stops})`, ticks: marks, problem: "" };
   }
 
   /** Show where the source is. @param {number[] | null} place */
@@ -189,6 +217,6 @@ export class FieldView {
     /** @type {import("three").Material} */ (this.dots.material).dispose();
     this.marker.geometry.dispose();
     /** @type {import("three").Material} */ (this.marker.material).dispose();
-    this.material.dispose();
+    for (const material of [this.material, ...Object.values(this.divided)]) material.dispose();
   }
 }

@@ -3,16 +3,18 @@
  * A worker that unfolds a field and computes on it, so that the page stays quick. A message `{ id, task, ... }` is
  * answered by one with the same `id`, or by `{ id, error }`.
  *
- * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number }} Opened
+ * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number, scalars: Named[] }} Opened
+ * @typedef {{ name: string, outputs: number, labels: number[] }} Named Scalars of the field, or pieces with their numbers.
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
  * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, prepareMs: number, flips: number }} Heat
  * @typedef {{ values: Float32Array, eigenvalue: number, least: number, most: number, ms: number }} Mode `ms`: of all functions, once for a level
  * @typedef {{ points: Float32Array, ms: number }} Samples
+ * @typedef {{ values: Float32Array, least: number, most: number, ms: number }} Learned `values` of pieces are places in their labels
  */
 import { writeGlb } from "./glb.js";
 import { HeatGeodesics } from "./heat.js";
 import { delaunay } from "./intrinsic.js";
-import { readField, unfold } from "./ndf.js";
+import { readField, scalarsAt, unfold } from "./ndf.js";
 import { blueNoise, whiteNoise } from "./samples.js";
 import { spectrum } from "./spectrum.js";
 
@@ -23,7 +25,7 @@ const MOST_LEVELS = 6;
 
 /** @type {import("./ndf.js").NeuralField | null} */
 let field = null;
-/** @type {{ level: number, positions: Float32Array, indices: Uint32Array } | null} The mesh of the last level. */
+/** @type {({ level: number } & import("./ndf-unfold.js").Unfolded) | null} The mesh of the last level. */
 let mesh = null;
 /** @type {{ level: number, solver: HeatGeodesics, flips: number } | null} */
 let geodesics = null;
@@ -39,7 +41,8 @@ const tasks = {
     const faces = field.faces.length / 3;
     let levels = 0;
     while (levels < MOST_LEVELS && faces * 4 ** (levels + 1) <= MOST_FACES) levels++;
-    return { faces, vertices: field.header.vertices, bytes: bytes.byteLength, readMs: performance.now() - begin, levels };
+    const scalars = field.scalars.map(({ name, offset, labels }) => ({ name, outputs: labels.length ? 1 : offset.length, labels }));
+    return { faces, vertices: field.header.vertices, bytes: bytes.byteLength, readMs: performance.now() - begin, levels, scalars };
   },
 
   /** @param {{ level: number }} given @returns {Level} */
@@ -94,9 +97,20 @@ const tasks = {
       modes = { level, ...found, ms: performance.now() - begin };
     }
     const values = modes.functions[number - 1].slice();
-    let [least, most] = [Infinity, -Infinity];
-    for (const value of values) [least, most] = [Math.min(least, value), Math.max(most, value)];
-    return { values, eigenvalue: modes.values[number - 1], least, most, ms: modes.ms };
+    return { values, eigenvalue: modes.values[number - 1], ...rangeOf(values), ms: modes.ms };
+  },
+
+  /**
+   * What the field holds beside its surface, by its place among them.
+   *
+   * @param {{ level: number, scalars: number, output: number }} given
+   * @returns {Learned}
+   */
+  scalar({ level, scalars, output }) {
+    const { corners, weights } = meshOf(level);
+    const begin = performance.now();
+    const values = scalarsAt(/** @type {import("./ndf.js").NeuralField} */ (field).scalars[scalars], corners, weights, output);
+    return { values, ...rangeOf(values), ms: performance.now() - begin };
   },
 
   /** @param {{ level: number, noise: "white" | "blue", count: number }} given @returns {Samples} */
@@ -107,6 +121,13 @@ const tasks = {
     return { points, ms: performance.now() - begin };
   },
 };
+
+/** @param {Float32Array} values */
+function rangeOf(values) {
+  let [least, most] = [Infinity, -Infinity];
+  for (const value of values) [least, most] = [Math.min(least, value), Math.max(most, value)];
+  return { least, most };
+}
 
 /** @param {number} level @param {Float32Array} positions @param {Uint32Array} indices */
 function solverOf(level, positions, indices) {

@@ -8,7 +8,7 @@ import {
   MeshStandardMaterial,
   SRGBColorSpace,
 } from "../vendor/three/three.module.js";
-import { colorRow, cssGradient, positionOf, ticks } from "./colormaps.js";
+import { colorRow, cssGradient, pieceColors, positionOf, ticks } from "./colormaps.js";
 
 /** @typedef {import("./deformation.js").Measured} Measured */
 /** @typedef {import("./deformation.js").Measure} Measure */
@@ -39,7 +39,8 @@ const KINDS = {
 // About two pixels wide, however the surface is turned.
 const ISOLINES = `float level = vHeat * COUNT;
           float beside = abs(level - floor(level + 0.5)) / max(fwidth(level), 1e-6);
-          if (vHeat >= 0.0) heatColor *= mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
+          float band = smoothstep(0.25 - fwidth(level), 0.25 + fwidth(level), abs(fract(level) - 0.5));
+          if (vHeat >= 0.0) heatColor *= stripes > 0.5 ? mix(0.4, 1.0, band) : mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
 
 /**
  * @param {Measure} kind
@@ -81,19 +82,36 @@ export function colorTexture(map) {
   return colors;
 }
 
+/** @param {number} count @returns {DataTexture} a colour for each piece; that of piece k lies at (k + 0.5) / count */
+export function pieceTexture(count) {
+  const colors = new DataTexture(Uint8Array.from(pieceColors(count).flatMap((color) => [...color, 255])), count, 1);
+  colors.colorSpace = SRGBColorSpace;
+  colors.needsUpdate = true;
+  return colors;
+}
+
 /** A material that colours by the attribute `heat` (0..1; below 0: no value), evenly lit so that the colours stay true. */
 export class HeatMaterial extends MeshStandardMaterial {
-  /** @param {DataTexture} colors @param {boolean} flatShading @param {number} [isolines] so many between 0 and 1 */
-  constructor(colors, flatShading, isolines = 0) {
+  /**
+   * @param {DataTexture} colors
+   * @param {boolean} flatShading
+   * @param {number} [isolines] so many between 0 and 1
+   * @param {boolean} [whole] A triangle has one colour, that of one of its corners.
+   */
+  constructor(colors, flatShading, isolines = 0, whole = false) {
     super({ roughness: 1, metalness: 0, side: DoubleSide, flatShading });
     this.toneMapped = false;
+    /** 1: stripes instead of isolines, as many and as wide as the gaps between them. */
+    this.stripes = { value: 0 };
+    const passed = `${whole ? "flat " : ""}varying float vHeat;`;
     this.onBeforeCompile = (shader) => {
       shader.uniforms.heatColors = { value: colors };
+      shader.uniforms.stripes = this.stripes;
       shader.vertexShader = shader.vertexShader
-        .replace("#include <common>", "#include <common>\nattribute float heat;\nvarying float vHeat;")
+        .replace("#include <common>", `#include <common>\nattribute float heat;\n${passed}`)
         .replace("#include <begin_vertex>", "#include <begin_vertex>\nvHeat = heat;");
       shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", "#include <common>\nuniform sampler2D heatColors;\nvarying float vHeat;")
+        .replace("#include <common>", `#include <common>\nuniform sampler2D heatColors;\nuniform float stripes;\n${passed}`)
         .replace(
           "#include <opaque_fragment>",
           `vec3 heatColor = vHeat < -0.5 ? vec3(0.2) : texture2D(heatColors, vec2(clamp(vHeat, 0.0, 1.0), 0.5)).rgb;
@@ -103,7 +121,7 @@ export class HeatMaterial extends MeshStandardMaterial {
           #include <opaque_fragment>`,
         );
     };
-    this.customProgramCacheKey = () => `heat ${isolines}`;
+    this.customProgramCacheKey = () => `heat ${isolines} ${whole}`;
   }
 }
 

@@ -1,12 +1,16 @@
 // @ts-check
 /**
  * Unfolds a field: the mesh of a level. Vertices on an edge of the base are made once, so that the mesh is closed where
- * the base is. The network runs on blocks of points (ndf-kernel.js).
+ * the base is. The network runs on blocks of points.
  */
-import { BLOCK, makeKernel } from "./ndf-kernel.js";
+import { BLOCK, makeNetwork } from "./ndf-network.js";
 
 /** @typedef {import("./ndf.js").NeuralField} NeuralField */
-/** @typedef {{ positions: Float32Array, indices: Uint32Array }} Unfolded In world coordinates. */
+/**
+ * A level: its vertices in world coordinates, and for each the three corners of the base and their weights.
+ *
+ * @typedef {{ positions: Float32Array, indices: Uint32Array, corners: Uint32Array, weights: Float32Array }} Unfolded
+ */
 
 /** @type {WeakMap<NeuralField, ReturnType<typeof evaluator>>} */
 const known = new WeakMap();
@@ -23,7 +27,7 @@ export function unfold(field, level, simd = true) {
   const { corners, weights, indices } = divide(field, 2 ** level);
   const evaluate = (simd && known.get(field)) || evaluator(field, simd);
   if (simd) known.set(field, evaluate);
-  return { positions: evaluate(corners, weights), indices };
+  return { positions: evaluate(corners, weights), indices, corners, weights };
 }
 
 /**
@@ -121,25 +125,7 @@ function patternOf(parts) {
  */
 function evaluator({ header, verts, features, layers }, simd) {
   const { features: d, octaves, widths, centre, scale } = header;
-  const quads = widths.slice(1).map((/** @type {number} */ width) => Math.ceil(width / 4));
-  // Memory: two buffers that the layers use by turns, then their weights.
-  const widest = Math.max(widths[0], ...quads.map((/** @type {number} */ count) => 4 * count));
-  const buffer = 4 * BLOCK * widest;
-  const sizes = quads.map((/** @type {number} */ count, /** @type {number} */ i) => 16 * count * (1 + widths[i]));
-  const { memory, layer } = makeKernel(sizes.reduce((/** @type {number} */ sum, /** @type {number} */ size) => sum + size, 2 * buffer), simd);
-  const values = new Float32Array(memory);
-  /** @type {number[]} */
-  const starts = [];
-  for (let i = 0, at = 2 * buffer; i < layers.length; at += sizes[i++]) {
-    starts.push(at);
-    const { weight, bias } = layers[i];
-    const from = widths[i];
-    for (let output = 0; output < widths[i + 1]; output++) {
-      const group = at / 4 + (output >> 2) * 4 * (1 + from) + (output & 3);
-      values[group] = bias[output];
-      for (let k = 0; k < from; k++) values[group + 4 * (k + 1)] = weight[output * from + k];
-    }
-  }
+  const { values, run } = makeNetwork(widths, layers, simd);
   const places = new Float64Array(3 * BLOCK);
 
   /** @param {Uint32Array} corners @param {Float32Array} weights */
@@ -162,13 +148,9 @@ function evaluator({ header, verts, features, layers }, simd) {
           }
         }
       }
-      let [from, to] = [0, buffer];
-      for (let i = 0; i < layers.length; i++) {
-        layer(from, starts[i], to, widths[i], quads[i], i + 1 < layers.length ? 1 : 0);
-        [from, to] = [to, from];
-      }
+      const moved = run();
       for (let p = 0; p < end; p++)
-        for (let axis = 0; axis < 3; axis++) out[start + 3 * p + axis] = centre[axis] + scale * (places[3 * p + axis] + values[from / 4 + axis * BLOCK + p]);
+        for (let axis = 0; axis < 3; axis++) out[start + 3 * p + axis] = centre[axis] + scale * (places[3 * p + axis] + values[moved + axis * BLOCK + p]);
     }
     return out;
   };

@@ -8,12 +8,15 @@
  * @property {Float64Array} verts The base (V, 3) in the frame.
  * @property {Uint32Array} faces (F, 3).
  * @property {Float32Array} features (V, d).
- * @property {{ weight: Float32Array, bias: Float32Array }[]} layers
+ * @property {import("./ndf-network.js").Layer[]} layers
+ * @property {import("./ndf-scalars.js").Scalars[]} scalars
  */
 
+export { scalarsAt } from "./ndf-scalars.js";
 export { unfold } from "./ndf-unfold.js";
 
 const MAX_FACES = 100_000;
+const TORN = "The .ndf contradicts itself.";
 
 /**
  * @param {Uint8Array} data
@@ -30,22 +33,39 @@ export async function readField(data) {
   const header = JSON.parse(new TextDecoder().decode(data.subarray(8, at)));
   const { vertices, faces: count } = header;
   if (!(count > 0 && count <= MAX_FACES && vertices > 0 && vertices <= 3 * count)) throw new Error("The .ndf states impossible counts.");
+  /** @type {Uint16Array[]} */
   const sections = [];
   for (const [size, expected] of header.sections) {
     sections.push(await numbers(data.subarray(at, at + size), expected));
     at += size;
   }
   const base = decodeBase(sections[0], sections[1], vertices, count, header.bits);
-  const weights = Float32Array.from(sections[2], half);
-  let from = vertices * header.features;
+  const { features, layers } = networkOf(sections[2], vertices, [header.features, ...header.widths]);
+  const scalars = (header.scalars ?? []).map((/** @type {any} */ given, /** @type {number} */ i) => {
+    const { name, widths, offset, scale, labels = [] } = given;
+    const outputs = widths[widths.length - 1];
+    if (!sections[3 + i] || offset.length !== outputs || scale.length !== outputs || (labels.length && labels.length !== outputs)) throw new Error(TORN);
+    return { name: String(name), widths, offset, scale, labels, ...networkOf(sections[3 + i], vertices, [widths[0], ...widths]) };
+  });
+  return { header, ...base, features, layers, scalars };
+}
+
+/**
+ * @param {Uint16Array} halves @param {number} vertices
+ * @param {number[]} widths Features of each vertex, then the inputs and the outputs of all layers.
+ */
+function networkOf(halves, vertices, [each, ...widths]) {
+  const weights = Float32Array.from(halves, half);
+  let from = vertices * each;
   const features = weights.subarray(0, from);
   const layers = [];
-  for (let i = 1; i < header.widths.length; i++) {
-    const size = header.widths[i - 1] * header.widths[i];
-    layers.push({ weight: weights.subarray(from, from + size), bias: weights.subarray(from + size, from + size + header.widths[i]) });
-    from += size + header.widths[i];
+  for (let i = 1; i < widths.length; i++) {
+    const size = widths[i - 1] * widths[i];
+    layers.push({ weight: weights.subarray(from, from + size), bias: weights.subarray(from + size, from + size + widths[i]) });
+    from += size + widths[i];
   }
-  return { header, ...base, features, layers };
+  if (from !== weights.length) throw new Error(TORN);
+  return { features, layers };
 }
 
 /**
@@ -59,12 +79,12 @@ function decodeBase(symbols, steps, vertices, count, bits) {
   const open = new Map();
   let [made, done, at] = [0, 0, 0];
   const take = () => {
-    if (at >= symbols.length) throw new Error("The .ndf contradicts itself.");
+    if (at >= symbols.length) throw new Error(TORN);
     return symbols[at++];
   };
   /** @param {number} symbol @param {(axis: number) => number} guess */
   const corner = (symbol, guess) => {
-    if (symbol > made || (symbol === 0 && made >= vertices)) throw new Error("The .ndf contradicts itself.");
+    if (symbol > made || (symbol === 0 && made >= vertices)) throw new Error(TORN);
     if (symbol) return made - symbol;
     for (let axis = 0; axis < 3; axis++) {
       const step = steps[3 * made + axis];

@@ -19,7 +19,7 @@ import meshdeform
 from meshdeform import errors
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
-from meshdeform.support.atomic_files import write_files
+from meshdeform.support.files import write_files
 from tests.cases import each_case
 
 

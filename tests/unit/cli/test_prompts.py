@@ -31,7 +31,7 @@ def test_anything_else_is_refused(text: str) -> None:
 
 
 def test_each_prompt_gets_a_line() -> None:
-    like = {"noun": "bell", "probability": 0.6, "rank": 1, "nouns": 40, "matches": True}
+    like = {"noun": "bell", "probability": 0.6, "rank": 1, "nouns": 122, "matches": True}
     like["next"] = {"noun": "owl", "probability": 0.2}
     found = [
         {"prompt": "a bell", "regions": [], "likeness": like},

@@ -41,6 +41,8 @@ def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monke
     assert json.loads(Path("own.report.json").read_bytes())["base"]["faces"] == len(mesh.faces)
     for wrong in ("1,0:0,1,0", "1,0,0", "a,0,0:0,1,0"):
         assert "--anchor" in run.invoke(app, ["surface-fit", "ball.glb", "--anchor", wrong]).output
+    no_values = ["surface-fit", "ball.glb", *_SMALL, "--scalars", "ball.glb", "-o", "x.ndf"]
+    assert "The scalars cannot be read" in run.invoke(app, no_values).output
     assert "exists" in run.invoke(app, ["unfold", "ball.ndf", "-o", "big.glb"]).output
     Path("mine.ndf").write_bytes(b"mine")
     refused = run.invoke(app, ["surface-fit", "ball.glb", *_SMALL, "-o", "mine.ndf"])

@@ -14,7 +14,7 @@ from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.operators import cotangent_laplacian, gradient_operator, mass_matrix
+from meshdeform.geometry.rest_mesh import cotangent_laplacian, gradient_operator, mass_matrix
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
 from tests.close import assert_close

@@ -28,7 +28,6 @@ from meshdeform.priors import load_prior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
-from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
 from meshdeform.rendering.rasterizer.spans import rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
@@ -49,8 +48,7 @@ SIZE = 96
 def torch_path() -> Iterator[None]:
     """Send the CPU through the code of the other devices."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("meshdeform.rendering.rasterizer.compiled.rasterize_compiled", rasterize_spans)
-        patch.setattr("meshdeform.rendering.shading.interpolate", interpolate_torch)
+        patch.setattr("meshdeform.rendering.rasterizer.backend.is_compiled", lambda _: False)
         yield
 
 
@@ -106,7 +104,8 @@ def test_score_distillation_gives_the_same_gradient(device: str) -> None:
     image = torch.rand(1, 3, 128, 128, generator=torch.Generator().manual_seed(1))
 
     def gradient(where: str) -> Tensor:
-        guidance = ScoreDistillation(load_prior("builtin", device=where), "a mushroom", guidance_scale=7.5)
+        prior = load_prior("builtin", device=where, dtype="float32")
+        guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=7.5)
         drawn = image.clone().to(where).requires_grad_()
         context = StepContext(0, 10, fixed_cameras(0.0, 15.0).to(where), torch.Generator().manual_seed(3))
         guidance.loss(drawn, context)[0].backward()
@@ -126,7 +125,8 @@ def one_step(guidance: Callable[[TriangleMesh, str], object], device: str) -> tu
 
 
 def with_prior(mesh: TriangleMesh, device: str) -> object:
-    return ScoreDistillation(load_prior("builtin", device=device), "a mushroom", guidance_scale=7.5)
+    prior = load_prior("builtin", device=device, dtype="float32")
+    return ScoreDistillation(prior, "a mushroom", guidance_scale=7.5)
 
 
 def with_target(mesh: TriangleMesh, device: str) -> object:

@@ -54,7 +54,7 @@ def test_a_judgement_ranks_prompts_and_nouns() -> None:
 
 def test_a_prompt_that_the_judge_does_not_know_is_an_error() -> None:
     with pytest.raises(VocabularyError):
-        judgement(HeightJudge(), geodesic_sphere(1), ("a dragon",), "a dragon")
+        judgement(HeightJudge(), geodesic_sphere(1), ("a gnome",), "a gnome")
 
 
 def test_judges_are_found_by_name() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshdeform.geometry.coarseness import coarse_share, coarseness_warnings
+from meshdeform.assets.notices import coarse_share, coarseness_warnings
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus

@@ -57,7 +57,7 @@ def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
 @pytest.fixture(autouse=True)
 def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw previews that take no time: at full size they took most of it."""
-    monkeypatch.setattr("meshdeform.rendering.preview._SIZE", 32)
+    monkeypatch.setattr("meshdeform.rendering.studio._SIZE", 32)
 
 
 @pytest.mark.timeout(900)

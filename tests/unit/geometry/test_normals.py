@@ -9,10 +9,10 @@ from torch import Tensor
 
 from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
-from meshdeform.geometry.normals import rebuild_turned_normals, transform_normals, transform_tangents
-from meshdeform.geometry.operators import effective_face_areas
+from meshdeform.geometry.rest_mesh import effective_face_areas
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.weld import weld
+from meshdeform.runs.surfaces import rebuild_turned_normals, transform_normals, transform_tangents
 from tests.cases import each_case
 
 F64 = torch.float64

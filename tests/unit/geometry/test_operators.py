@@ -8,7 +8,7 @@ import torch
 from scipy import sparse
 
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.operators import (
+from meshdeform.geometry.rest_mesh import (
     COLLAPSED_SHAPE,
     cotangent_laplacian,
     effective_face_areas,

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets.appearance import Appearance, Paint, Texture
-from meshdeform.geometry.texture_stretch import face_stretch, measure_texture_stretch, texel_corners
+from meshdeform.geometry.quality import face_stretch, measure_texture_stretch, texel_corners
 from tests.cases import each_case
 
 SIDE = 20

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from meshdeform.assets.notices import looks_z_up
 from meshdeform.evaluation.sources import SOURCES, source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, lathe
-from meshdeform.geometry.up_axis import looks_z_up
 from tests.cases import each_case
 
 

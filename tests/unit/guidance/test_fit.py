@@ -18,7 +18,7 @@ from meshdeform.guidance.alignment import aligned, given_alignment, require_over
 from meshdeform.guidance.landmarks import Landmark
 from meshdeform.guidance.points import PointTerm, diagonal_of, on_border
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from tests.cases import each_case

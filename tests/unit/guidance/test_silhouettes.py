@@ -16,9 +16,8 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, lathe
 from meshdeform.guidance.beside import SilhouetteGuidance
 from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView, picture_scales
-from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.coverage import CoverageRenderer
-from meshdeform.rendering.normalization import Frame
 from meshdeform.requests.document import DeformParams, resolve
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
@@ -15,7 +17,7 @@ from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyErr
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.judge import WEIGHTS, Judge
-from meshdeform.judge.training.members import HELD_OUT, draw_member, seeded
+from meshdeform.judge.training.members import HELD_OUT, NOTHING, draw_member, draw_other, seeded
 from meshdeform.judge.views import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
@@ -33,7 +35,7 @@ def as_mesh(shape: Part) -> TriangleMesh:
 def shown(prompt: str, number: int) -> TriangleMesh:
     """A member that is true of the prompt, from the range of seeds that nothing was trained or calibrated with."""
     parsed = parse(prompt)
-    return as_mesh(member(parsed.noun, parsed.attributes, seeded(HELD_OUT, KINDS.index(parsed.noun), 1000 + number)))
+    return as_mesh(member(parsed.noun, parsed.attributes, seeded(HELD_OUT, parsed.noun, 1000 + number)))
 
 
 def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
@@ -49,15 +51,17 @@ def judge() -> Judge:
 
 
 @pytest.mark.training
-def test_nine_of_ten_held_out_members_are_recognised_among_all_nouns(judge: Judge) -> None:
+@each_case(("draw", "prefix", "least"), [(draw_member, "", 0.9), (draw_other, "other ", 0.8)], ids=["family", "other"])
+def test_most_held_out_members_are_recognised_among_all_nouns(
+    judge: Judge, draw: Callable[[str, np.random.Generator], tuple[ParsedPrompt, Part]], prefix: str, least: float
+) -> None:
     right = 0
-    for noun in (nouns := KINDS[::2]):
-        for number in range(2):
-            _, shape = draw_member(noun, seeded(HELD_OUT, KINDS.index(noun), 2000 + number))
-            probabilities = judge.noun_probabilities(as_mesh(shape))
-            assert math.isclose(sum(probabilities.values()), 1.0, abs_tol=1e-5)
-            right += max(probabilities, key=probabilities.__getitem__) == noun
-    assert right >= 0.9 * 2 * len(nouns)
+    for noun in KINDS:
+        _, shape = draw(noun, seeded(HELD_OUT, prefix + noun, 2000))
+        probabilities = judge.noun_probabilities(as_mesh(shape))
+        assert math.isclose(sum(probabilities.values()), 1.0, abs_tol=1e-5)
+        right += max(probabilities, key=probabilities.__getitem__) == noun
+    assert right >= least * len(KINDS)
 
 
 def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
@@ -142,7 +146,7 @@ def test_the_views_are_not_the_priors() -> None:
     below, above = judging_cameras()
     assert below.elevation_deg[0] < CAMERAS.elevation_min_deg
     assert above.elevation_deg[0] > CAMERAS.elevation_max_deg
-    drawn = training_cameras(seeded(0, 0, 0))
+    drawn = training_cameras(seeded(0, NOTHING, 0))
     for cameras in (below, above, drawn):
         assert cameras.fov_deg < CAMERAS.fov_min_deg
         assert not any(CAMERAS.elevation_min_deg <= e <= CAMERAS.elevation_max_deg for e in cameras.elevation_deg)

@@ -17,7 +17,7 @@ from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_w
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.taught import THREE_NOUNS
@@ -99,7 +99,7 @@ def test_it_says_who_it_is(weights: Path) -> None:
 def test_texts_outside_the_vocabulary_are_refused(weights: Path) -> None:
     prior = BuiltinPrior(weights=weights)
     with pytest.raises(VocabularyError):
-        text_rows(prior, "a dragon")
+        text_rows(prior, "a gnome")
     with pytest.raises(VocabularyError, match="blurry"):
         text_rows(prior, "a vase", "blurry")
     with pytest.raises(PromptError, match="means the same"):
@@ -164,6 +164,24 @@ def test_the_shipped_prior_tells_shapes_apart_and_sides_from_each_other(shipped:
         if noun in ("chair", "giraffe", "airplane"):
             assert error(noun) < error(noun, turned)
     assert confused == 0
+
+
+@each_case(
+    ("dtype", "expected"), [("bfloat16", torch.bfloat16), ("float16", torch.float32), ("float32", torch.float32)]
+)
+def test_it_predicts_nearly_the_same_in_bfloat16(shipped: BuiltinPrior, dtype: str, expected: torch.dtype) -> None:
+    """To 0.01 of the noise, whose standard deviation is 1; the same bits every time, and text vectors in float32."""
+    prior = BuiltinPrior(dtype=dtype)
+    assert prior.dtype is expected
+    noisy, at = torch.randn(1, 3, 128, 128, generator=torch.Generator().manual_seed(0)), torch.tensor([500])
+    rows, cameras = text_rows(shipped, "a tall vase"), fixed_cameras(20.0, 15.0)
+    assert torch.equal(text_rows(prior, "a tall vase"), rows)
+    exact, found = (torch.cat(p.predict_noise(noisy, at, rows, cameras)) for p in (shipped, prior))
+    assert found.dtype is torch.float32
+    assert torch.equal(found, torch.cat(prior.predict_noise(noisy, at, rows, cameras)))
+    assert (float((found - exact).square().mean().sqrt()) > 0) == (expected is torch.bfloat16)
+    assert_close(found, exact, atol=0.1, rtol=0)
+    assert float((found - exact).square().mean().sqrt()) < 0.01
 
 
 @each_case("noun", ["giraffe", "cat", "chair", "fish"])

@@ -11,11 +11,11 @@ from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, pars
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.training import dataset, sample, train, warm_start
-from meshdeform.priors.builtin.training.dataset import PictureSet, draw_prompt, pictures, single_views
-from meshdeform.priors.builtin.training.families import member
+from meshdeform.priors.builtin.training.dataset import PictureFolder, PictureSet, draw_prompt, pictures, single_views
+from meshdeform.priors.builtin.training.families import FAMILIES, member
 from meshdeform.priors.builtin.training.held_out import held_out_pairs, is_held_out
 from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
+from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from tests.close import assert_close
@@ -93,21 +93,50 @@ def test_drawn_prompts_are_mostly_plain_and_never_contradict_themselves() -> Non
         assert not any(pair <= {a.degree for a in prompt.attributes if a.part == "whole"} for pair in OPPOSITES)
 
 
-def test_a_drawn_set_is_the_same_again_and_its_cache_gives_it_back(
+def test_a_drawn_noun_is_the_same_again_and_its_file_gives_it_back(tmp_path: Path) -> None:
+    first = PictureSet.drawn("heart", members=2, pictures_each=2, seed=3)
+    assert first.single.tolist() == [False, False, True] * 2
+    for _ in range(2):
+        kept = PictureFolder.cached(tmp_path, ["heart"], 2, 2, 3).sets["heart"]
+        for field in ("images", "tokens", "azimuth_deg", "single"):
+            assert torch.equal(getattr(first, field), getattr(kept, field)), field
+    other_seed = PictureFolder.cached(tmp_path, ["heart"], 2, 2, 4).sets["heart"]
+    assert not torch.equal(first.images, other_seed.images)
+
+
+def test_only_a_noun_whose_family_or_prompts_changed_is_drawn_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dataset, "NOUNS", {noun: NOUNS[noun] for noun in ("bowl", "heart")})
-    first = PictureSet.drawn(members=1, pictures_each=2, seed=3)
-    kept = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 3)
-    read = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 3)
-    assert first.single.tolist() == [False, False, True] * 2
-    for other in (kept, read):
-        assert torch.equal(first.images, other.images)
-        assert torch.equal(first.tokens, other.tokens)
-        assert torch.equal(first.azimuth_deg, other.azimuth_deg)
-        assert torch.equal(first.single, other.single)
-    other_seed = PictureSet.cached(tmp_path / "pictures.safetensors", 1, 2, 4)
-    assert not torch.equal(first.images, other_seed.images)
+    drawn: list[str] = []
+    real = PictureSet.drawn
+
+    def counted(noun: str, *counts: int) -> PictureSet:
+        drawn.append(noun)
+        return real(noun, *counts)
+
+    def draw() -> list[str]:
+        drawn.clear()
+        PictureFolder.cached(tmp_path, ["bowl", "heart", "star"], 1, 1, 0)
+        return list(drawn)
+
+    monkeypatch.setattr(PictureSet, "drawn", counted)
+    assert draw() == ["bowl", "heart", "star"]
+    assert draw() == []
+    monkeypatch.setitem(FAMILIES, "heart", FAMILIES["vase"])
+    assert draw() == ["heart"]
+    monkeypatch.setattr(dataset, "draw_prompt", lambda noun, _rng: parse(f"a twisted {noun}"))
+    assert draw() == ["bowl", "heart", "star"]
+
+
+def test_a_batch_has_each_noun_as_often_as_its_odds_say(tiny: PictureSet) -> None:
+    sets = {"vase": tiny.rows(torch.arange(3)), "star": tiny.rows(torch.arange(3, 6))}
+    folder = PictureFolder(sets, {"star": 4.0})
+    assert len(folder) == 6
+    batch = folder.sample(1000, torch.Generator().manual_seed(0))
+    stars = batch.tokens[:, 0] == tiny.tokens[3, 0]
+    assert float(stars.double().mean()) == pytest.approx(0.8, abs=0.04)
+    assert float(batch.single[stars].double().mean()) == pytest.approx(1 / 3, abs=0.05)
+    assert torch.equal(batch.images[stars & batch.single][0], tiny.images[5])
 
 
 @pytest.mark.usefixtures("small_network")
@@ -240,7 +269,7 @@ def test_a_run_starts_from_older_weights_and_says_so(
 
 
 def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused(older: Path, tmp_path: Path) -> None:
-    first = [word for word in VOCABULARY if word not in SECOND_EDITION]
+    first = [word for word in VOCABULARY if word not in SECOND_EDITION | THIRD_EDITION]
     held, _ = weights_file.read_tensors(older)
     held["text.word.weight"] = torch.randn(len(first), SMALL.text_width)
     path = tmp_path / "first.safetensors"
@@ -263,4 +292,4 @@ def test_most_timesteps_are_those_that_score_distillation_asks(tiny: PictureSet)
     timesteps = torch.cat([trainer.batch()[1] for _ in range(50)])
     assert int(timesteps.min()) < 20
     assert int(timesteps.max()) > 980
-    assert float((timesteps >= 700).double().mean()) == pytest.approx(0.6, abs=0.01)
+    assert float((timesteps >= 700).double().mean()) == pytest.approx(0.75, abs=0.01)

@@ -62,16 +62,16 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a low poly mushroom", ["low-poly"], ["a mushroom"]),
         ("a tall red vase", ["red"], ["a tall vase"]),
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
-        ("a mouse beside a house", ["mouse", "beside"], ["a house"]),
-        ("a mouse", ["mouse"], ["a rabbit", "an elephant", "a cat"]),
-        ("a tall stool", ["stool"], ["a tall chair", "a tall sofa", "a tall table"]),
-        ("two canoes", ["two", "canoes"], ["a boat", "an airplane", "a rocket"]),
-        ("a boot", ["boot"], ["an umbrella"]),
+        ("a squirrel beside a house", ["squirrel", "beside"], ["a house"]),
+        ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a bear"]),
+        ("a tall throne", ["throne"], ["a tall armchair", "a tall stool", "a tall chair"]),
+        ("two canoes", ["two", "canoes"], ["a boat", "a submarine", "an airplane"]),
+        ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
         ("Albert Einstein", ["albert", "einstein"], ["a mushroom", "a vase", "a rabbit"]),
-        ("a tall wizard", ["wizard"], ["a tall snowman"]),
+        ("a gnome", ["gnome"], ["a snowman"]),
         ("a chair with legs", ["legs"], ["a chair with short legs", "a chair with long legs"]),
         ("a tall short vase", [], ["a tall vase", "a short vase"]),
         ("a vase with long ears", ["ears"], ["a vase"]),
@@ -105,8 +105,8 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
 def test_a_refusal_asks_what_was_meant_only_where_something_is_near() -> None:
     with pytest.raises(VocabularyError) as near:
         parse("a kayak made of wood")
-    assert near.value.extra["nearest"]["kayak"] == ["boat", "airplane", "rocket"]
-    assert near.value.advice_text.startswith("Did you mean 'a boat', 'an airplane' or 'a rocket'? ")
+    assert near.value.extra["nearest"]["kayak"] == ["boat", "submarine", "airplane"]
+    assert near.value.advice_text.startswith("Did you mean 'a boat', 'a submarine' or 'an airplane'? ")
     with pytest.raises(VocabularyError) as far:
         parse("democracy")
     assert far.value.extra["nearest"] == {}
@@ -196,12 +196,14 @@ def test_every_synonym_leads_to_a_word_that_is_known() -> None:
 
 
 def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
-    assert len(NOUNS) == 40
+    assert len(NOUNS) == 122
     assert list(NOUNS) == sorted(NOUNS)
     assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) == 12
     assert len(VOCABULARY) == len(set(VOCABULARY))
     assert str(Attribute("neck", "long")) == "long neck"
-    assert set(VOCABULARY) >= vocabulary.SECOND_EDITION
+    assert set(VOCABULARY) >= vocabulary.SECOND_EDITION | vocabulary.THIRD_EDITION
+    assert len(set(NOUNS) - vocabulary.THIRD_EDITION) == 40
+    assert sorted(noun for group in vocabulary.NOUN_GROUPS.values() for noun in group) == list(NOUNS)
 
 
 def test_the_grammar_needs_neither_torch_nor_numpy() -> None:

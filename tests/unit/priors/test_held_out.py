@@ -5,7 +5,7 @@ import pytest
 
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.training.held_out import attributes_of, held_out_pairs, is_held_out, unseen_pairs
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
+from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
 
 
 @pytest.mark.training
@@ -33,7 +33,7 @@ def test_unseen_pairs_have_a_word_that_the_first_edition_had_not() -> None:
     assert len(unseen_pairs()) >= 15
     assert set(unseen_pairs()) < set(held_out_pairs())
     for noun, attribute in held_out_pairs():
-        new = bool({noun, attribute.degree, attribute.part} & SECOND_EDITION)
+        new = bool({noun, attribute.degree, attribute.part} & (SECOND_EDITION | THIRD_EDITION))
         assert ((noun, attribute) in unseen_pairs()) == new
 
 
@@ -43,7 +43,12 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
     assert is_held_out("dog", Attribute("legs", "long"))
     assert not is_held_out("giraffe", Attribute("neck", "long"))
     assert not is_held_out("boat", Attribute("sail", "big"))
-    assert len(held_out_pairs()) == 59
+    assert is_held_out("axe", Attribute("handle", "short"))
+    assert len(held_out_pairs()) == 150
+    # The second edition's list, with which its weights were trained, is part of this one.
+    old = [pair for pair in held_out_pairs() if pair[0] not in THIRD_EDITION]
+    assert len(old) == 59
+    assert ("umbrella", Attribute("handle", "long")) not in old
 
 
 def test_it_needs_neither_torch_nor_numpy() -> None:

@@ -20,8 +20,8 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.requests.choices import Encoder
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.runs import text_deform
-from meshdeform.runs.text_deform_kind import check
-from meshdeform.runs.text_guidance import score_distillation
+from meshdeform.runs.goals import score_distillation
+from meshdeform.runs.text_deform_checks import check
 from meshdeform.testing import FakePrior
 from tests.close import assert_close
 

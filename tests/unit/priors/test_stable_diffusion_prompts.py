@@ -22,7 +22,7 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.text_deform_kind import check
+from meshdeform.runs.text_deform_checks import check
 from tests.close import assert_close
 
 CAMERAS = fixed_cameras(0.0, 15.0)

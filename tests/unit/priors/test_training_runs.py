@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from meshdeform.judge.network import JudgeNetwork
-from meshdeform.judge.training import members
 from meshdeform.judge.training import train as judge_training
 from meshdeform.judge.weights_file import read_judge
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.training import dataset, train
+from meshdeform.priors.builtin.training import train
+from tests.cases import each_case
 
 TWO_NOUNS = {noun: NOUNS[noun] for noun in ("bowl", "heart")}
 
@@ -28,22 +28,30 @@ def _logs_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_prior_is_trained_for_a_step_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16)
     monkeypatch.setattr(train, "PriorNetwork", lambda: PriorNetwork(small))
-    monkeypatch.setattr(dataset, "NOUNS", TWO_NOUNS)
-    cache, weights = tmp_path / "pictures.safetensors", tmp_path / "prior.safetensors"
-    options = "--steps 1 --members 1 --pictures 1 --batch 2 --device cpu --precision fp32"
+    cache, weights = tmp_path / "pictures", tmp_path / "prior.safetensors"
+    options = (
+        "--nouns bowl heart --odds bowl=2 --steps 1 --members 1 --pictures 1 --batch 2 --device cpu --precision fp32"
+    )
     monkeypatch.setattr(sys, "argv", ["train", *options.split(), "--cache", str(cache), "--output", str(weights)])
     train.main()
     network, metadata = weights_file.read_network(weights)
     assert network.config == small
     assert metadata["steps"] == "1"
+    assert sorted(path.name for path in cache.iterdir()) == ["bowl.safetensors", "heart.safetensors"]
+
+
+@each_case("odds", ["dragonfly=1", "bowl", "bowl=-1", "bowl=often"])
+def test_odds_that_are_no_noun_and_number_are_refused(odds: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["train", "--cache", "nowhere", "--odds", odds])
+    with pytest.raises(SystemExit, match="2"):
+        train.main()
 
 
 def test_the_judge_is_trained_for_a_step_calibrated_and_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(members, "NOUNS", TWO_NOUNS)
-    cache, weights = tmp_path / "views.safetensors", tmp_path / "judge.safetensors"
-    options = "--steps 1 --members 1 --nothings 1 --calibration 1"
+    cache, weights = tmp_path / "views", tmp_path / "judge.safetensors"
+    options = "--steps 1 --nouns bowl heart --members 1 --others 1 --nothings 1 --calibration 1"
     arguments = ["train", *options.split(), "--cache", str(cache), "--output", str(weights)]
     monkeypatch.setattr(sys, "argv", arguments)
     judge_training.main()

@@ -14,8 +14,7 @@ from meshdeform.assets import load_asset
 from meshdeform.assets.appearance import Appearance, Paint, plain_appearance
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
-from meshdeform.rendering.preview import preview_png
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.studio import Pose, preview_png
 from tests.unit.assets.builders import Builder
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * 0.7

@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.rendering.base_colours import linear_from_srgb
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
-from meshdeform.rendering.textures import linear_from_srgb
 from tests.cases import each_case
 from tests.close import assert_close
 

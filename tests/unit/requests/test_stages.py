@@ -11,7 +11,8 @@ from meshdeform.errors import ModelError, ParameterError, PromptError, Vocabular
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.stages import StageProgress, generated_targets, named_targets, needs_prior, stage_at
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.runs.text_deform_checks import check
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from tests.cases import each_case
 
 PEAR, FILE = {"prompt": "a pear"}, {"target": "target_2", "name": "a vase"}

@@ -15,7 +15,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
-from meshdeform.rendering.normalization import Frame
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform

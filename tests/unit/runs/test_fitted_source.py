@@ -22,6 +22,7 @@ from meshdeform.runs import fitted_source as source_module
 from meshdeform.runs import start_run
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.report import sha256_hex
+from meshdeform.runs.text_deform_kind import read_source
 from meshdeform.testing import FakePrior
 from tests.unit.runs.test_surface_fit import octahedron
 
@@ -130,7 +131,7 @@ def test_the_same_file_gives_the_same_mesh_whatever_the_seed() -> None:
     [(ring_grid, "ring.npz", 1, "grid"), (octahedron, "octahedron.safetensors", 0, "network")],
 )
 def test_grids_and_networks_become_meshes_too(make: Callable[[], bytes], name: str, genus: int, kind: str) -> None:
-    found = source_module.fitted_source(given(make(), name))
+    found = read_source(given(make(), name))
     assert found is not None
     assert (found.facts["described_by"], found.facts["genus"]) == (kind, genus)
     assert found.facts["distance"]["mean"] < 0.05
@@ -139,7 +140,7 @@ def test_grids_and_networks_become_meshes_too(make: Callable[[], bytes], name: s
 
 def test_a_mesh_stays_as_it_is() -> None:
     ball = icosphere(1)
-    assert source_module.fitted_source(given(build_glb(ball.verts.numpy(), ball.faces.numpy()), "ball.glb")) is None
+    assert read_source(given(build_glb(ball.verts.numpy(), ball.faces.numpy()), "ball.glb")) is None
 
 
 def test_the_fit_stops_when_the_run_must_and_keeps_to_the_limit() -> None:

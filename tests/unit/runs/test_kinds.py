@@ -26,7 +26,7 @@ from meshdeform.runs import check_request, file_parts, kind_of, register, start_
 from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from service.http.multipart import ReceivedFile
+from service.http.bodies import ReceivedFile
 from service.jobs.documents import JobDocument
 from service.jobs.intake import check_params
 from service.jobs.sources import Submission, missing_files

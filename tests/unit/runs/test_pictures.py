@@ -17,8 +17,9 @@ from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.rig import rig_warnings
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.runs.text_deform_checks import check
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+from meshdeform.runs.text_report import rig_warnings
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.playing import Player

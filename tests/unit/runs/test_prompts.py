@@ -21,7 +21,8 @@ from meshdeform.record.search import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.prompts import prompt_reports
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.runs.text_deform_checks import check
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
 

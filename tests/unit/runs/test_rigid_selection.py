@@ -19,8 +19,7 @@ from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.inspection import inspect_parts
-from meshdeform.runs.rigid_selection import select_bodies
-from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.selection import SelectableSurface, select_bodies
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder

@@ -12,7 +12,8 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.sketched_target import guessed, read_targets
+from meshdeform.runs.sketched_target import guessed
+from meshdeform.runs.text_deform_kind import read_targets
 from meshdeform.settings import Settings
 from meshdeform.sketch.members import member_glb
 from tests.cases import each_case

@@ -10,7 +10,7 @@ import pytest
 
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError
-from meshdeform.support.logs import ACCESS_LOG
+from meshdeform.support.telemetry import ACCESS_LOG
 from service.http.middleware import RequestFrame, add_header, request_id
 from tests.cases import each_case
 

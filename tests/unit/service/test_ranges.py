@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshdeform.errors import RangeError
-from service.http.ranges import ByteRange, matches, requested_range
+from service.downloads.responses import ByteRange, matches, requested_range
 from tests.cases import each_case
 
 TAG = '"abc"'

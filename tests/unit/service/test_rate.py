@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.http.rate import _MOST_BUCKETS, Buckets, Rate, RateLimiter
+from service.http.limits import _MOST_BUCKETS, Buckets, Rate, RateLimiter
 from tests.cases import each_case
 
 

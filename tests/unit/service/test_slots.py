@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from meshdeform.errors import UnavailableError
-from service.http.slots import FairSlots
+from service.http.limits import FairSlots
 
 
 async def settle() -> None:

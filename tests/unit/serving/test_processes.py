@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from meshdeform.errors import UnavailableError
-from meshdeform.serving.directory_lock import DirectoryLock
 from meshdeform.serving.processes import Backoff, Child, SignalInbox, SupervisedChild
+from meshdeform.serving.stack import DirectoryLock
 
 SLEEP = [sys.executable, "-c", "import time; time.sleep(600)"]
 
@@ -123,7 +123,7 @@ def test_a_second_serve_on_the_directory_is_told_who_holds_it(tmp_path: Path) ->
 
 def test_the_lock_waits_for_the_children_of_a_killed_serve(tmp_path: Path) -> None:
     program = (
-        "import pathlib, sys, time; from meshdeform.serving.directory_lock import DirectoryLock; import subprocess\n"
+        "import pathlib, sys, time; from meshdeform.serving.stack import DirectoryLock; import subprocess\n"
         "lock = DirectoryLock(pathlib.Path(sys.argv[1]))\n"
         "print(subprocess.Popen(['sleep', '600'], pass_fds=(lock.fd,)).pid, flush=True); time.sleep(600)"
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from meshdeform.support.file_names import result_name
+from meshdeform.support.files import result_name
 from tests.cases import each_case
 
 

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from meshdeform.settings import Settings
-from meshdeform.support.logs import PART, bound, carried, configure_logging, json_line
+from meshdeform.support.telemetry import PART, bound, carried, configure_logging, json_line
 
 log = logging.getLogger("tests.logs")
 
@@ -115,7 +115,7 @@ def test_configured_twice_logs_once(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_end_of_a_process_and_of_a_thread_are_json_lines_too() -> None:
     program = """
 import threading, warnings
-from meshdeform.support.logs import configure_logging
+from meshdeform.support.telemetry import configure_logging
 from meshdeform.settings import Settings
 configure_logging(Settings(log_format="json"))
 warnings.warn("old")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from meshdeform.settings import Settings
-from worker.engine import PriorCache, torch_engine
+from worker.process import PriorCache, torch_engine
 
 
 @pytest.fixture

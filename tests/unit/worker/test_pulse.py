@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from worker.pulse import PULSE, Pulse, PulseMonitor
+from worker.health import PULSE, Pulse, PulseMonitor
 
 
 class Clock:
@@ -69,7 +69,7 @@ def test_time_in_which_nobody_looked_does_not_count(monitor: PulseMonitor, clock
 
 def test_it_goes_from_process_to_process(monitor: PulseMonitor, clock: Clock) -> None:
     environment = {**os.environ, PULSE: str(monitor.descriptor)}
-    code = "from worker.pulse import Pulse; Pulse.of_environment().rest()"
+    code = "from worker.health import Pulse; Pulse.of_environment().rest()"
     subprocess.run([sys.executable, "-c", code], env=environment, pass_fds=[monitor.descriptor], check=True, timeout=60)
     assert watch(monitor, clock, 10) == 0.0
 

@@ -52,7 +52,7 @@ def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_k
     Parameters
     ----------
     name : str
-        For example "a teapot" or "teddy bear".
+        For example "a gnome" or "teddy bear".
     known : Words
         The words of the weights that the training starts from.
     synonyms : sequence of str
@@ -105,7 +105,7 @@ def _canonical(name: str) -> str:
     if not _NOUN.fullmatch(noun) or len(noun) > _LONGEST:
         raise ParameterError(
             f"{name!r} is no noun that can be taught.",
-            advice=f'Use one to four words of the letters a to z, at most {_LONGEST} letters: "a teapot".',
+            advice=f'Use one to four words of the letters a to z, at most {_LONGEST} letters: "a gnome".',
         )
     return noun
 
@@ -139,6 +139,11 @@ def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:
             advice=f"Name it by adjectives ({', '.join(ADJECTIVES)}) or by one sized part (long neck, big handle), "
             "or give the files themselves instead of their folder.",
         ) from error
+    if missing := [attribute.part for attribute in found if attribute.part not in new.words.tokens]:
+        raise ParameterError(
+            f"The folder {name!r} names a part that these weights do not know: {missing[0]}.",
+            advice="Start from the weights in the package, or give the files themselves instead of their folder.",
+        )
     if not found:
         raise ParameterError(
             f"The folder {name!r} does not name attributes of a {new.noun}.", advice="Rename it, or give its files."

@@ -27,6 +27,8 @@ KEPT_PICTURES = 32
 """Pictures of a taught noun that its file keeps, for replay when the file is taught again."""
 _HELD_MEMBERS = 6
 _HELD_GRIDS, _HELD_OLD_SEED = 1, 7
+_HELD_NOUNS = 30
+"""Old nouns by which a lesson measures what it forgets: every one costs a pass for each noun of the vocabulary."""
 _NEW, _HELD, _OLD = 0, 1, 2
 """First numbers of the seeds of members; the second is the member, so that a set does not depend on the order."""
 _FEWEST_TO_HOLD_OUT = 3
@@ -44,13 +46,13 @@ class LessonSize:
     grids : int
         Grids of four views of a member, in addition to one single view.
     replay : int
-        Members of every noun that the weights know and that has a family.
+        Least number of members of all nouns that the weights know and that have a family; at least one of each.
     """
 
     members: int = 60
     each: int = 4
     grids: int = 3
-    replay: int = 6
+    replay: int = 240
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class LessonPictures:
     held_new : PictureSet
         Of the new noun: other members of the meshes, and of a mesh that the training does not see if there are three.
     held_old : PictureSet
-        One member of every old noun with a family, from other seeds than the training's.
+        One member of each of up to 30 old nouns with a family, from other seeds than the training's.
     held_mesh : str
         Name of the mesh that is held out, or empty.
     kept : PictureSet
@@ -113,9 +115,13 @@ def draw_lesson(
     replay = [
         _of_family(noun, new.words, (seed, _OLD, number, k), max(1, size.grids - 1))
         for number, noun in enumerate(old)
-        for k in range(size.replay)
+        for k in range(-(-size.replay // len(old)))
     ]
-    held_old = [_of_family(noun, new.words, (_HELD_OLD_SEED, _OLD, n), 1, plain=True) for n, noun in enumerate(old)]
+    held_old = [
+        _of_family(noun, new.words, (_HELD_OLD_SEED, _OLD, number), 1, plain=True)
+        for number, noun in enumerate(old)
+        if number * _HELD_NOUNS % len(old) < _HELD_NOUNS
+    ]
     drawn = joined(ours)
     rows = torch.randperm(len(drawn), generator=torch.Generator().manual_seed(seed))[:KEPT_PICTURES]
     return LessonPictures(

@@ -9,8 +9,9 @@ Source of the grid: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8 (ortho
 
 from __future__ import annotations
 
+import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -22,9 +23,7 @@ from torch import Tensor
 
 from meshdeform.priors.builtin.grammar import (
     ATTRIBUTES,
-    NOUNS,
     OPPOSITES,
-    SEQUENCE_LENGTH,
     Attribute,
     ParsedPrompt,
     tokenise,
@@ -32,11 +31,10 @@ from meshdeform.priors.builtin.grammar import (
 from meshdeform.priors.builtin.style import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.training.families import Part, member
 from meshdeform.priors.builtin.training.held_out import attributes_of, is_held_out
-from meshdeform.priors.builtin.weights_file import vocabulary_hash
 from meshdeform.rendering.cameras import fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 
-__all__ = ["SINGLES_EACH", "PictureSet", "draw_prompt", "drawn_from", "pictures", "single_views"]
+__all__ = ["SINGLES_EACH", "PictureFolder", "PictureSet", "draw_prompt", "drawn_from", "pictures", "single_views"]
 
 _log = logging.getLogger(__name__)
 
@@ -125,53 +123,136 @@ class PictureSet:
     def __len__(self) -> int:
         return len(self.images)
 
-    @classmethod
-    def drawn(cls, members: int, pictures_each: int, seed: int) -> PictureSet:
-        """Draw `members` of every family, and of every member `pictures_each` grids and `SINGLES_EACH` single views.
+    def sample(self, size: int, generator: torch.Generator) -> PictureSet:
+        """Draw pictures with replacement, all equally likely."""
+        return self.rows(torch.randint(len(self), (size,), generator=generator))
 
-        Each member has its own generator, seeded by (seed, noun, member), so a set does not depend on the order in
-        which it is drawn.
-        """
+    def rows(self, rows: Tensor) -> PictureSet:
+        """Return some pictures of the set."""
+        return PictureSet(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @classmethod
+    def drawn(cls, noun: str, members: int, pictures_each: int, seed: int) -> PictureSet:
+        """Draw members of a family, and of every member `pictures_each` grids and `SINGLES_EACH` single views."""
         each = pictures_each + SINGLES_EACH
-        total = len(NOUNS) * members * each
-        images = torch.empty(total, 3, 2 * STYLE.view_size, 2 * STYLE.view_size, dtype=torch.uint8)
-        tokens = torch.empty(total, SEQUENCE_LENGTH, dtype=torch.int64)
-        azimuth = torch.empty(total)
-        single = (torch.arange(total) % each) >= pictures_each
-        start = 0
-        for kind, noun in enumerate(NOUNS):
-            for number in range(members):
-                rng = np.random.default_rng([seed, kind, number])
-                prompt = draw_prompt(noun, rng)
-                shape = member(noun, prompt.attributes, rng)
-                generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-                grids, alone = slice(start, start + pictures_each), slice(start + pictures_each, start + each)
-                images[grids], azimuth[grids] = pictures(shape, pictures_each, generator)
-                images[alone], azimuth[alone] = single_views(shape, SINGLES_EACH, generator)
-                tokens[start : start + each] = torch.tensor(tokenise(prompt))
-                start += each
-            _log.info("drew %d pictures, the last of them of a %s", start, noun)
-        return cls(images, tokens, azimuth, single)
+        images, azimuths, tokens = [], [], []
+        for number in range(members):
+            prompt, shape, generator = _drawn_member(noun, number, seed)
+            for drawn, angles in (
+                pictures(shape, pictures_each, generator),
+                single_views(shape, SINGLES_EACH, generator),
+            ):
+                images.append(drawn)
+                azimuths.append(angles)
+            tokens += [tokenise(prompt)] * each
+        single = (torch.arange(members * each) % each) >= pictures_each
+        return cls(torch.cat(images), torch.tensor(tokens), torch.cat(azimuths), single)
+
+
+def _drawn_member(noun: str, number: int, seed: int) -> tuple[ParsedPrompt, Part, torch.Generator]:
+    """Draw a member, seeded by (seed, noun, number), and the generator of its cameras.
+
+    A set thus depends neither on the order in which it is drawn nor on the other nouns of the vocabulary.
+    """
+    prompt, rng = _drawn_prompt(noun, number, seed)
+    shape = member(noun, prompt.attributes, rng)
+    return prompt, shape, torch.Generator().manual_seed(int(rng.integers(2**62)))
+
+
+def _drawn_prompt(noun: str, number: int, seed: int) -> tuple[ParsedPrompt, np.random.Generator]:
+    """Draw the prompt of a member, and return the generator that draws the rest of it."""
+    rng = np.random.default_rng([seed, int.from_bytes(hashlib.sha256(noun.encode()).digest()[:8]), number])
+    return draw_prompt(noun, rng), rng
+
+
+class PictureFolder:
+    """Pictures of many nouns, one file for each noun; the images stay on the disk and are mapped into memory.
+
+    Attributes
+    ----------
+    sets : dict of str to PictureSet
+        By noun.
+    odds : Tensor
+        Odds of each noun, float32, in the order of `sets`.
+    """
+
+    def __init__(self, sets: Mapping[str, PictureSet], odds: Mapping[str, float] | None = None) -> None:
+        self.sets = dict(sets)
+        self.odds = torch.tensor([(odds or {}).get(noun, 1.0) for noun in self.sets])
+
+    def __len__(self) -> int:
+        return sum(map(len, self.sets.values()))
+
+    def sample(self, size: int, generator: torch.Generator) -> PictureSet:
+        """Draw nouns by their odds, and of each noun a picture, all equally likely."""
+        sets = list(self.sets.values())
+        numbers = torch.multinomial(self.odds, size, replacement=True, generator=generator).tolist()
+        shares = torch.rand(size, generator=generator, dtype=torch.float64).tolist()
+        picked = [(sets[number], int(share * len(sets[number]))) for number, share in zip(numbers, shares, strict=True)]
+        return PictureSet(
+            *(torch.stack([getattr(one, field.name)[row] for one, row in picked]) for field in fields(PictureSet))
+        )
 
     @classmethod
-    def cached(cls, path: Path, members: int, pictures_each: int, seed: int) -> PictureSet:
-        """Read the set from `path`, or draw it and write it there."""
-        recipe = {
-            "members": str(members),
-            "pictures": str(pictures_each),
-            "singles": str(SINGLES_EACH),
-            "seed": str(seed),
-            "vocabulary": vocabulary_hash(),
-        }
-        if path.is_file():
-            with safe_open(path, framework="pt") as file:
-                stored = dict(file.metadata() or {})
-            if stored == recipe:
-                return cls(**load_file(path))
-            _log.warning("%s contains another set and is replaced", path)
-        drawn = cls.drawn(members, pictures_each, seed)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        save_file({field.name: getattr(drawn, field.name) for field in fields(cls)}, part, recipe)
-        part.replace(path)
-        return drawn
+    def cached(
+        cls,
+        folder: Path,
+        nouns: Sequence[str],
+        members: int,
+        pictures_each: int,
+        seed: int,
+        odds: Mapping[str, float] | None = None,
+    ) -> PictureFolder:
+        """Read the pictures of some nouns from a folder; draw and write what is missing or was drawn otherwise.
+
+        A noun is drawn anew if its counts, seed, prompts, cameras or family differ from those of its file.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        sets = {}
+        for noun in nouns:
+            path = folder / f"{noun}.safetensors"
+            recipe = _recipe(noun, members, pictures_each, seed)
+            if _stored_recipe(path) != recipe:
+                drawn = PictureSet.drawn(noun, members, pictures_each, seed)
+                part = path.with_suffix(".part")
+                kept = {name: getattr(drawn, name) for name in _KEPT}
+                save_file(kept, part, recipe)
+                part.replace(path)
+                _log.info("drew %d pictures of %s", len(drawn), noun)
+            prompts = [_drawn_prompt(noun, number, seed)[0] for number in range(members)]
+            tokens = torch.tensor([tokenise(prompt) for prompt in prompts])
+            sets[noun] = PictureSet(tokens=tokens.repeat_interleave(pictures_each + SINGLES_EACH, 0), **load_file(path))
+        return cls(sets, odds)
+
+
+_KEPT = ("images", "azimuth_deg", "single")
+"""What a file holds. Tokens are made when it is read, so that a change of the vocabulary does not redraw everything."""
+_TOLD_MEMBERS = 8
+"""Members whose shapes are part of a recipe: enough to notice that a family was changed."""
+
+
+def _recipe(noun: str, members: int, pictures_each: int, seed: int) -> dict[str, str]:
+    """Return what the pictures of a noun depend on."""
+    prompts = [_drawn_prompt(noun, number, seed)[0] for number in range(members)]
+    digest = hashlib.sha256(repr((CAMERAS, STYLE, SINGLE_STYLE)).encode())
+    for number in range(min(members, _TOLD_MEMBERS)):
+        prompt, shape, _ = _drawn_member(noun, number, seed)
+        digest.update(str(prompt).encode())
+        digest.update(np.round(shape.verts, 6).tobytes())
+        digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
+    return {
+        "noun": noun,
+        "prompts": hashlib.sha256("\n".join(map(str, prompts)).encode()).hexdigest(),
+        "members": str(members),
+        "pictures": str(pictures_each),
+        "singles": str(SINGLES_EACH),
+        "seed": str(seed),
+        "family": digest.hexdigest(),
+    }
+
+
+def _stored_recipe(path: Path) -> dict[str, str]:
+    if not path.is_file():
+        return {}
+    with safe_open(path, framework="pt") as file:
+        return dict(file.metadata() or {})

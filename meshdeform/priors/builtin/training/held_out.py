@@ -4,9 +4,10 @@ A prior that has seen "tall vase" and "pinched dog" may be able to draw a pinche
 shows, alone or with another attribute, measure this. They are chosen by a hash of their names, so adding words does not
 change the choice.
 
-The shipped weights are warm-started from the first edition, which was trained on every pair of its own words. A
-held-out pair of old words is therefore unseen only in the second stage of the training; a pair with a new noun or a new
-attribute (more of these are held out) is in no training picture at all (`unseen_pairs`).
+The shipped weights are warm-started from older editions, and the first was trained on every pair of its own words. A
+held-out pair of its words is therefore unseen only in the later stages of the training; a pair with a word that was new
+in its edition is in no training picture at all (`unseen_pairs`). An edition holds out every pair that the one before
+held out.
 
 Needs neither torch nor numpy, like the grammar.
 """
@@ -16,11 +17,12 @@ from __future__ import annotations
 import hashlib
 
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, Attribute
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
+from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
 
 __all__ = ["attributes_of", "held_out_pairs", "is_held_out", "unseen_pairs"]
 
-_SHARE_OLD, _SHARE_NEW = 0.09, 0.2
+_SHARE, _SHARE_SECOND = 0.09, 0.2
+"""Share of the pairs that is held out; larger with words of the second edition, which has few new ones."""
 _FEWEST_NOUNS = 5
 """No pair is held out for parts of fewer nouns than this."""
 
@@ -32,10 +34,10 @@ def attributes_of(noun: str) -> tuple[Attribute, ...]:
 
 def is_held_out(noun: str, attribute: Attribute) -> bool:
     """Return whether this noun with this attribute is held out of the training."""
-    if attribute.part != "whole" and sum(attribute.part in parts for parts in NOUNS.values()) < _FEWEST_NOUNS:
+    if attribute.part != "whole" and _nouns_with(attribute.part, noun) < _FEWEST_NOUNS:
         return False
     digest = hashlib.sha256(f"{noun}: {attribute}".encode()).digest()
-    share = _SHARE_NEW if _is_new(noun, attribute) else _SHARE_OLD
+    share = _SHARE_SECOND if _words(noun, attribute) & SECOND_EDITION else _SHARE
     return int.from_bytes(digest[:4]) < share * 2**32
 
 
@@ -47,9 +49,16 @@ def held_out_pairs() -> tuple[tuple[str, Attribute], ...]:
 
 
 def unseen_pairs() -> tuple[tuple[str, Attribute], ...]:
-    """Return the held-out pairs outside the first edition's vocabulary, which no training picture ever showed."""
-    return tuple(pair for pair in held_out_pairs() if _is_new(*pair))
+    """Return the held-out pairs with a word that the first edition lacked, which no training picture ever showed."""
+    new = SECOND_EDITION | THIRD_EDITION
+    return tuple(pair for pair in held_out_pairs() if _words(*pair) & new)
 
 
-def _is_new(noun: str, attribute: Attribute) -> bool:
-    return not SECOND_EDITION.isdisjoint((noun, attribute.degree, attribute.part))
+def _nouns_with(part: str, noun: str) -> int:
+    """Count the nouns with a part in the edition in which `noun` was new, or in the second."""
+    third = noun in THIRD_EDITION
+    return sum(part in parts for other, parts in NOUNS.items() if third or other not in THIRD_EDITION)
+
+
+def _words(noun: str, attribute: Attribute) -> set[str]:
+    return {noun, attribute.degree, attribute.part}

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,8 @@ from torch import Tensor, nn
 
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.schedule import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
-from meshdeform.priors.builtin.training.dataset import PictureSet
+from meshdeform.priors.builtin.training.dataset import PictureFolder, PictureSet
+from meshdeform.priors.builtin.training.families import FAMILIES
 from meshdeform.priors.builtin.training.warm_start import warm_start
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 
@@ -33,7 +35,7 @@ __all__ = ["TrainConfig", "Trainer", "main"]
 
 _log = logging.getLogger(__name__)
 _TIMED_STEPS = 30
-_NOISY_FROM, _NOISY_SHARE = 0.7, 0.6
+_NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
 """Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
 and almost none of it where only the azimuth distinguishes front from back."""
 
@@ -57,7 +59,7 @@ class Trainer:
 
     def __init__(
         self,
-        data: PictureSet,
+        data: PictureSet | PictureFolder,
         config: TrainConfig,
         *,
         device: str,
@@ -77,7 +79,7 @@ class Trainer:
             _log.info("started from %s, without %s", initial, ", ".join(new) or "exception")
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
+            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay, fused=True
         )
         self.generator = torch.Generator().manual_seed(config.seed)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
@@ -86,9 +88,9 @@ class Trainer:
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
         """Draw noisy pictures, timesteps, tokens, azimuths, single-view flags and clean pictures from the generator."""
         size, draw = self.config.batch, self.generator
-        rows = torch.randint(len(self.data), (size,), generator=draw)
-        clean = self.data.images[rows].to(self.device).float() / 127.5 - 1.0
-        tokens = self.data.tokens[rows].clone()
+        drawn = self.data.sample(size, draw)
+        clean = drawn.images.to(self.device).float() / 127.5 - 1.0
+        tokens = drawn.tokens
         tokens[torch.rand(size, generator=draw) < self.config.text_dropout] = 0
         share = (torch.rand(1, generator=draw) + torch.arange(size) / size) % 1.0
         noisy_part = _NOISY_FROM + (1 - _NOISY_FROM) * share / _NOISY_SHARE
@@ -96,7 +98,7 @@ class Trainer:
         timestep = (level * NUM_TIMESTEPS).long().clamp_max(NUM_TIMESTEPS - 1).to(self.device)
         noise = torch.randn(clean.shape, generator=draw).to(self.device)
         noisy = add_noise(clean, noise, timestep, self.alphas_cumprod).contiguous(memory_format=torch.channels_last)
-        azimuth_deg, single = (values[rows].to(self.device) for values in (self.data.azimuth_deg, self.data.single))
+        azimuth_deg, single = drawn.azimuth_deg.to(self.device), drawn.single.to(self.device)
         return noisy, timestep, tokens.to(self.device), azimuth_deg, single, clean
 
     def learning_rate(self) -> float:
@@ -201,7 +203,16 @@ def _arguments() -> argparse.Namespace:
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, help="optimiser steps (default: 10000)")
     length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about this long")
-    parser.add_argument("--members", type=int, default=240, help="members of each family")
+    parser.add_argument("--nouns", nargs="+", choices=list(FAMILIES), metavar="NOUN", help="default: all of them")
+    parser.add_argument(
+        "--odds",
+        nargs="+",
+        default=[],
+        type=_odds,
+        metavar="NOUN=ODDS",
+        help="how often a noun is shown, relative to the others (default: 1)",
+    )
+    parser.add_argument("--members", type=int, default=150, help="members of each family")
     parser.add_argument("--pictures", type=int, default=4, help="grids of each member, in addition to a single view")
     parser.add_argument("--batch", type=int, help="default: 24 on a CPU, 128 on a GPU")
     parser.add_argument(
@@ -217,11 +228,22 @@ def _arguments() -> argparse.Namespace:
         help="precision of the forward pass",
     )
     parser.add_argument("--threads", type=int, help="CPU threads")
-    parser.add_argument("--cache", type=Path, required=True, help="file for the rendered pictures (about 2.4 GB)")
+    parser.add_argument("--cache", type=Path, required=True, help="folder for the rendered pictures (about 4.5 GB)")
     parser.add_argument("--state", type=Path, help="file to resume a stopped run from (default: next to the cache)")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
     parser.add_argument("--save-every", type=int, default=500, help="steps between two writes")
     return parser.parse_args()
+
+
+def _odds(text: str) -> tuple[str, float]:
+    """Read NOUN=ODDS."""
+    noun, _, odds = text.partition("=")
+    try:
+        if noun in FAMILIES and 0 <= float(odds) < math.inf:
+            return noun, float(odds)
+    except ValueError:
+        pass
+    raise argparse.ArgumentTypeError(f"{text!r} is not a noun, =, and a number that is not negative")
 
 
 def main() -> None:
@@ -230,7 +252,10 @@ def main() -> None:
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    data = PictureSet.cached(arguments.cache, arguments.members, arguments.pictures, arguments.seed)
+    nouns = arguments.nouns or list(FAMILIES)
+    data = PictureFolder.cached(
+        arguments.cache, nouns, arguments.members, arguments.pictures, arguments.seed, dict(arguments.odds)
+    )
     batch = arguments.batch or (24 if arguments.device == "cpu" else 128)
     trainer = Trainer(
         data,

@@ -16,7 +16,7 @@ from torch import Tensor
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import NOUNS, PARTS, VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION
+from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
 from meshdeform.priors.builtin.weights_file import read_tensors, vocabulary_hash
 
 __all__ = ["new_rows", "warm_start"]
@@ -67,7 +67,7 @@ def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) ->
 
 def _words_of(path: Path, metadata: dict[str, str]) -> list[str]:
     """Return the vocabulary of a file, in the order of its token numbers."""
-    first = [word for word in VOCABULARY if word not in SECOND_EDITION]
+    first = [word for word in VOCABULARY if word not in SECOND_EDITION | THIRD_EDITION]
     if "words" in metadata:
         return metadata["words"].split()
     if metadata.get("vocabulary") == vocabulary_hash(first):

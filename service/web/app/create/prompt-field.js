@@ -111,8 +111,11 @@ export class PromptField {
       "details",
       { class: "words" },
       h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} adjectives`),
-      h("p", { class: "field-label" }, "Nouns"),
-      h("div", { class: "chips", role: "group", "aria-label": "Nouns" }, known.nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)))),
+      known.groups.flatMap(([name, nouns]) => {
+        const title = name[0].toUpperCase() + name.slice(1);
+        const chips = nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)));
+        return [h("p", { class: "field-label" }, title), h("div", { class: "chips", role: "group", "aria-label": title }, chips)];
+      }),
       h("p", { class: "field-label" }, "Adjectives"),
       h(
         "div",

@@ -14,6 +14,7 @@ import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords } from "./estimate.js";
 import { kindsNav } from "./kinds-nav.js";
 import { NumberRows } from "./number-rows.js";
+import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
 /** What most fits need; the others stand under Advanced. */
@@ -33,6 +34,8 @@ export class SurfaceView {
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this.check());
     this.numbers = new NumberRows(KIND, FIRST, () => this.check());
+    this.files = new SurfaceFiles(() => this.check());
+    this.numbers.more.before(this.files.element);
     this.problem = h("div", { class: "problem-slot" });
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Fit");
@@ -86,15 +89,29 @@ export class SurfaceView {
       const job = await client.get(id, this.scope.signal);
       const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
       if (!this.assets.choices) await this.assets.use(asset);
-      return job.kind === KIND ? job.params : null;
+      if (job.kind !== KIND) return null;
+      for (const part of ["base", "scalars"])
+        if (job.files?.[part]) this.files.use(part, new Asset(await client.file(id, part, this.scope.signal), job.files[part].filename));
+      if (job.params.anchors) this.files.restore(job.params.anchors);
+      if (job.params.anchors || job.files?.base || job.files?.scalars) this.numbers.advanced.open = true;
+      return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
       return null;
     }
   }
 
+  /** Return whether all that was typed can be sent; what cannot is said beside it. */
+  _settle() {
+    const good = this.numbers.settle();
+    const paired = this.files.settle();
+    if (!paired) this.numbers.advanced.open = true;
+    return good && paired;
+  }
+
   _document() {
-    const params = this.numbers.values();
+    /** @type {Record<string, any>} */
+    const params = { ...(this.files.anchors.length ? { anchors: this.files.anchors } : {}), ...this.numbers.values() };
     const steps = params.steps ?? this.numbers.standard("steps");
     if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
     return { kind: KIND, params };
@@ -103,12 +120,12 @@ export class SurfaceView {
   async _check() {
     const turn = ++this.turn;
     const { asset } = this.assets;
-    const good = this.numbers.settle();
+    const good = this._settle();
     this.start.classList.toggle("button-blocked", !good);
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
-      const found = await client.validate(...(await asset.submission(this._document(), {}, this.scope.signal)));
+      const found = await client.validate(...(await asset.submission(this._document(), this.files.parts, this.scope.signal)));
       if (turn !== this.turn || this.scope.over) return;
       fill(this.problem);
       this.assets.refuse("");
@@ -129,7 +146,7 @@ export class SurfaceView {
       this.assets.refuse(found.message, found.advice);
       return void fill(this.problem);
     }
-    if (found?.status === 404) this.assets.asset?.forgetUpload();
+    if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
     fill(this.problem, this.numbers.blame(errors) ? null : problemBox(error));
   }
@@ -139,13 +156,13 @@ export class SurfaceView {
     event.preventDefault();
     const { asset } = this.assets;
     if (this.busy || !asset) return;
-    if (!this.numbers.settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
+    if (!this._settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
     this.busy = true;
     this.start.setAttribute("aria-disabled", "true");
     this.start.textContent = "Starting…";
     this.turn += 1;
     try {
-      const job = await client.submit(...(await asset.submission(this._document())));
+      const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;

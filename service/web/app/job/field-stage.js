@@ -11,7 +11,7 @@ import { stemOf } from "../names.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
 import { sizesTable } from "./sizes-table.js";
-import { showLegend, slider, toggle } from "./stage-controls.js";
+import { chooser, showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
 const MODES = 10; // as field-worker.js computes
@@ -33,7 +33,7 @@ export class FieldStage {
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
-    this.beside = h("table", { class: "files field-sizes", hidden: true });
+    this.beside = h("table", { class: "field-sizes", hidden: true });
     this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
@@ -42,7 +42,9 @@ export class FieldStage {
     this.noises = { white: toggle("White noise", (on) => this._noise(on ? "white" : null)), blue: toggle("Blue noise", (on) => this._noise(on ? "blue" : null)) };
     this.modes = slider("field-mode", "Eigenfunction", MODES, () => this._mode(Number(this.modes.input.value)));
     this.modes.input.value = "0";
-    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, this.wires, reset);
+    this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
+    const stripes = toggle("Stripes", (on) => this.view.stripe(on));
+    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture);
@@ -53,6 +55,7 @@ export class FieldStage {
       this.tools,
       this.levels.row,
       this.modes.row,
+      this.scalars.row,
       this.facts,
       this.beside,
       this.keep,
@@ -80,11 +83,15 @@ export class FieldStage {
     this.opposite = null;
     /** The eigenfunction that is asked for; 0: none. */
     this.mode = 0;
+    /** The scalars of the field that are asked for, from 1; 0: none. */
+    this.scalar = 0;
+    /** @type {{ scalars: number, output: number, label: string, labels: number[] }[]} What `scalar` counts. */
+    this.named = [];
     /** @type {"white" | "blue" | null} The samples that are asked for. */
     this.noise = null;
     /** What was computed of them, in words. */
     this.said = { mode: "", noise: "" };
-    /** @type {{ place: number[] | null, level: number, mode: number } | null} What the colours on the screen belong to. */
+    /** @type {{ place: number[] | null, level: number, mode: number, scalar: number } | null} What the colours on the screen belong to. */
     this.coloured = null;
     /** @type {{ noise: string | null, level: number }} The samples on the screen. */
     this.dotted = { noise: null, level: 0 };
@@ -156,6 +163,7 @@ export class FieldStage {
       this.levels.input.max = String(opened.levels);
       this.levels.row.hidden = this.modes.row.hidden = this.tools.hidden = this.keep.hidden = false;
       this.modes.value.textContent = "none";
+      this._name(opened.scalars);
       // The base at once, then level by level, unless someone chooses one meanwhile.
       let level = 0;
       do {
@@ -185,7 +193,7 @@ export class FieldStage {
   /** @param {number[] | null} place Where the source is now; null: no distances. */
   _heat(place) {
     this.source = place;
-    if (place) this._choose(0);
+    if (place) this._choose(0, 0);
     this.heats.setAttribute("aria-pressed", String(place !== null));
     this.farther.disabled = place === null;
     this.view.mark(place);
@@ -194,17 +202,35 @@ export class FieldStage {
 
   /** @param {number} mode The eigenfunction to show; 0: none. */
   _mode(mode) {
-    this._choose(mode);
+    this._choose(mode, mode ? 0 : this.scalar);
     if (mode && this.source) this._heat(null);
     else void this._next();
   }
 
-  /** @param {number} mode */
-  _choose(mode) {
+  /** @param {number} scalar What to show of the scalars, from 1; 0: none. */
+  _scalar(scalar) {
+    this._choose(scalar ? 0 : this.mode, scalar);
+    if (scalar && this.source) this._heat(null);
+    else void this._next();
+  }
+
+  /** @param {number} mode @param {number} scalar */
+  _choose(mode, scalar) {
     this.mode = mode;
     this.modes.input.value = String(mode);
     this.modes.value.textContent = mode ? String(mode) : "none";
     this.modes.input.setAttribute("aria-valuetext", mode ? `Eigenfunction ${mode}` : "None");
+    this.scalar = scalar;
+    this.scalars.input.value = String(scalar);
+  }
+
+  /** Offer what the field holds beside its surface. @param {import("../../viewer/field-worker.js").Named[]} scalars */
+  _name(scalars) {
+    this.named = scalars.flatMap(({ name, outputs, labels }, i) =>
+      Array.from({ length: outputs }, (_, output) => ({ scalars: i, output, label: outputs > 1 ? `${name} ${output + 1}` : name, labels })),
+    );
+    this.scalars.row.hidden = !scalars.length;
+    fill(this.scalars.input, ["none", ...this.named.map(({ label }) => label)].map((label, i) => h("option", { value: i }, label)));
   }
 
   /** @param {"white" | "blue" | null} noise */
@@ -225,7 +251,7 @@ export class FieldStage {
         else await this._colour(this.source);
       }
     } catch (error) {
-      if (this.mode) this._choose(0); // or it would be asked for again and again
+      this._choose(0, 0); // or it would be asked for again and again
       if (!this.scope.over && !isAbort(error)) toast(`Not computed. ${error instanceof Error ? error.message : ""}`);
     } finally {
       this.busy = false;
@@ -233,8 +259,9 @@ export class FieldStage {
   }
 
   _stale() {
-    const coloured = this.source !== null || this.mode > 0;
-    return this.coloured?.place !== this.source || this.coloured?.mode !== this.mode || (coloured && this.coloured?.level !== this.wanted) || this._undotted();
+    const coloured = this.source !== null || this.mode > 0 || this.scalar > 0;
+    const { place, mode, scalar } = this.coloured ?? {};
+    return place !== this.source || mode !== this.mode || scalar !== this.scalar || (coloured && this.coloured?.level !== this.wanted) || this._undotted();
   }
 
   _undotted() {
@@ -260,7 +287,7 @@ export class FieldStage {
     if (this.scope.over) return;
     if (!drawn) this._isFlat();
     this.shown = found;
-    this.coloured = { place: null, level, mode: 0 };
+    this.coloured = { place: null, level, mode: 0, scalar: 0 };
     this.opposite ??= [0, 1, 2].map((axis) => this.box.viewer.ownBox.max.getComponent(axis));
     this.view.mark(this.source);
     this._tell();
@@ -269,13 +296,22 @@ export class FieldStage {
   /** @param {number[] | null} place */
   async _colour(place) {
     const level = this.wanted;
-    const { mode } = this;
+    const { mode, scalar } = this;
     this.said.mode = "";
-    if (mode) {
+    if (scalar) {
+      const { label, labels, scalars, output } = this.named[scalar - 1];
+      const found = /** @type {import("../../viewer/field-worker.js").Learned} */ (await this.worker.ask("scalar", { level, scalars, output }));
+      if (this.scope.over) return;
+      if (labels.length) this.view.divide(found.values, labels.length);
+      else this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
+      showLegend(this.legend, labels.length ? this.view.pieceScale(label, labels) : this.view.scale(label, found));
+      const range = labels.length ? counted(labels.length, "piece") : `from ${figure(found.least)} to ${figure(found.most)}`;
+      this.said.mode = `${label}: ${range}, in ${milliseconds(found.ms)}.`;
+    } else if (mode) {
       const found = /** @type {import("../../viewer/field-worker.js").Mode} */ (await this.worker.ask("mode", { level, number: mode }));
       if (this.scope.over) return;
       this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
-      showLegend(this.legend, this.view.modeScale(mode, found));
+      showLegend(this.legend, this.view.scale(`Eigenfunction ${mode}`, found));
       this.said.mode = `Eigenvalue ${figure(found.eigenvalue)}; ${MODES} eigenfunctions in ${milliseconds(found.ms)}.`;
     } else if (place) {
       const heat = /** @type {import("../../viewer/field-worker.js").Heat} */ (await this.worker.ask("heat", { level, place }));
@@ -284,12 +320,12 @@ export class FieldStage {
       this.opposite = heat.place;
       this.view.colour(heat.values, heat.farthest);
       if (place === this.source) this.view.mark(heat.source);
-      showLegend(this.legend, this.view.scale(heat.farthest));
+      showLegend(this.legend, this.view.scale("Distance", { least: 0, most: heat.farthest }, "units"));
     } else {
       this.view.colour(null, 0);
       showLegend(this.legend, null);
     }
-    this.coloured = { place, level, mode };
+    this.coloured = { place, level, mode, scalar };
     this._tell();
   }
 

@@ -21,7 +21,7 @@ export function lessonFindings(report) {
   const word = withArticle(report.noun);
   return [
     { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
-    { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words are still known`, note: `Before the lesson: ${before.hits}` },
+    { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words that were tried are still known`, note: `Before the lesson: ${before.hits}` },
     { tone: "plain", text: `The weights of step ${report.steps.best} are kept`, note: report.stopped_early ? `Stopped after ${report.steps.done} steps, as more did not help` : `${report.steps.done} steps` },
     ...report.warnings.map((/** @type {string} */ text) => ({ tone: /** @type {const} */ ("warn"), text, note: "" })),
   ];

@@ -21,7 +21,7 @@ export function sizesTable(table, report, field) {
   fill(
     table,
     h("caption", { class: "small muted" }, "As precise as the field: what other formats need"),
-    h("thead", null, h("tr", null, ["", "Triangles", "Bytes", "To unpack"].map((text) => h("th", { scope: "col" }, text)))),
+    h("thead", null, h("tr", null, ["What", "Triangles", "Bytes", "To unpack"].map((text) => h("th", { scope: "col" }, text)))),
     h("tbody", null, rows.map((row) => h("tr", null, row.map(cell)))),
   );
 }

@@ -52,6 +52,19 @@ export function slider(id, label, max, onInput, between = null) {
 }
 
 /**
+ * A list with its label, of which one thing is chosen.
+ *
+ * @param {string} id
+ * @param {string} label
+ * @param {() => void} onChange
+ */
+export function chooser(id, label, onChange) {
+  const input = h("select", { id, on: { change: onChange } });
+  const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input);
+  return { input, row };
+}
+
+/**
  * Explain the colours of a heat map.
  *
  * @param {HTMLElement} legend

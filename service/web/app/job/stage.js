@@ -238,7 +238,7 @@ export class JobStage {
   /** @param {Shape} shape */
   async _show(shape) {
     try {
-      const mesh = await this.cache.get(shape.path);
+      const mesh = await this.cache.view(shape.path, this.source);
       if (this.scope.over) return;
       this.comparable = await this.after.deform(mesh.slice(0));
       if (this.scope.over) return;

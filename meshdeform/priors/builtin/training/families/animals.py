@@ -6,14 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.priors.builtin.training.families.parts import (
+    Part,
+    curved,
+    ellipsoid,
+    join,
+    lathe,
+    limb,
+    moved,
+    pair,
+    turned,
+)
 from meshdeform.priors.builtin.training.families.traits import Rng, Traits
 
-__all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
+__all__ = ["Body", "at", "dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 
 
 @dataclass(frozen=True)
-class _Body:
+class Body:
     """Barrel along Z on four legs; lengths in the family's unit."""
 
     length: float
@@ -38,7 +48,7 @@ class _Body:
         return parts
 
 
-def _at(angle_deg: float, length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def at(angle_deg: float, length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Return a vector of this length in the YZ plane, at this angle above straight ahead."""
     angle = np.radians(angle_deg)
     return np.array([0.0, length * np.sin(angle), length * np.cos(angle)])
@@ -49,9 +59,9 @@ def giraffe(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.24, 0.32), (0.72, 0.88), (1.3, 1.55))
     neck = traits.draw(rng, "neck", (0.32, 0.42), (0.95, 1.15), (1.6, 1.9))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.155, 0.18), (0.28, 0.33))
-    body = _Body(rng.uniform(0.42, 0.55), rng.uniform(0.25, 0.29), leg, rng.uniform(0.105, 0.12))
+    body = Body(rng.uniform(0.42, 0.55), rng.uniform(0.25, 0.29), leg, rng.uniform(0.105, 0.12))
     chest = np.array([0.0, body.height + 0.1, body.length / 2])
-    crown = chest + _at(rng.uniform(64, 72), neck)
+    crown = chest + at(rng.uniform(64, 72), neck)
     muzzle = crown + np.array([0.0, -0.45 * head, 1.75 * head])
     parts = body.parts(slope=0.06)
     parts.append(limb([chest, crown], [0.18, 0.115]))
@@ -68,10 +78,10 @@ def horse(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.16, 0.22), (0.46, 0.56), (0.95, 1.15))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.15, 0.17), (0.26, 0.3))
     tail = traits.draw(rng, "tail", (0.14, 0.2), (0.5, 0.62), (1.0, 1.2))
-    body = _Body(rng.uniform(0.82, 0.98), rng.uniform(0.26, 0.3), leg, rng.uniform(0.1, 0.12))
+    body = Body(rng.uniform(0.82, 0.98), rng.uniform(0.26, 0.3), leg, rng.uniform(0.1, 0.12))
     chest = np.array([0.0, body.height + 0.06, body.length / 2])
-    poll = chest + _at(rng.uniform(48, 58), neck + 0.12)
-    face = poll + _at(rng.uniform(-42, -32), 2.7 * head)
+    poll = chest + at(rng.uniform(48, 58), neck + 0.12)
+    face = poll + at(rng.uniform(-42, -32), 2.7 * head)
     parts = body.parts()
     parts.append(limb([chest, poll], [[0.16, 0.25], [0.11, 0.16]]))
     parts.append(limb([poll, face], [head, head * 0.68]))
@@ -87,9 +97,9 @@ def dog(rng: Rng, traits: Traits) -> Part:
     head = traits.draw(rng, "head", (0.14, 0.16), (0.26, 0.3), (0.44, 0.52))
     ears = traits.draw(rng, "ears", (0.06, 0.1), (0.22, 0.28), (0.5, 0.62))
     tail = traits.draw(rng, "tail", (0.06, 0.1), (0.34, 0.44), (0.8, 1.0))
-    body = _Body(rng.uniform(0.7, 0.9), rng.uniform(0.22, 0.26), leg, rng.uniform(0.095, 0.115))
+    body = Body(rng.uniform(0.7, 0.9), rng.uniform(0.22, 0.26), leg, rng.uniform(0.095, 0.115))
     front = np.array([0.0, body.height, body.length / 2 + 0.04])
-    skull = front + _at(rng.uniform(48, 62), 0.2 + head)
+    skull = front + at(rng.uniform(48, 62), 0.2 + head)
     parts = body.parts()
     parts.append(limb([front, skull], [0.17, 0.16]))
     parts.append(ellipsoid(skull, [head * 0.95, head, head]))
@@ -98,7 +108,7 @@ def dog(rng: Rng, traits: Traits) -> Part:
     top = skull + np.array([head * 0.75, head * 0.65, -0.1 * head])
     parts += pair(limb([top, top + [0.3 * ears + 0.06, -ears, 0]], [[0.06, 0.09], [0.07, 0.11]], segments=10))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.6])
-    parts.append(limb([rump, rump + _at(rng.uniform(115, 130), tail)], [0.08, 0.065], segments=10))
+    parts.append(limb([rump, rump + at(rng.uniform(115, 130), tail)], [0.08, 0.065], segments=10))
     return join(parts)
 
 
@@ -107,7 +117,7 @@ def elephant(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.08, 0.14), (0.36, 0.46), (0.9, 1.1))
     ears = traits.draw(rng, "ears", (0.12, 0.15), (0.3, 0.36), (0.56, 0.66))
     trunk = traits.draw(rng, "trunk", (0.16, 0.22), (0.62, 0.74), (1.2, 1.4))
-    body = _Body(rng.uniform(0.5, 0.65), rng.uniform(0.42, 0.48), leg, rng.uniform(0.165, 0.19))
+    body = Body(rng.uniform(0.5, 0.65), rng.uniform(0.42, 0.48), leg, rng.uniform(0.165, 0.19))
     skull = np.array([0.0, body.height + 0.22, body.length / 2 + body.radius * 0.85])
     parts = body.parts()
     parts.append(ellipsoid(skull, [0.3, 0.33, 0.32]))
@@ -130,17 +140,21 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.12, 0.2), (0.72, 0.9), (1.35, 1.6))
     tail = traits.draw(rng, "tail", (0.1, 0.18), (0.8, 0.98), (1.5, 1.8))
     head = traits.draw(rng, "head", (0.08, 0.09), (0.135, 0.16), (0.27, 0.32))
-    body = _Body(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
-    half = body.length / 2
-    chest = np.array([0.0, body.height + 0.05, half + 0.12])
-    middle = chest + _at(36, 0.5 * neck)
-    crown = middle + _at(66, 0.5 * neck)
-    parts = body.parts()
-    parts.append(limb([chest - [0, 0, 0.1], middle, crown], [0.26, 0.155, 0.105]))
+    body = Body(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
+    half, girth = body.length / 2, body.radius
+    chest = np.array([0.0, body.height + 0.03, half])
+    middle = chest + [0, 0, 0.22] + at(42, 0.5 * neck)
+    crown = middle + at(66, 0.5 * neck)
+    rump = np.array([0.0, body.height, -half])
+    tip = rump + [0, -0.1 - 0.18 * tail, -0.34 - tail]
+    behind = (2 * rump + tip) / 3 + [0, -0.03, 0]
+    # One smooth tube from the tail's tip to the head: parts of their own would leave seams along the back.
+    path = np.array([tip, behind, rump, chest - [0, 0, half], chest, middle, crown])
+    girths = [[0.07], [0.6 * girth], [0.95 * girth], [1.02 * girth], [0.9 * girth], [0.18], [0.13]]
+    spine = curved(np.column_stack([path, girths]))
+    legs = body.parts()[1:]
+    parts = [*legs, limb(spine[:, :3], spine[:, 3], segments=20, samples=2)]
     parts.append(limb([crown, crown + [0, -0.1 * head, 1.5 * head]], [head, head * 0.75]))
-    rump = np.array([0.0, body.height + 0.02, -half - 0.1])
-    tip = rump + [0, -0.16 - 0.16 * tail, -0.25 - tail]
-    parts.append(limb([rump, (rump + tip) / 2 + [0, -0.06, 0], tip], [0.28, 0.15, 0.06]))
     return join(parts)
 
 
@@ -149,7 +163,7 @@ def pig(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.03, 0.06), (0.22, 0.28), (0.75, 0.95))
     ears = traits.draw(rng, "ears", (0.03, 0.06), (0.17, 0.22), (0.46, 0.56))
     nose = traits.draw(rng, "nose", (0.02, 0.05), (0.16, 0.22), (0.6, 0.75))
-    body = _Body(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
+    body = Body(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
     skull = np.array([0.0, body.height + 0.12, body.length / 2 + body.radius * 0.8])
     parts = body.parts()
     parts.append(ellipsoid(skull, [0.31, 0.3, 0.29]))

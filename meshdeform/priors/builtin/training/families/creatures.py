@@ -7,7 +7,7 @@ import numpy as np
 from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, extrude, join, limb, moved, pair, turned
 from meshdeform.priors.builtin.training.families.traits import Rng, Traits
 
-__all__ = ["cat", "duck", "fish", "octopus", "penguin", "rabbit", "turtle", "whale"]
+__all__ = ["cat", "duck", "octopus", "penguin", "rabbit", "turtle", "whale"]
 
 
 def cat(rng: Rng, traits: Traits) -> Part:
@@ -40,9 +40,9 @@ def rabbit(rng: Rng, traits: Traits) -> Part:
     skull = np.array([0.0, body * 1.55 + head * 0.35, body * 0.95])
     parts.append(ellipsoid(skull, [head * 0.95, head * 0.95, head * 1.1]))
     parts.append(ellipsoid(skull + [0, -0.2 * head, 0.85 * head], [head * 0.5, head * 0.42, head * 0.42], rings=8))
-    ear, splay = skull + [head * 0.42, head * 0.6, -0.04], rng.uniform(0.1, 0.2)
+    ear, splay = skull + [head * 0.56, head * 0.55, -0.04], rng.uniform(0.32, 0.46)
     tip = ear + [splay * ears + 0.02, ears, -0.16 * ears]
-    parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.07], [0.12, 0.08], [0.075, 0.06]], segments=10))
+    parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.075], [0.12, 0.085], [0.075, 0.065]], segments=10))
     parts += pair(ellipsoid([body * 0.72, 0.12, 0.08], [0.17, 0.13, 0.36], rings=9))
     parts += pair(limb([[0.15, 0.08, body * 1.05], [0.15, body * 0.8, body * 0.7]], [0.095, 0.11], segments=10))
     parts.append(ellipsoid([0, body * 0.75, -body * 1.32], 0.15, rings=8))
@@ -81,30 +81,6 @@ def duck(rng: Rng, traits: Traits) -> Part:
     parts.append(limb([bill, bill + [0, -0.02, head * 0.5 + 0.14]], [[0.075, 0.13], [0.055, 0.14]], segments=10))
     wing = ellipsoid([body * 0.88, body * 1.05, -0.08], [0.12, body * 0.45, body * 0.9], rings=9)
     return join([*parts, *pair(wing)])
-
-
-def fish(rng: Rng, traits: Traits) -> Part:
-    """Draw a fish: a tall flat body, a forked tail fin, a back fin, a belly fin and two side fins."""
-    fins = traits.draw(rng, "fins", (0.08, 0.12), (0.28, 0.36), (0.62, 0.75))
-    tail = traits.draw(rng, "tail", (0.14, 0.19), (0.4, 0.5), (0.85, 1.0))
-    length, height = rng.uniform(0.75, 0.88), rng.uniform(0.4, 0.48)
-    parts = [ellipsoid([0, 0, 0], [rng.uniform(0.2, 0.24), height, length])]
-    root = np.array([0.0, 0.0, -length * 0.86])
-    for side in (1.0, -1.0):
-        tip = root + tail * np.array([0.0, side * 0.95, -0.85])
-        parts.append(limb([root, tip], [[0.07, 0.15], [0.065, 0.12]], segments=10))
-    back = np.array([0.0, height * 0.7, 0.12])
-    rear = back + [0, 0.1 + fins, -0.32 - 0.5 * fins]
-    parts.append(limb([back, rear], [[0.075, 0.24], [0.06, 0.12]], segments=10))
-    belly = np.array([0.0, -height * 0.75, -0.05])
-    parts.append(
-        limb([belly, belly + [0, -0.08 - 0.7 * fins, -0.22 - 0.3 * fins]], [[0.07, 0.16], [0.06, 0.09]], segments=10)
-    )
-    gill = np.array([0.14, -height * 0.2, length * 0.3])
-    parts += pair(
-        limb([gill, gill + [0.08 + 0.9 * fins, -0.3 * fins, -0.5 * fins]], [[0.1, 0.07], [0.09, 0.06]], segments=10)
-    )
-    return join(parts)
 
 
 def whale(rng: Rng, traits: Traits) -> Part:

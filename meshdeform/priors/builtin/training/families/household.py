@@ -41,13 +41,15 @@ def bottle(rng: Rng, traits: Traits) -> Part:
 
 def goblet(rng: Rng, traits: Traits) -> Part:
     """Draw a goblet: a cup on a stem on a wide foot."""
-    foot, stalk = rng.uniform(0.36, 0.44), rng.uniform(0.085, 0.11)
+    foot, stalk = rng.uniform(0.4, 0.48), rng.uniform(0.13, 0.16)
     stem = traits.draw(rng, "stem", (0.14, 0.22), (0.48, 0.62), (0.95, 1.2))
     cup, depth = rng.uniform(0.42, 0.52), rng.uniform(0.65, 0.8)
     turn = np.linspace(0.15, 1.0, 7)
     bowl_wall = [(cup * np.sin(t * np.pi / 2) ** 0.8, 0.12 + stem + depth * t**1.6) for t in turn]
     inside = [(cup * 0.86, 0.12 + stem + depth), (cup * 0.7, stem + depth * 0.5), (0.1, stem + depth * 0.3)]
-    return lathe([(foot, 0.0), (foot, 0.06), (stalk, 0.14), (stalk, 0.12 + stem), *bowl_wall, *inside])
+    # Soft bends above the foot and below the cup: a sharp one folds the skin of what is deformed into it.
+    stalks = [(stalk * (1 + 0.5 * (2 * t - 0.9) ** 2), 0.14 + stem * t) for t in np.linspace(0.1, 0.85, 6)]
+    return lathe([(foot, 0.0), (foot, 0.08), (0.7 * foot, 0.12), *stalks, *bowl_wall, *inside])
 
 
 def bowl(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
@@ -103,7 +105,7 @@ def umbrella(rng: Rng, traits: Traits) -> Part:
     slack = 0.5 - 0.5 * np.cos(8 * np.arctan2(verts[:, 0], verts[:, 2]))
     verts[:, 1] += 0.16 * slack * across**3
     verts[:, [0, 2]] *= (1 - 0.1 * slack * across**3)[:, None]
-    bow, thick = rng.uniform(0.15, 0.19), 0.065
+    bow, thick = rng.uniform(0.15, 0.19), 0.08
     bottom = -handle
     arc = np.linspace(0.0, np.pi * 1.1, 7)
     hook = [[bow * (np.cos(t) - 1), bottom - bow * np.sin(t), 0.0] for t in arc]

@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "Part",
     "box",
+    "curved",
+    "disc",
     "ellipsoid",
     "extrude",
     "join",
@@ -27,6 +29,7 @@ __all__ = [
     "moved",
     "normalised",
     "pair",
+    "plate",
     "turned",
 ]
 
@@ -85,10 +88,16 @@ def lathe(profile: ArrayLike, *, segments: int = SEGMENTS) -> Part:
     return _loft(rings, flip=True)
 
 
-def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
+def disc(radius: float, bottom: float, top: float, *, edge: float = 0.04) -> Part:
+    """Return an upright cylinder from height `bottom` to `top` whose two rims are cut off by `edge`."""
+    return lathe([(radius - edge, bottom), (radius, bottom + edge), (radius, top - edge), (radius - edge, top)])
+
+
+def limb(path: ArrayLike | Sequence[object], radii: ArrayLike, *, segments: int = 16, samples: int = 5) -> Part:
     """Return a tube with round ends along a polyline `path` (N, 3) with a radius at each point.
 
-    Radii may be (N,) for a round tube or (N, 2) for an elliptic one: (across, along the bend's normal).
+    The points may be lists and arrays side by side. Radii may be (N,) for a round tube or (N, 2) for an elliptic one:
+    (across, along the bend's normal).
     """
     points = np.asarray(path, float)
     widths = np.asarray(radii, float)
@@ -118,6 +127,20 @@ def limb(path: ArrayLike, radii: ArrayLike, *, segments: int = 16, samples: int 
         other = np.cross(direction, across)
         rings.append(place + np.cos(angle)[:, None] * across * size[0] + np.sin(angle)[:, None] * other * size[1])
     return _loft(np.stack(rings), flip=True)
+
+
+def curved(knots: ArrayLike, *, samples: int = 4) -> Array:
+    """Return points of the Catmull-Rom curve through `knots` (N, D), `samples` a piece, with both ends.
+
+    The columns may hold more than a place: a radius beside each point becomes as smooth as the path. Source: Catmull
+    and Rom 1974, A class of local interpolating splines.
+    """
+    through = np.asarray(knots, float)
+    held = np.concatenate([2 * through[:1] - through[1:2], through, 2 * through[-1:] - through[-2:-1]])
+    a, b, c, d = (held[k : len(held) - 3 + k, None] for k in range(4))
+    t = np.linspace(0.0, 1.0, samples, endpoint=False)[:, None]
+    curve = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+    return np.concatenate([curve.reshape(-1, through.shape[1]), through[-1:]])
 
 
 def box(centre: ArrayLike, size: ArrayLike, *, round_by: float = 0.25, cells: int = 6) -> Part:
@@ -177,6 +200,26 @@ def extrude(outline: ArrayLike, thickness: float, *, bevel: float = 0.3, puff: f
         [np.column_stack([middle + (rim - middle) * scale, np.full(len(rim), depth)]) for scale, depth in levels]
     )
     return _loft(rings, flip=True)
+
+
+def plate(outline: ArrayLike, thickness: float, *, across: str, puff: float = 0.0) -> Part:
+    """Return a flat blade, such as a fin or a wing, whose thickness lies along the axis `across`.
+
+    Parameters
+    ----------
+    outline : (N, 2)
+        Corners of a star-shaped outline in either sense: (z, y) across x, (x, z) across y, (x, y) across z.
+    thickness, puff
+        As in `extrude`.
+    across : str
+        "x", "y" or "z".
+    """
+    rim = np.asarray(outline, float)
+    after = np.roll(rim, -1, axis=0)
+    if float((rim[:, 0] * after[:, 1] - rim[:, 1] * after[:, 0]).sum()) < 0:
+        rim = rim[::-1]
+    flat = extrude(rim, thickness, puff=puff)
+    return {"x": turned(flat, -90, "y"), "y": turned(flat, 90, "x"), "z": flat}[across]
 
 
 def turned(part: Part, degrees: float, axis: str) -> Part:

@@ -1,4 +1,4 @@
-"""Draw plants, fruit and a mushroom."""
+"""Draw plants, trees, fruit and a mushroom."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from meshdeform.priors.builtin.training.families.parts import Part, ellipsoid, join, lathe, limb, moved, turned
 from meshdeform.priors.builtin.training.families.traits import Rng, Traits
 
-__all__ = ["cactus", "carrot", "mushroom", "pear", "pineapple", "tree"]
+__all__ = ["cactus", "carrot", "flower", "mushroom", "palm", "pear", "pine", "pineapple", "tree"]
 
 
 def mushroom(rng: Rng, traits: Traits) -> Part:
@@ -108,4 +108,71 @@ def pineapple(rng: Rng, traits: Traits) -> Part:
             path.append([0, height + reach, 0.14 + spread * reach])
             blade = limb(path, [[0.1, 0.06], [0.1, 0.05], [0.04, 0.035]], segments=8)
             parts.append(turned(blade, start + 30 * ring + 360 * number / count, "y"))
+    return join(parts)
+
+
+def flower(rng: Rng, traits: Traits) -> Part:
+    """Draw a flower that looks toward +Z and a little up: round petals about a button, a stem, two leaves."""
+    head = traits.draw(rng, "head", (0.2, 0.25), (0.52, 0.6), (1.0, 1.15))
+    stem = traits.draw(rng, "stem", (0.44, 0.54), (0.95, 1.15), (2.1, 2.4))
+    leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.42, 0.52), (1.0, 1.2))
+    petals, tilt, bow = int(rng.integers(6, 9)), rng.uniform(15, 35), rng.uniform(-0.08, 0.08)
+    parts = [
+        limb(
+            [[0.0, 0.0, 0.0], [bow, stem / 2, 0], [0, stem, 0], [0, stem + 0.1, 0]],
+            [0.1, 0.09, 0.09, 0.09],
+            segments=10,
+        )
+    ]
+    bloom = [ellipsoid([0, 0, 0.1 * head], [0.34 * head, 0.34 * head, 0.26 * head], rings=10)]
+    petal = ellipsoid([0, 0.62 * head, 0], [2.0 * head / petals, 0.42 * head, 0.14 * head], rings=10)
+    bloom += [turned(turned(petal, -12, "x"), 360 * number / petals, "z") for number in range(petals)]
+    parts.append(moved(turned(join(bloom), -tilt, "x"), [0, stem + 0.1, 0.06]))
+    for side, level in ((0.0, 0.25), (180.0, 0.4)):
+        path = [[0.0, 0.0, 0.0], [0.5 * leaf, 0.34 * leaf, 0], [leaf, 0.5 * leaf, 0]]
+        blade = limb(path, [[0.08, 0.08], [0.17, 0.08], [0.04, 0.05]], segments=10)
+        parts.append(moved(turned(blade, side + rng.uniform(-20, 20), "y"), [0, level * stem, 0]))
+    return join(parts)
+
+
+def palm(rng: Rng, traits: Traits) -> Part:
+    """Draw a palm: a ringed trunk that sways to one side, a crown of broad fronds that hang over, coconuts."""
+    trunk = traits.draw(rng, "trunk", (0.5, 0.62), (1.25, 1.45), (2.6, 3.0))
+    leaf = traits.draw(rng, "leaves", (0.36, 0.46), (0.85, 1.0), (1.6, 1.85))
+    thick, sway, count = rng.uniform(0.14, 0.17), rng.uniform(0.15, 0.35), int(rng.integers(6, 9))
+    share = np.linspace(0.0, 1.0, 15)
+    ring = thick * (1.25 - 0.35 * share + 0.14 * (-1.0) ** np.arange(15))
+    parts = [limb(np.stack([sway * share**1.6, trunk * share, 0 * share], 1), ring, segments=12, samples=2)]
+    top, start, broad = [sway, trunk, 0], rng.uniform(0, 60), 0.6 + 0.45 * leaf
+    for number in range(count):
+        droop = rng.uniform(0.14, 0.34) * leaf
+        path = [[0.0, 0.0, 0.0], [0, 0.3 * leaf, 0.4 * leaf], [0, 0.16 * leaf, 0.82 * leaf], [0, -droop, 1.05 * leaf]]
+        frond = limb(path, np.array([[0.1, 0.08], [0.2, 0.08], [0.18, 0.08], [0.05, 0.05]]) * broad, segments=10)
+        parts.append(moved(turned(frond, start + 360 * number / count, "y"), top))
+    nuts = [turned(ellipsoid([0.17, -0.12, 0], 0.14, rings=8), start + 120 * third, "y") for third in range(3)]
+    return join([*parts, *(moved(nut, top) for nut in nuts)])
+
+
+def pine(rng: Rng, traits: Traits) -> Part:
+    """Draw a fir: a pointed stack of cones with jagged rims, each smaller than the one below, on a trunk."""
+    trunk = traits.draw(rng, "trunk", (0.04, 0.1), (0.36, 0.46), (1.2, 1.45))
+    girth, height, tiers = rng.uniform(0.54, 0.8), rng.uniform(1.35, 1.75), int(rng.integers(3, 5))
+    thick, parts = rng.uniform(0.13, 0.17), []
+    parts.append(lathe([(thick * 1.3, 0.0), (thick, 0.1), (thick, trunk + 0.3)]))
+    for tier in range(tiers):
+        wide, low = girth * (1 - 0.62 * tier / (tiers - 1)), trunk + 0.72 * height * tier / tiers
+        tip = low + height * (0.36 + 0.74 / tiers)
+        cone = lathe(
+            [
+                (0.1, low + 0.1),
+                (wide * 0.9, low),
+                (wide, low + 0.04),
+                (0.5 * wide, low + 0.4 * (tip - low)),
+                (0.0, tip),
+            ],
+            segments=56,
+        )
+        x, y, z = cone.verts.T
+        jag = 1 - 0.24 * np.abs(np.sin(4 * np.arctan2(x, z) + tier)) * np.clip(np.hypot(x, z) / wide, 0, 1) ** 2
+        parts.append(Part(np.stack([x * jag, y, z * jag], 1), cone.faces))
     return join(parts)

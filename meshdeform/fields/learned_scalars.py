@@ -1,0 +1,134 @@
+"""Learn the scalars of a file along a field's surface, and say how far off they are where they were not learned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.scalar_files import SampledScalars
+from meshdeform.errors import AssetError
+from meshdeform.fields.patches import in_corners, level_of
+from meshdeform.fields.reader import NeuralField
+from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
+from meshdeform.geometry.nearest_places import SurfaceTree
+
+__all__ = ["LearnedScalars", "check_places", "learned_scalars", "places_on"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_LEVEL = 2
+_KEPT_BACK = 10
+_LOOKED_AT = 2000
+_FAR = 0.05
+"""Share of the diagonal by which samples may be off the surface on average."""
+
+
+@dataclass(frozen=True)
+class LearnedScalars:
+    """Scalars of a field, and `scalars` of the report."""
+
+    fields: list[ScalarField]
+    facts: list[dict[str, Any]]
+
+
+def learned_scalars(
+    field: NeuralField,
+    samples: SampledScalars,
+    *,
+    seed: int = 0,
+    steps: int = STEPS,
+    on_step: Callable[[], None] = lambda: None,
+) -> LearnedScalars:
+    """Learn all scalars of a file from nine tenths of its points, and compare them at the others.
+
+    Parameters
+    ----------
+    field : NeuralField
+    samples : SampledScalars
+    seed, steps : int
+    on_step : callable
+        Called after each step.
+    """
+    corners, weights = places_on(field, samples.points, samples.normals)
+    order = np.random.default_rng(seed).permutation(len(corners))
+    other, known = np.split(order, [math.ceil(len(order) / _KEPT_BACK)])
+    fields, facts = [], []
+    for name, wanted, labels in _tasks(samples):
+        learned = learn_scalars(
+            field.verts, corners[known], weights[known], wanted[known],
+            name=name, labels=labels, steps=steps, seed=seed, on_step=on_step,
+        )  # fmt: skip
+        found = learned.values(corners[other], weights[other])
+        if labels:
+            error = float((found.argmax(1) != wanted[other].argmax(1)).mean())
+            fact: dict[str, Any] = {"name": name, "pieces": len(labels), "share_wrong": error}
+        else:
+            off = np.sqrt(((found - wanted[other]) ** 2).mean(0)) / learned.scale
+            fact = {"name": name, "scalars": wanted.shape[1], "relative_error": float(off.mean())}
+        fields.append(learned)
+        facts.append({**fact, "bytes": 2 * sum(tensor.numel() for tensor in learned.tensors)})
+    return LearnedScalars(fields, facts)
+
+
+def _tasks(samples: SampledScalars) -> list[tuple[str, _Floats, list[int]]]:
+    """Return names, wanted values (P, C), and the numbers of pieces."""
+    found: list[tuple[str, _Floats, list[int]]] = [(name, values, []) for name, values in samples.values.items()]
+    for name, owner in samples.labels.items():
+        labels = np.unique(owner)
+        found.append((name, (owner[:, None] == labels).astype(np.float64), labels.tolist()))
+    return found
+
+
+def check_places(verts: _Floats, faces: _Index, samples: SampledScalars) -> None:
+    """Refuse samples that lie elsewhere than a mesh (V, 3), (F, 3).
+
+    Raises
+    ------
+    AssetError
+        A twentieth of the diagonal or more away on average.
+    """
+    some = slice(None, None, max(len(samples.points) // _LOOKED_AT, 1))
+    points = samples.points[some]
+    face, shares = _nearest(verts, faces, points, samples.normals[some])
+    apart = np.linalg.norm(np.einsum("pk,pkc->pc", shares, verts[faces[face]]) - points, axis=1)
+    if apart.mean() > _FAR * np.linalg.norm(np.ptp(verts, axis=0)):
+        raise AssetError(
+            "The points of the scalars lie elsewhere than the surface.",
+            advice="Give them in the coordinates of the asset's file.",
+        )
+
+
+def places_on(field: NeuralField, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats]:
+    """Return the places of the base whose images are nearest to points (P, 3).
+
+    Parameters
+    ----------
+    field : NeuralField
+    points, normals : (P, 3) float64
+        In the world; normals are unit normals, or zero where unknown.
+
+    Returns
+    -------
+    corners : (P, 3) int64
+    weights : (P, 3) float64
+    """
+    level = level_of(field.faces, len(field.verts), _LEVEL)
+    verts = field.evaluate(level.corners, level.weights)
+    face, shares = _nearest(verts, level.faces, points, normals)
+    owner = field.faces[face // 4**_LEVEL]
+    local = in_corners(level.corners[level.faces[face]], level.weights[level.faces[face]], owner)
+    return owner, np.einsum("pk,pkc->pc", shares, local)
+
+
+def _nearest(verts: _Floats, faces: _Index, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats]:
+    """Return the nearest face (P,) of a mesh for each point, and barycentric coordinates (P, 3)."""
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    facing = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    edge = max(float(np.median(np.linalg.norm(b - a, axis=1))), 1e-12)
+    return SurfaceTree(verts, faces, facing, spacing=edge, opposite=2 * edge).find(points, normals)

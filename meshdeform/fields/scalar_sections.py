@@ -1,0 +1,82 @@
+"""Read the scalars that a `.ndf` holds beside its surface. numpy only; the format is in docs/surface_fit.md."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.fields.reader import NeuralField
+
+__all__ = ["SurfaceScalars", "read_scalars"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SurfaceScalars:
+    """Scalars, or pieces, at every place of a field's base: offset + scale MLP(features there).
+
+    Attributes
+    ----------
+    name : str
+    labels : list of int
+        The numbers of the pieces, one for each output; empty for scalars.
+    offset, scale : (C,) float64
+    features : (V, d) float32
+    layers : list of (weight (out, in), bias (out,)) float32
+    """
+
+    name: str
+    labels: list[int]
+    offset: _Floats
+    scale: _Floats
+    features: NDArray[np.float32]
+    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+
+    def values(self, corners: _Index, weights: _Floats) -> _Floats:
+        """Return the scalars (P, C) at places with corners (P, 3) of the base and weights (P, 3); of pieces, logits."""
+        x = np.einsum("pk,pkd->pd", weights, self.features[corners])
+        for weight, bias in self.layers[:-1]:
+            x = x @ weight.T + bias
+            x = x / (1 + np.exp(-np.clip(x, -80, 80)))  # SiLU
+        return np.asarray(self.offset + self.scale * (x @ self.layers[-1][0].T + self.layers[-1][1]))
+
+    def pieces(self, corners: _Index, weights: _Floats) -> _Index:
+        """Return the number of the piece (P,) that each place belongs to."""
+        labels: _Index = np.array(self.labels, np.int64)[self.values(corners, weights).argmax(1)]
+        return labels
+
+
+def read_scalars(field: NeuralField) -> list[SurfaceScalars]:
+    """Return the scalars of a field, in the order of its file.
+
+    Raises
+    ------
+    ValueError
+        The file contradicts itself.
+    """
+    try:
+        return [
+            _read(given, rest, len(field.verts))
+            for given, rest in zip(field.header.get("scalars", []), field.more, strict=True)
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError("The .ndf contradicts itself.") from error
+
+
+def _read(given: dict[str, object], rest: NDArray[np.float32], vertices: int) -> SurfaceScalars:
+    widths: list[int] = [int(width) for width in given["widths"]]  # type: ignore[attr-defined]
+    features, rest = np.split(rest, [vertices * widths[0]])
+    layers = []
+    for before, after in itertools.pairwise(widths):
+        weight, bias, rest = np.split(rest, [after * before, after * before + after])
+        layers.append((weight.reshape(after, before), bias.reshape(after)))
+    offset, scale = (np.array(given[name], np.float64).reshape(widths[-1]) for name in ("offset", "scale"))
+    labels = [int(label) for label in given.get("labels", [])]  # type: ignore[attr-defined]
+    if len(rest) or len(labels) not in (0, widths[-1]):
+        raise ValueError("sizes")
+    return SurfaceScalars(str(given["name"]), labels, offset, scale, features.reshape(vertices, widths[0]), layers)

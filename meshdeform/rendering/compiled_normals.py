@@ -1,0 +1,255 @@
+"""Colour pixels by the normals of their faces on the CPU: `normals` of `shading`, compiled, with its gradient.
+
+Nothing is kept between the two passes but what was given: to compute the normals again is cheaper than to store them.
+Sums are added up in float64, in the order of pixels and faces, so the same input gives the same bits.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.autograd.function import FunctionCtx, once_differentiable
+
+from meshdeform.geometry.area_vectors import area_vectors
+from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
+
+__all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals"]
+
+SLIM_SHAPE = 1e-2
+"""Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
+
+The gradient of a pixel grows with the reciprocal of the face's height, but is only valid for motions shorter than that
+height, and no optimiser step is that short. The gradient is therefore limited to that of a face of this shape.
+"""
+TRUST_FROM, TRUST_OVER = 0.7, 0.25
+"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
+
+_SHORTEST = 1e-12
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _scaled(vectors: _Floats) -> _Floats:
+    """Return the lengths (N,) of vectors (N, 3), which become unit vectors; those of no length are divided by 1e-12."""
+    lengths = np.empty(len(vectors))
+    for n in range(len(vectors)):
+        x, y, z = vectors[n, 0], vectors[n, 1], vectors[n, 2]
+        lengths[n] = np.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / max(lengths[n], _SHORTEST)
+        vectors[n, 0], vectors[n, 1], vectors[n, 2] = x * inverse, y * inverse, z * inverse
+    return lengths
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view: int, f: int) -> float:
+    """Return 1 if a view sees a face from its front, else -1."""
+    v, total = faces[f, 0], 0.0
+    for c in range(3):
+        total += normals[f, c] * (eye[view, c] - verts[v, c])
+    return -1.0 if total < 0 else 1.0
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw(verts: _Floats, faces: _Index, eye: _Floats, axes: _Floats, face_ids: _Index, image: _Floats) -> None:
+    """Colour the covered pixels of an image (B, H, W, 3)."""
+    normals = area_vectors(verts, faces)
+    _scaled(normals)
+    for view in range(face_ids.shape[0]):
+        for row in range(face_ids.shape[1]):
+            for column in range(face_ids.shape[2]):
+                f = face_ids[view, row, column]
+                if f < 0:
+                    continue
+                half = 0.5 * _facing(normals, verts, faces, eye, view, f)
+                for c in range(3):
+                    image[view, row, column, c] = 0.5 + half * (
+                        axes[view, c, 0] * normals[f, 0]
+                        + axes[view, c, 1] * normals[f, 1]
+                        + axes[view, c, 2] * normals[f, 2]
+                    )
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
+    """Return the share (F,) of its pixels' gradients that each face passes on; 0 if it has no area."""
+    share = np.zeros(len(faces))
+    for f in range(len(faces)):
+        longest = 0.0
+        for i in range(3):
+            a, b, square = faces[f, i], faces[f, (i + 1) % 3], 0.0
+            for c in range(3):
+                square += (verts[b, c] - verts[a, c]) ** 2
+            longest = max(longest, square)
+        if lengths[f] > 2 * COLLAPSED_SHAPE * longest:
+            share[f] = min(lengths[f] / (2 * longest) / SLIM_SHAPE, 1.0)
+    return share
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _backward(
+    verts: _Floats,
+    clip: _Floats,
+    faces: _Index,
+    eye: _Floats,
+    axes: _Floats,
+    face_ids: _Index,
+    gradient: _Floats,
+    d_verts: _Floats,
+    d_clip: _Floats,
+) -> None:
+    """Add to the gradients of the vertices (V, 3) and of their places in the pictures (B, V, 4)."""
+    height, width = face_ids.shape[1], face_ids.shape[2]
+    normals = area_vectors(verts, faces)
+    smooth = np.zeros((len(verts), 3))
+    for f in range(len(faces)):
+        for i in range(3):
+            for c in range(3):
+                smooth[faces[f, i], c] += normals[f, c]
+    _scaled(smooth)
+    lengths = _scaled(normals)
+    share = _shares(verts, faces, lengths)
+    d_normals = np.zeros((len(faces), 3))
+    x, y, g, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for view in range(face_ids.shape[0]):
+        for row in range(height):
+            for column in range(width):
+                f = face_ids[view, row, column]
+                if f < 0 or share[f] == 0.0:
+                    continue
+                # The gradient on the normal, in the world: the pixel's, turned back.
+                half = 0.5 * share[f] * _facing(normals, verts, faces, eye, view, f)
+                r, s, t = gradient[view, row, column, 0], gradient[view, row, column, 1], gradient[view, row, column, 2]
+                for c in range(3):
+                    d[c] = half * (axes[view, 0, c] * r + axes[view, 1, c] * s + axes[view, 2, c] * t)
+                    d_normals[f, c] += d[c]
+                # Of the smooth normals only the motion counts, as `_motion_only` says.
+                px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
+                for i in range(3):
+                    v = faces[f, i]
+                    x[i] = clip[view, v, 0] - px * clip[view, v, 3]
+                    y[i] = clip[view, v, 1] - py * clip[view, v, 3]
+                a, b = x[1] * y[2] - y[1] * x[2], x[2] * y[0] - y[2] * x[0]
+                total = a + b + x[0] * y[1] - y[0] * x[1]
+                if total == 0.0:
+                    continue
+                a, b = a / total, b / total
+                cosine = 0.0
+                for i in range(3):
+                    v, weight = faces[f, i], (a if i == 0 else b if i == 1 else 1.0 - a - b)
+                    g[i] = d[0] * smooth[v, 0] + d[1] * smooth[v, 1] + d[2] * smooth[v, 2]
+                    cosine += weight * (
+                        normals[f, 0] * smooth[v, 0] + normals[f, 1] * smooth[v, 1] + normals[f, 2] * smooth[v, 2]
+                    )
+                trust = min(max((cosine - TRUST_FROM) / TRUST_OVER, 0.0), 1.0)
+                if trust == 0.0:
+                    continue
+                mean = a * g[0] + b * g[1] + (1.0 - a - b) * g[2]
+                for i in range(3):
+                    j, k = (i + 1) % 3, (i + 2) % 3
+                    # The area of part i is x_j y_k - y_j x_k.
+                    d_area = trust * (g[i] - mean) / total
+                    v, dx, dy = faces[f, j], d_area * y[k], -d_area * x[k]
+                    d_clip[view, v, 0] += dx
+                    d_clip[view, v, 1] += dy
+                    d_clip[view, v, 3] -= px * dx + py * dy
+                    v, dx, dy = faces[f, k], -d_area * y[j], d_area * x[j]
+                    d_clip[view, v, 0] += dx
+                    d_clip[view, v, 1] += dy
+                    d_clip[view, v, 3] -= px * dx + py * dy
+    _through_normals(verts, faces, normals, lengths, d_normals, d_verts)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _through_normals(
+    verts: _Floats, faces: _Index, normals: _Floats, lengths: _Floats, d_normals: _Floats, d_verts: _Floats
+) -> None:
+    """Take the gradient of unit normals (F, 3), faces times their lengths, to the vertices (V, 3)."""
+    for f in range(len(faces)):
+        if lengths[f] <= _SHORTEST:
+            continue
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        along = 0.0
+        for c in range(3):
+            along += normals[f, c] * d_normals[f, c]
+        inverse = 1.0 / lengths[f]
+        gx = (d_normals[f, 0] - along * normals[f, 0]) * inverse
+        gy = (d_normals[f, 1] - along * normals[f, 1]) * inverse
+        gz = (d_normals[f, 2] - along * normals[f, 2]) * inverse
+        bx, by, bz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
+        cx, cy, cz = verts[k, 0] - verts[i, 0], verts[k, 1] - verts[i, 1], verts[k, 2] - verts[i, 2]
+        jx, jy, jz = cy * gz - cz * gy, cz * gx - cx * gz, cx * gy - cy * gx
+        kx, ky, kz = gy * bz - gz * by, gz * bx - gx * bz, gx * by - gy * bx
+        d_verts[j, 0] += jx
+        d_verts[j, 1] += jy
+        d_verts[j, 2] += jz
+        d_verts[k, 0] += kx
+        d_verts[k, 1] += ky
+        d_verts[k, 2] += kz
+        d_verts[i, 0] -= jx + kx
+        d_verts[i, 1] -= jy + ky
+        d_verts[i, 2] -= jz + kz
+
+
+def colour_by_normals(
+    verts: Tensor, clip: Tensor, faces: Tensor, eye: Tensor, axes: Tensor, face_ids: Tensor, backdrop: Tensor
+) -> Tensor:
+    """Colour every pixel by the normal of the face that it shows.
+
+    Parameters
+    ----------
+    verts : (V, 3) floating
+        Positions in the world.
+    clip : (B, V, 4) floating
+        The same positions in the views' clip space.
+    faces : (F, 3) int64
+    eye : (B, 3) floating
+        Positions of the cameras.
+    axes : (B, 3, 3) floating
+        Rotations to the cameras' frames.
+    face_ids : (B, H, W) int64
+        The visible face at each pixel, -1 where there is none.
+    backdrop : (B * H * W, 3) floating
+        Colours where there is no face.
+
+    Returns
+    -------
+    (B, H, W, 3) of the backdrop's type, differentiable once in `verts` (colours) and `clip` (their motion).
+    """
+    result: Tensor = _Colour.apply(verts, clip, faces, eye, axes, face_ids, backdrop)  # type: ignore[no-untyped-call]
+    return result
+
+
+class _Colour(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: FunctionCtx,
+        verts: Tensor,
+        clip: Tensor,
+        faces: Tensor,
+        eye: Tensor,
+        axes: Tensor,
+        face_ids: Tensor,
+        backdrop: Tensor,
+    ) -> Tensor:
+        given = [t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)]
+        image = backdrop.clone(memory_format=torch.contiguous_format).view(*face_ids.shape, 3)
+        _draw(given[0], *given[2:], image.numpy())
+        ctx.saved = given  # type: ignore[attr-defined]
+        return image
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
+        given: list[NDArray[np.generic]] = ctx.saved  # type: ignore[attr-defined]
+        d_verts, d_clip = np.zeros(given[0].shape), np.zeros(given[1].shape)
+        _backward(*given, gradient.contiguous().numpy(), d_verts, d_clip)
+        return (
+            torch.from_numpy(d_verts.astype(given[0].dtype)),
+            torch.from_numpy(d_clip.astype(given[1].dtype)),
+            *[None] * 5,
+        )

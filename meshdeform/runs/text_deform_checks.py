@@ -1,0 +1,295 @@
+"""Check that a request of kind `text_deform` could run: its model, prompts, targets, pictures, drawing. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.priors.public_names import public_names
+from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
+from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
+from meshdeform.requests.sketches import SKETCH_PART
+from meshdeform.requests.stages import active_prompts, generated_targets, named_targets, needs_prior
+from meshdeform.runs.sent_weights import check_weights_part
+
+if TYPE_CHECKING:
+    from meshdeform.assets import AssetSummary
+    from meshdeform.priors.builtin.words import Words
+
+__all__ = ["check", "check_words"]
+
+_PlacedPrompt = tuple[list[str | int], str]
+"""A prompt after its place in the document."""
+_SAME_DEG = 1.0
+"""Directions of pictures that differ by less are the same."""
+
+
+def check(
+    request: JobRequest,
+    *,
+    default_model: str,
+    allowed_models: Sequence[str] = (),
+    revision: str = "",
+    has_target: bool = False,
+    targets: Collection[str] = (),
+    pictures: Collection[str] = (),
+    has_weights: bool = False,
+    has_sketch: bool = False,
+) -> ResolvedParams:
+    """Refuse a request that could not run; return the values of all its parameters.
+
+    Parameters
+    ----------
+    request : JobRequest
+    default_model : str
+        The model used if the request names none; always allowed, like `builtin`.
+    allowed_models : sequence of str
+        Further models that a request may name.
+    revision : str
+        Revision of the default model.
+    has_target : bool
+        Whether the second mesh for `target` guidance is present.
+    targets : collection of str
+        The parts that are target meshes, for stages.
+    pictures : collection of str
+        The names of the parts with pictures that are present.
+    has_weights : bool
+        Whether taught weights are among the files.
+    has_sketch : bool
+        Whether a drawing is among them.
+
+    Raises
+    ------
+    ParameterError
+        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
+        reverse, or parameters that contradict the preset or each other.
+    PromptError, VocabularyError
+        The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
+    ModelError
+        The model is not allowed, or not on this machine.
+    """
+    params = request.params
+    resolved = resolve(params, default_model=default_model)
+    _check_pictures(request, pictures)
+    given = {*targets, *(["target"] if has_target else [])}
+    if not _check_sketch(resolved, given | ({SKETCH_PART} if has_sketch else set())):
+        _check_targets(resolved, given)
+    known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
+    for generated in generated_targets(resolved):
+        if generated.model != default_model and generated.model not in allowed_models:
+            raise _not_allowed(generated.model, known)
+        from meshdeform.priors.text_to_3d import check_generator
+
+        check_generator(generated.model)
+    if resolved.stages and request.prompt:
+        raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
+    if needs_prior(resolved):
+        model = params.model or default_model
+        check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
+        if is_sent(model):  # its words are those of a file, which is checked later
+            return resolved
+        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
+        if is_taught(model) and not offered:  # before its words are read
+            raise _not_allowed(model, known)
+        _check_prompts(_prompts(request), params, model)
+        if not offered:
+            raise _not_allowed(model, known)
+        from meshdeform.priors import check_model
+
+        check_model(model, revision if model == default_model else "", params.encoder)
+    elif has_weights:
+        check_weights_part(params.model, [WEIGHTS_PART])
+    return resolved
+
+
+def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
+    """Refuse a request whose target meshes are not those that were sent."""
+    needed = named_targets(params)
+    for part in needed:
+        if part not in given:
+            detail = "`target` guidance needs a second mesh." if not params.stages else f"A stage needs `{part}`."
+            raise _refusal("stages" if params.stages else "guidance", detail, f"Send it as the part `{part}`.")
+    for part in sorted(set(given) - set(needed)):
+        if params.stages or params.target is not None:
+            whose = "no stage" if params.stages else "params.target, which is generated, not"
+            detail = f"`{part}` was sent, but {whose} uses it."
+            raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
+        raise _refusal(
+            "guidance",
+            f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
+            f"Set params.guidance to `target`, or omit the part `{part}`.",
+        )
+
+
+def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
+    """Return the prompts of a request, each with its place in the document.
+
+    Raises
+    ------
+    ParameterError
+        There are several, and none pulls at anything.
+    """
+    params = request.params
+    if params.stages:
+        staged = enumerate(params.stages)
+        return [(["params", "stages", number, "prompt"], stage.prompt) for number, stage in staged if stage.prompt]
+    if not params.prompts:
+        return [(["prompt"], request.prompt)]
+    if not active_prompts(request.prompt, params.prompts):
+        raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
+    found: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
+    for number, each in enumerate(params.prompts):
+        found.append((["params", "prompts", number, "prompt"], each.prompt))
+    return found
+
+
+def _check_prompts(prompts: Sequence[_PlacedPrompt], params: DeformParams, model: str) -> None:
+    """Refuse prompts that are empty, or that the builtin model cannot read."""
+    _filled(prompts)
+    if is_builtin(model) and prompts:
+        from meshdeform.priors.builtin.taught import known_words
+
+        _check_vocabulary(prompts, params, known_words(model))
+
+
+def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
+    """Return the prompts; refuse empty ones."""
+    if not all(prompt for _, prompt in prompts):
+        raise PromptError("The prompt is empty.")
+    return prompts
+
+
+def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
+    return ModelError(
+        f"This server does not run the model {model!r}.",
+        advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
+        models=list(known),
+    )
+
+
+def _refusal(name: str, detail: str, advice: str) -> ParameterError:
+    return ParameterError(detail, advice=advice, **_at_parameter(name, detail))
+
+
+def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
+    """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
+    if needs_prior(resolve(request.params)):
+        _check_vocabulary(_filled(_prompts(request)), request.params, known)
+
+
+def _check_pictures(request: JobRequest, present: Collection[str]) -> None:
+    """Refuse pictures without a direction, directions without a picture, and directions that are the same.
+
+    Parameters
+    ----------
+    request : JobRequest
+    present : collection of str
+        The names of the parts with pictures.
+
+    Raises
+    ------
+    ParameterError
+        They do not belong together, or the guidance cannot use them.
+    """
+    params = request.params
+    views = params.silhouettes
+    if params.guidance is GuidanceKind.TARGET and (views or present):
+        detail = "Pictures cannot guide beside a second mesh, which has all its silhouettes."
+        raise _picture_refusal(detail, "Leave out params.silhouettes, or set params.guidance to sds or silhouettes.")
+    if params.guidance is GuidanceKind.SILHOUETTES:
+        if not views:
+            detail = "`silhouettes` guidance needs at least one picture."
+            raise _picture_refusal(
+                detail, "Send it as the part `silhouette_1`, with its azimuth in params.silhouettes."
+            )
+        if request.prompt:
+            detail = "There is a prompt, and `silhouettes` guidance does not use it."
+            raise _picture_refusal(
+                detail, "Set params.guidance to sds to use both, or leave the prompt out.", "guidance"
+            )
+    wanted = SILHOUETTE_PARTS[: len(views)]
+    for number, name in enumerate(wanted):
+        if name not in present:
+            detail = f"params.silhouettes has {len(views)} entries, and the part `{name}` is missing."
+            raise _picture_refusal(detail, f"Send the picture as the part `{name}`.", number)
+    for name in sorted(set(present) - set(wanted)):
+        detail = f"The part `{name}` was sent, and params.silhouettes has {len(views)} entries."
+        raise _picture_refusal(detail, "Give each picture an entry with its azimuth, in the order of the parts.")
+    for number, view in enumerate(views):
+        for other in range(number):
+            if _same(view, views[other]):
+                detail = f"`{wanted[other]}` and `{wanted[number]}` have the same azimuth and elevation."
+                raise _picture_refusal(detail, "Correct one of the azimuths, or leave one of the pictures out.", number)
+
+
+def _same(one: Silhouette, other: Silhouette) -> bool:
+    apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
+    return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
+
+
+def _picture_refusal(detail: str, advice: str, *place: Any) -> ParameterError:
+    loc = ["params", *place] if place == ("guidance",) else ["params", "silhouettes", *place]
+    return ParameterError(detail, advice=advice, errors=[{"loc": loc, "msg": detail, "type": "value_error"}])
+
+
+def _check_sketch(params: ResolvedParams, files: Collection[str]) -> bool:
+    """Return whether the target mesh of a request is that of a drawing or of `params.sketch`.
+
+    Parameters
+    ----------
+    params : ResolvedParams
+    files : collection of str
+        The parts that are target meshes or a drawing.
+
+    Raises
+    ------
+    ParameterError
+        There is a drawing, and the request does not use it; or a target mesh beside either.
+    """
+    drawn = SKETCH_PART in files
+    what = f"the part `{SKETCH_PART}`" if drawn else "params.sketch"
+    if drawn and (params.stages or params.target is not None):
+        name = "stages" if params.stages else "target"
+        raise _refusal(name, f"A drawing was sent, but params.{name} does not use it.", f"Omit {what}.")
+    if drawn and params.guidance is not GuidanceKind.TARGET:
+        detail = f"A drawing was sent, but the guidance is `{params.guidance}`, which does not use it."
+        raise _refusal("guidance", detail, f"Set params.guidance to `target`, or omit {what}.")
+    if not drawn and params.sketch is None:
+        return False
+    if meshes := sorted(set(files) - {SKETCH_PART}):
+        detail = f"`{meshes[0]}` and {what} both say what the target is."
+        raise _refusal("sketch", detail, "Leave out one of the two.")
+    return True
+
+
+def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, known: Words) -> None:
+    """Refuse prompts that the builtin prior with these words cannot read.
+
+    Raises
+    ------
+    PromptError, VocabularyError
+        One of them, or the negative prompt; of several prompts the error says which.
+    """
+    from meshdeform.priors.builtin.grammar import parse, parse_negative
+
+    for place, prompt in prompts:
+        try:
+            parse(prompt, known)
+        except (PromptError, VocabularyError) as error:
+            if len(prompts) > 1:  # say which
+                error.extra |= {"errors": [{"loc": place, "msg": error.detail, "type": "value_error"}]}
+            raise
+        if params.negative_prompt.strip():
+            try:
+                parse_negative(params.negative_prompt, prompt, known)
+            except (PromptError, VocabularyError) as error:
+                # Add which of the two texts the error is about.
+                error.extra |= _at_parameter("negative_prompt", error.detail)
+                raise
+
+
+def _at_parameter(name: str, detail: str) -> dict[str, Any]:
+    """Return the member of a problem document that names a parameter."""
+    return {"errors": [{"loc": ["params", name], "msg": detail, "type": "value_error"}]}

@@ -1,0 +1,70 @@
+"""Name files readably, and write them atomically. Standard library only."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+__all__ = ["artifact_name", "result_name", "slug", "write_files"]
+
+
+_MAX_LENGTH = 48
+
+
+def slug(text: str) -> str:
+    """Return text as part of a file name: words joined by hyphens, at most 48 characters; empty if there is no word."""
+    return re.sub(r"\W+", "-", text).strip("-_")[:_MAX_LENGTH].strip("-_")
+
+
+def artifact_name(artifact: str, base: str) -> str:
+    """Return the file name for an artifact: `BASE.glb` for `result.glb`, `BASE.preview.png` for `preview.png`."""
+    return f"{base}{artifact.removeprefix('result')}" if artifact.startswith("result.") else f"{base}.{artifact}"
+
+
+def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> str:
+    """Return the file name for an artifact: `duck-a-tall-vase-seed7.glb` for `result.glb`.
+
+    Parameters
+    ----------
+    artifact : str
+        `result.glb` loses its stem; any other keeps it: `duck-a-tall-vase-seed7.preview.png`.
+    source : str
+        Name of the file that the job deforms; may be empty.
+    goal : str
+        The prompt, or what stands for it.
+    seed : int, optional
+    """
+    # Not `Path.stem`: the name is a client's, of any platform.
+    filename = re.split(r"[\\/]", source)[-1]
+    stem = filename.rpartition(".")[0] or filename
+    parts = [slug(stem), slug(goal), "" if seed is None else f"seed{seed}"]
+    base = "-".join(filter(None, parts))
+    return artifact_name(artifact, base) if base else artifact
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Write every file or none: all bytes are on the disk before the first file is renamed.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written; existing files with these names are unchanged.
+    """
+    with ExitStack() as cleanup:
+        written = {path: _write_beside(path, data, cleanup) for path, data in contents.items()}
+        for path, temporary in written.items():
+            temporary.replace(path)
+
+
+def _write_beside(path: Path, data: bytes, cleanup: ExitStack) -> Path:
+    """Write `data` to a file next to `path`, where renaming is atomic; clean-up removes it unless it was renamed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    cleanup.callback(temporary.unlink, missing_ok=True)
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    return temporary
