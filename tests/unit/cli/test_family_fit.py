@@ -15,7 +15,8 @@ from meshdeform.runs.family_fit import FamilyFitRun
 
 _SMALL = ["--points", "20", "--set", "samples=50", "--set", "iterations=2", "--set", "epochs=2"]
 _FILES = {
-    "report.json", "preview.png", "segmentation.npz", "correspondences.npz", "descriptors.npz", "family.safetensors"
+    "report.json", "preview.png",
+    "wall.glb", "segmentation.npz", "correspondences.npz", "descriptors.npz", "family.safetensors"
 }  # fmt: skip
 
 

@@ -48,7 +48,11 @@ def test_shapes_are_made_and_made_again(folder: Path, tmp_path: Path) -> None:
     found = CliRunner().invoke(app, [*command, "--mode", "search", "--member", "chair_0002", "--count", "2"])
     assert found.exit_code == 0, found.output
     assert found.output.count("chair_0") == 2
-    assert {path.name for path in out.iterdir()} == {"report.json", "preview.png"}  # none of the shapes before
+    assert {path.name for path in out.iterdir()} == {
+        "report.json",
+        "preview.png",
+        "wall.glb",
+    }  # none of the shapes before
 
 
 def test_what_is_missing_is_said(folder: Path, tmp_path: Path) -> None:
