@@ -61,21 +61,21 @@ def test_meshes_are_packed_with_the_names_of_their_folders(pots: Path) -> None:
 @pytest.mark.parametrize("flavor", ["sync", "async"])
 def test_a_client_posts_a_lesson(url: str, pots: Path, flavor: str) -> None:
     with opened(flavor, url) as client:
-        job = client.teach("a teapot", pots, params={"synonyms": ["kettle"]}, metadata={"from": "test"})
+        job = client.teach("a gnome", pots, params={"synonyms": ["dwarf"]}, metadata={"from": "test"})
         assert (str(job.kind), list(job.files), job.metadata) == ("prior_teach", ["meshes"], {"from": "test"})
         params = job.as_json()["params"]
-        assert (params["noun"], params["synonyms"]) == ("a teapot", ["kettle"])
+        assert (params["noun"], params["synonyms"]) == ("a gnome", ["dwarf"])
 
 
 def test_the_command_line_posts_a_lesson(url: str, pots: Path, tmp_path: Path) -> None:
-    lesson = ["teach", "a teapot", str(pots), "--service", "--url", url]
-    done = CliRunner().invoke(app, [*lesson, "--synonym", "kettle", "--steps", "7"])
+    lesson = ["teach", "a gnome", str(pots), "--service", "--url", url]
+    done = CliRunner().invoke(app, [*lesson, "--synonym", "dwarf", "--steps", "7"])
     assert done.exit_code == 0, done.output
     record = JobRecord(Settings(data_dir=tmp_path / "data").resolved_database_url)
     job = record.get(done.stdout.strip().splitlines()[-1])
     record.close()
     params = job.request.params.model_dump()
-    assert (params["noun"], params["synonyms"], params["steps"]) == ("a teapot", ["kettle"], 7)
+    assert (params["noun"], params["synonyms"], params["steps"]) == ("a gnome", ["dwarf"], 7)
     refused = CliRunner().invoke(app, [*lesson, "--output", "x.safetensors"])
     assert refused.exit_code == 2
     assert "lessons on this machine" in refused.output

@@ -18,7 +18,7 @@ from meshdeform.priors.builtin.training.train import Trainer
 from tests.taught import shorten_lessons, write_small_weights
 
 _STEPS = ["--model", "small.safetensors", "--steps", "3"]
-_TEACH = ["teach", "a teapot", "teapots", "--synonym", "kettle", "--licence", "CC0-1.0", *_STEPS]
+_TEACH = ["teach", "a gnome", "gnomes", "--synonym", "dwarf", "--licence", "CC0-1.0", *_STEPS]
 
 
 @pytest.fixture(autouse=True)
@@ -26,20 +26,20 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a folder of three meshes and small weights current, and lessons short."""
     monkeypatch.chdir(tmp_path)
     write_small_weights(Path("small.safetensors"))
-    Path("teapots/tall").mkdir(parents=True)
-    Path("teapots/notes.txt").write_text("no mesh")
-    trimesh.creation.icosphere(1).export("teapots/round.glb")
-    trimesh.creation.box((1, 1, 1)).export("teapots/square.obj")
+    Path("gnomes/tall").mkdir(parents=True)
+    Path("gnomes/notes.txt").write_text("no mesh")
+    trimesh.creation.icosphere(1).export("gnomes/round.glb")
+    trimesh.creation.box((1, 1, 1)).export("gnomes/square.obj")
     trimesh.creation.cylinder(
         0.3, 2, sections=8, transform=trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0])
-    ).export("teapots/tall/can.stl")
+    ).export("gnomes/tall/can.stl")
     shorten_lessons(monkeypatch)
 
 
 def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = CliRunner().invoke(app, [*_TEACH, "-o", "whole.safetensors"])
     assert whole.exit_code == 0, whole.output
-    assert "of 2 held-out pictures are taken for a teapot" in whole.output
+    assert "of 2 held-out pictures are taken for a gnome" in whole.output
     step = Trainer.step
 
     def interrupted(self: Trainer) -> float:
@@ -74,10 +74,10 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
 
     again = CliRunner().invoke(
         app,
-        ["teach", "a jug", "teapots/round.glb", "--model", "mine.safetensors", "--steps", "1", "-o", "two.safetensors"],
+        ["teach", "a jug", "gnomes/round.glb", "--model", "mine.safetensors", "--steps", "1", "-o", "two.safetensors"],
     )
     assert again.exit_code == 0, again.output
-    assert set(known_words("two.safetensors").nouns) == {"bowl", "heart", "vase", "teapot", "jug"}
+    assert set(known_words("two.safetensors").nouns) == {"bowl", "heart", "vase", "gnome", "jug"}
 
     Path("models").mkdir()
     Path("two.safetensors").rename("models/two.safetensors")
@@ -89,12 +89,12 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
         ("broken", False),
         ("two", True),
     ]
-    assert [lesson["noun"] for lesson in listed[2]["lessons"]] == ["teapot", "jug"]
+    assert [lesson["noun"] for lesson in listed[2]["lessons"]] == ["gnome", "jug"]
     assert listed[2]["licence"] == "CC0-1.0"
     described = CliRunner().invoke(app, ["models", "two.safetensors"]).output
-    assert "teapot or kettle, from round.glb, square.obj, tall/can.stl; labelled tall" in described
+    assert "gnome or dwarf, from round.glb, square.obj, tall/can.stl; labelled tall" in described
 
-    run = ["run", "teapots/round.glb", "a tall kettle", "--steps", "1", "--set", "orientation=keep"]
+    run = ["run", "gnomes/round.glb", "a tall dwarf", "--steps", "1", "--set", "orientation=keep"]
     used = CliRunner().invoke(app, [*run, "--model", "two.safetensors", "-o", "out.glb"])
     assert used.exit_code == 0, used.output
     report = json.loads(Path("out.report.json").read_text())
@@ -102,7 +102,7 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
     assert "likeness" not in report
     refused = CliRunner().invoke(app, [*run, "--model", "builtin", "-o", "other.glb"])
     assert refused.exit_code == 3
-    assert "kettle" in refused.output
+    assert "dwarf" in refused.output
 
 
 def _contents(path: str) -> tuple[dict[str, str], dict[str, bytes]]:
@@ -123,24 +123,24 @@ def test_what_cannot_be_taught_is_refused_before_anything_is_written() -> None:
     for number in range(201):
         Path(f"many/{number}.obj").write_text("")
     for arguments, words in (
-        (["a teapot", "empty"], "There is no mesh"),
-        (["a teapot", "many"], "more than 200 meshes"),
-        (["a teapot", "holiday"], "does not name attributes"),
-        (["a teapot", "face.obj"], "face.obj has 1 faces"),
-        (["a teapot", "teapots/notes.txt"], "notes.txt"),
-        (["a vase", "teapots"], "knows 'vase' already"),
-        (["a teapot", "teapots", "-o", "mine.safetensors"], "was not written by an earlier run"),
-        (["a teapot", "teapots", "-o", "mine.glb"], "does not end in"),
-        (["a teapot", "teapots", "--checkpoint", "mine.state"], "is not a checkpoint"),
-        (["a teapot", "teapots", "--resume", "mine.state"], "cannot be read"),
-        (["a teapot", "teapots", "--model", "mine.safetensors"], "not safetensors"),
-        (["a teapot", "teapots", "--model", "owner/model"], "cannot be taught"),
-        (["a teapot", "teapots", "-o", "small.safetensors"], "is an input of this run"),
+        (["a gnome", "empty"], "There is no mesh"),
+        (["a gnome", "many"], "more than 200 meshes"),
+        (["a gnome", "holiday"], "does not name attributes"),
+        (["a gnome", "face.obj"], "face.obj has 1 faces"),
+        (["a gnome", "gnomes/notes.txt"], "notes.txt"),
+        (["a vase", "gnomes"], "knows 'vase' already"),
+        (["a gnome", "gnomes", "-o", "mine.safetensors"], "was not written by an earlier run"),
+        (["a gnome", "gnomes", "-o", "mine.glb"], "does not end in"),
+        (["a gnome", "gnomes", "--checkpoint", "mine.state"], "is not a checkpoint"),
+        (["a gnome", "gnomes", "--resume", "mine.state"], "cannot be read"),
+        (["a gnome", "gnomes", "--model", "mine.safetensors"], "not safetensors"),
+        (["a gnome", "gnomes", "--model", "owner/model"], "cannot be taught"),
+        (["a gnome", "gnomes", "-o", "small.safetensors"], "is an input of this run"),
     ):
         model = [] if "--model" in arguments else ["--model", "small.safetensors"]
         refused = CliRunner().invoke(app, ["teach", *arguments, *model, "--steps", "1"])
         assert refused.exit_code in {2, 3, 4}, (arguments, refused.output)
         assert words in " ".join(refused.output.replace("│", " ").split()), (arguments, refused.output)
-    assert not Path("teapot.safetensors").exists()
+    assert not Path("gnome.safetensors").exists()
     assert Path("mine.safetensors").read_bytes() == Path("mine.state").read_bytes() == b"mine"
     assert not [path for path in Path().rglob("*.part") if path not in before]

@@ -73,7 +73,7 @@ def test_a_turned_source_with_its_angle_gives_the_same_result_turned() -> None:
     plain = deformation(placed("quadruped"), orientation="keep", steps=4)
     other = deformation(placed("quadruped", 90.0), orientation=90.0, steps=4)
     losses = [[step.losses["sds_mse"] for step in run] for run in (plain, other)]
-    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+    assert losses[0] == pytest.approx(losses[1], rel=3e-3)
     moved = float((plain.verts() - plain.mesh.verts).norm())
     expected = turned(TriangleMesh(plain.verts(), plain.mesh.faces), 90.0).verts
     assert float((other.verts() - expected).norm()) < 0.05 * moved

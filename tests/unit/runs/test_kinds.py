@@ -149,6 +149,7 @@ def test_the_door_checks_it() -> None:
         "sketch",
         "weights",
         "base",
+        "scalars",
         "collection",
         "family",
         "meshes",
