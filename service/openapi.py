@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
+from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from meshdeform.requests.document import JobKind, params_by_kind
@@ -57,8 +58,8 @@ def describe(app: FastAPI) -> None:
         if app.openapi_schema is None:
             document = found()
             others = [model for kind, model in params_by_kind().items() if kind != JobKind.TEXT_DEFORM]
-            wanted = [(model, "validation") for model in (*_MODELS, *others)]
-            _, more = models_json_schema(wanted, ref_template=_REFERENCE)
+            models: list[type[BaseModel]] = [*_MODELS, *others]
+            _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})
             # FastAPI adds its own error schemas to every route with parameters; no response uses them.
             for name in ("HTTPValidationError", "ValidationError"):
