@@ -9,18 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from meshdeform.assets import load_asset  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, picture, shown_job, until_drawn  # noqa: E402
+from meshdeform.assets import load_asset
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import badge, choose, difference, expect, open_form, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Route
-
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+    from playwright.sync_api import Page, Route
 
 
 def test_a_file_that_cannot_be_shown_takes_the_model_before_it_away(
