@@ -59,8 +59,8 @@ for (const name of ["drawArrays", "drawArraysInstanced"])
 for (const name of ["drawElements", "drawElementsInstanced"])
   WebGL2RenderingContext.prototype[name] = (mode, count) => void window.__drawn.add(count);
 """
-# The studio's light is drawn once for each page, with 256 samples at each of its pixels: three quarters of the time until
-# the first picture. No test looks at that light alone.
+# Each page draws the studio's light once, with 256 samples at each of its pixels: three quarters of the time until the
+# first picture. No test looks at that light alone.
 FEW_SAMPLES = """
 const { shaderSource } = WebGL2RenderingContext.prototype;
 WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
