@@ -120,7 +120,9 @@ def read_surface_file(
         )
     if kind == "points":
         return _points(*(_ply(data) if data.startswith(b"ply") else _xyz(data)))
-    return {"grid": _grid, "level_set": _level_set, "network": _network}[kind](data)
+    if kind == "level_set":
+        return _checked(*read_level_set(data, MAX_GRID_VALUES))
+    return _grid(data) if kind == "grid" else _network(data)
 
 
 def summary_of(found: OrientedPoints | DistanceGrid | ImplicitNetwork, filename: str) -> AssetSummary:
@@ -214,10 +216,6 @@ def _grid(data: bytes) -> DistanceGrid:
     except ValueError as error:
         raise AssetError("origin must be (3,) and spacing (1,) or (3,) numbers.") from error
     return _checked(values.astype(np.float64), origin, spacing)
-
-
-def _level_set(data: bytes) -> DistanceGrid:
-    return _checked(*read_level_set(data, MAX_GRID_VALUES))
 
 
 def _checked(values: _Floats, origin: _Floats, spacing: _Floats) -> DistanceGrid:

@@ -38,7 +38,7 @@ _MOST_GRIDS = 1000
 _MOST_NODES = 512
 _MARGIN = 2
 _TOO_LARGE = "Resample the level set with larger voxels, or send one with another box."
-_TYPES = {"Tree_float_5_4_3": np.dtype("<f4"), "Tree_double_5_4_3": np.dtype("<f8")}
+_TYPES: dict[str, np.dtype[Any]] = {"Tree_float_5_4_3": np.dtype("<f4"), "Tree_double_5_4_3": np.dtype("<f8")}
 _HALF = "_HalfFloat"
 
 
@@ -160,7 +160,9 @@ def _too_large(found: object, most: int) -> AssetTooLargeError:
 
 def _grids(cursor: _Cursor) -> list[_Grid]:
     if cursor.take(len(LEVEL_SET_MAGIC)) != LEVEL_SET_MAGIC:
-        raise AssetFormatError("The file is not an OpenVDB file.")
+        raise AssetFormatError(
+            "The file is not an OpenVDB file.", advice="Send it with the file extension of its own format."
+        )
     version = cursor.number("I")
     if version != _VERSION:
         raise AssetFormatError(
@@ -315,15 +317,14 @@ def _unpacked(cursor: _Cursor, tree: _Tree, size: int) -> bytes:
 
 def _box(tree: _Tree, origins: NDArray[np.int64], masks: _Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the first and the last coordinate plus one of the active voxels' box, with a margin around it."""
-    cubes = masks.reshape(-1, 8, 8, 8)
-    lows, highs = [], []
     filled = masks.any(1)
-    if filled.any():
-        for axis in range(3):
-            sides = cubes[filled].any(tuple(1 + i for i in range(3) if i != axis))
-            lows.append((origins[filled, axis] + sides.argmax(1)).min())
-            highs.append((origins[filled, axis] + 8 - sides[:, ::-1].argmax(1)).max())
-        lows, highs = [np.array(lows)], [np.array(highs)]
+    cubes, places = masks[filled].reshape(-1, 8, 8, 8), origins[filled]
+    lows: list[NDArray[np.int64]] = []
+    highs: list[NDArray[np.int64]] = []
+    if len(cubes):
+        sides = np.stack([np.asarray(cubes.any((2, 3))), cubes.any((1, 3)), cubes.any((1, 2))], 1)  # (leaves, axes, 8)
+        lows.append((places + sides.argmax(2)).min(0))
+        highs.append((places + 8 - sides[:, :, ::-1].argmax(2)).max(0))
     for places, size, _, active in tree.tiles:
         if active.any():
             lows.append(places[active].min(0))
