@@ -1,6 +1,6 @@
 """Level sets: what OpenVDB wrote is read to the last bit, and what is no closed level set is refused.
 
-The files are those of tests/toolchain/write_level_sets.py.
+The files are those of integrations/blender/write_level_sets.py.
 """
 
 from __future__ import annotations

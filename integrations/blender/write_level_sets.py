@@ -2,7 +2,7 @@
 
     scripts/test-blender -k nothing                      # installs bpy, which has OpenVDB 12 in it
     tests/.blender/bin/pip install tinyvdb==0.9.0
-    tests/.blender/bin/python tests/toolchain/write_level_sets.py
+    tests/.blender/bin/python integrations/blender/write_level_sets.py
 
 What is in `odd` is told by `odd_value`, with all the ways in which a node stores what is not active. OpenVDB packs with
 Blosc; the same grid with zlib and unpacked is TinyVDB's, and OpenVDB reads it again here before it is kept.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -20,7 +21,7 @@ import tinyvdb
 bpy.utils.expose_bundled_modules()
 import openvdb  # noqa: E402
 
-FOLDER = Path(__file__).resolve().parents[1] / "unit/assets/level_sets"
+FOLDER = Path(__file__).resolve().parents[2] / "tests/unit/assets/level_sets"
 
 
 def odd_value(x: int, y: int, z: int) -> tuple[float, bool]:
@@ -31,7 +32,8 @@ def odd_value(x: int, y: int, z: int) -> tuple[float, bool]:
     return choices[(x + y + z) % len(choices)], False
 
 
-def odd(kind: type) -> object:
+def odd(kind: Any) -> Any:
+    """Return the grid `odd` as a FloatGrid or a DoubleGrid."""
     grid = kind(0.5)
     grid.name, grid.gridClass = "odd", openvdb.GridClass.LEVEL_SET
     access = grid.getAccessor()
@@ -45,6 +47,7 @@ def odd(kind: type) -> object:
 
 
 def main() -> None:
+    """Write the files, and read them again."""
     FOLDER.mkdir(exist_ok=True)
     ball = openvdb.createLevelSetSphere(1.0, (1.83, 1.7, 2.0), 0.25, 3.0)
     ball.name = "ball"
