@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Page, expect = playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
+RESULT = re.compile(r"/artifacts/result\.glb$")
 
 
 def test_a_file_that_cannot_be_shown_takes_the_model_before_it_away(
@@ -123,7 +124,7 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
         else:
             route.continue_()
 
-    page.route(re.compile(r"/artifacts/result\.glb$"), refuse)
+    page.route(RESULT, refuse)
     page.goto(f"/#/jobs/{done}")
     after = page.locator(".viewer").nth(1)
     expect(after.locator(".viewer-cover")).to_contain_text("This shape could not be loaded")
@@ -168,11 +169,11 @@ def test_a_large_result_comes_as_ranges_and_looks_as_the_whole_file_does(
     assert service.finished(done)["state"] == "succeeded"
     whole = service.http.get(f"/v1/jobs/{done}/artifacts/result.glb").content
     found: list[Response] = []
-    page.on("response", lambda response: found.append(response) if "artifacts/result.glb" in response.url else None)
+    page.on("response", lambda response: found.append(response) if RESULT.search(response.url) else None)
 
-    page.goto(f"/#/jobs/{done}")
+    with page.expect_response(RESULT):
+        page.goto(f"/#/jobs/{done}")
     before, after = page.locator(".viewer").nth(0), page.locator(".viewer").nth(1)
-    until("ranges are sent", lambda: len(found) > 1)
     until_drawn(after)
     until("the result is there", lambda: difference(picture(before), picture(after)) > 0.005)
     assert {response.status for response in found} == {206}
@@ -188,11 +189,11 @@ def test_a_large_result_comes_as_ranges_and_looks_as_the_whole_file_does(
     # The same from a server that sends whole files only.
     found.clear()
     page.route(
-        re.compile(r"/artifacts/result\.glb$"),
+        RESULT,
         lambda route: route.continue_(headers={k: v for k, v in route.request.headers.items() if k != "range"}),
     )
-    page.reload()
-    until("the whole file is sent", lambda: 200 in {response.status for response in found})
+    with page.expect_response(RESULT):
+        page.reload()
     until_drawn(after)
     until("both look alike", lambda: difference(by_ranges, picture(after)) < 0.001)
     assert {response.status for response in found} == {200}
