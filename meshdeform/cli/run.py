@@ -42,6 +42,7 @@ from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.sketch import write_sketched_target
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
+from meshdeform.support.collector import collection_paused
 
 __all__ = ["run"]
 
@@ -57,7 +58,8 @@ def run(
     asset: Annotated[
         Path,
         typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ), a network (safetensors).",
+            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ, VDB), a network "
+            "(safetensors).",
             exists=True,
             dir_okay=False,
             readable=True,
@@ -240,7 +242,8 @@ def run(
         targets=goals.files,
         pictures=pictures.parts,
     )
-    from meshdeform.cli.local_job import LocalJob, Outputs
+    with collection_paused(keep=True):
+        from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None

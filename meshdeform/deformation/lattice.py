@@ -21,12 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.ldl import factorise
-from meshdeform.deformation.linear_system import solve_linear
+from meshdeform.deformation.linear_system import factorise, solve_linear
 from meshdeform.errors import NumericalError
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import samples_of
@@ -100,6 +99,8 @@ class Lattice:
 
     @classmethod
     def _of_resolution(cls, mesh: RestMesh, resolution: int) -> Lattice:
+        from scipy import ndimage  # a part of scipy that meshes of one component do not need
+
         verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
         used = verts[np.unique(faces)]
         low, high = used.min(0), used.max(0)
@@ -259,6 +260,8 @@ def _axis_edges(cell_nodes: _Index) -> tuple[_Index, _Index]:
 
 def _joined(occupied: _Flags) -> _Flags:
     """Join separate islands of cells to the largest one by the shortest lines of cells."""
+    from scipy import ndimage
+
     labels, count = ndimage.label(occupied, _NEIGHBOURS)
     if count < 2:
         return occupied
