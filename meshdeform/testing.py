@@ -131,8 +131,8 @@ def build_tiny_stable_diffusion(
     folder : str or pathlib.Path
         The folder to write, in diffusers' layout with safetensors weights.
     edition : 1 or 2
-        Which Stable Diffusion the networks are like: 2 has a head size for each level, linear projections and another
-        activation in the text encoder.
+        Which Stable Diffusion the networks are like: 2 has a head size for each level, linear projections, attention at
+        the fine level, as adapters need it, and another activation in the text encoder.
     prediction_type : "epsilon" or "v_prediction"
         The scheduler's `prediction_type`. The weights do not depend on it.
     sample_size : int
@@ -148,6 +148,11 @@ def build_tiny_stable_diffusion(
     with tempfile.TemporaryDirectory() as scratch:
         vocabulary = _write_byte_tokenizer(Path(scratch))
         tokenizer = CLIPTokenizer.from_pretrained(scratch, model_max_length=77)
+    # Attention at the coarse level makes smaller weights; at the fine one, it is where the published networks have it.
+    levels: dict[str, tuple[str, ...]] = {
+        "down": ("DownBlock2D", "CrossAttnDownBlock2D")[:: 1 if edition == 1 else -1],
+        "up": ("CrossAttnUpBlock2D", "UpBlock2D")[:: 1 if edition == 1 else -1],
+    }
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         text_encoder = CLIPTextModel(
@@ -160,8 +165,7 @@ def build_tiny_stable_diffusion(
         )  # fmt: skip
         unet = UNet2DConditionModel(
             sample_size=sample_size, in_channels=4, out_channels=4, block_out_channels=(32, 64), layers_per_block=1,
-            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
-            up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
+            down_block_types=levels["down"], up_block_types=levels["up"],
             cross_attention_dim=32, norm_num_groups=8,
             attention_head_dim=8 if edition == 1 else (4, 8), use_linear_projection=edition == 2,
         )  # fmt: skip

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
+from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from meshdeform.requests.document import JobKind, params_by_kind
 from meshdeform.requests.sketches import Sketch
 from meshdeform.serving.defaults import DEFAULT_URL
 from service.documentation.links import add_links
@@ -55,12 +57,15 @@ def describe(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             document = found()
-            _, more = models_json_schema([(model, "validation") for model in _MODELS], ref_template=_REFERENCE)
+            others = [model for kind, model in params_by_kind().items() if kind != JobKind.TEXT_DEFORM]
+            models: list[type[BaseModel]] = [*_MODELS, *others]
+            _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})
             # FastAPI adds its own error schemas to every route with parameters; no response uses them.
             for name in ("HTTPValidationError", "ValidationError"):
                 schemas.pop(name, None)
             schemas.update(more["$defs"])
+            _allow_params(schemas, [model.__name__ for model in others])
             document["components"]["schemas"] = dict(sorted(schemas.items()))
             document["servers"] = _SERVERS
             document["tags"] = _TAGS
@@ -72,6 +77,16 @@ def describe(app: FastAPI) -> None:
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _allow_params(schemas: dict[str, Any], models: list[str]) -> None:
+    """Let `params` be those of any kind of job: by their types in Python they would be those of `text_deform`."""
+    deform = {_REFERENCE.format(model=name) for name in ("DeformParams", "ResolvedParams")}
+    further = [{"$ref": _REFERENCE.format(model=name)} for name in models]
+    for schema in schemas.values():
+        params = schema.get("properties", {}).get("params", {})
+        if params.get("$ref") in deform:
+            params["anyOf"] = [{"$ref": params.pop("$ref")}, *further]
 
 
 def _remove_null(document: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ updates the Jacobians with Adam::
 
     verts = poisson(J)                  min_v sum_f |f| ||grad_f(v) - J_f||^2; or, with a lattice (`lattice.py`),
                                         W x(J) with x the nodes and W the weights with which vertices follow them
-    image = combine(render(verts))      4 cameras at azimuth a + {0, 90, 180, 270} degrees
+    image = combine(render(verts))      4 cameras at azimuth a + {0, 90, 180, 270} degrees, or the prior's own
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
             + w_d dirichlet(verts)                                  (a barrier; not in the paper)
 
@@ -45,8 +45,9 @@ from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext
-from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
-from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading, Views
+from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
+from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
+from meshdeform.rendering.views import Views, views_for
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
 
@@ -105,8 +106,8 @@ class Deformation:
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
-        Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
-        orthogonal views in one picture.
+        Creates the views for the guidance from the camera bounds and the guidance's style: by default those of its own
+        cameras, or the paper's four orthogonal views in one picture.
 
     Attributes
     ----------
@@ -135,7 +136,7 @@ class Deformation:
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
         variables: Callable[[TriangleMesh], Variables] | None = None,
-        views: Callable[[CameraRange, RenderStyle], Views] = OrthogonalGrid,
+        views: Callable[[CameraRange, RenderStyle], Views] = views_for,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -155,11 +156,10 @@ class Deformation:
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
         self._regularizers = Regularizers(rest)
-        self._bounds = CameraRange(
-            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
-        )
-        self._views = views(self._bounds, guidance.style)
-        self._framing = Framing(params.framing, params.framing_max)
+        bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
+        self._views = views(bounds, guidance.style)
+        rig = self._views.style.rig
+        self._framing = Framing(params.framing, params.framing_max) if rig is None else rig.framing
         self._rest_extent = float(rest.verts.abs().max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
@@ -269,12 +269,9 @@ class Deformation:
 
     @torch.no_grad()
     def _draw_source(self, azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
-        """Draw the source for the guidance from the middle elevation and with the middle field of view."""
-        bounds = self._bounds
-        elevation = (bounds.elevation_min_deg + bounds.elevation_max_deg) / 2
-        fov = (bounds.fov_min_deg + bounds.fov_max_deg) / 2
+        """Draw the source for the guidance, with its first view from an azimuth."""
         radius = self._framing.fitting_radius(self._rest_extent, self._rest_extent)
-        cameras = fixed_cameras(azimuth_deg, elevation, fov, fitting_radius=radius).to(self._device)
+        cameras = self._views.place(azimuth_deg, radius).to(self._device)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), generator)
         verts = self._variables.rest.verts.to(self._device)
         return self._views.arrange(self._renderer.render(verts, cameras, scene)), cameras

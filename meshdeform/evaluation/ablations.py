@@ -26,8 +26,9 @@ from meshdeform.deformation.variables import Elements
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
-from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
+from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import RenderStyle
+from meshdeform.rendering.views import OrthogonalGrid
 from meshdeform.requests.document import ResolvedParams
 
 __all__ = ["Ablation", "SingleViews", "VertexDisplacements", "ablated_params", "deformation_of"]
@@ -131,10 +132,8 @@ class VertexDisplacements:
             self.tensors["displacements"].copy_(control - self.rest.verts)
 
 
-class SingleViews:
+class SingleViews(OrthogonalGrid):
     """Four views a quarter turn apart, in separate pictures of the size of the combined one.
-
-    Implements `rendering.shading.Views`.
 
     Parameters
     ----------
@@ -144,12 +143,7 @@ class SingleViews:
     """
 
     def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
-        self._bounds = bounds
-        self.style = replace(style, view_size=2 * style.view_size)
-
-    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
-        """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
+        super().__init__(bounds, replace(style, view_size=2 * style.view_size))
 
     def arrange(self, images: Tensor) -> Tensor:
         """Return views (4, S, S, 3) as pictures (4, 3, S, S)."""

@@ -27,7 +27,8 @@ def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) 
     Parameters
     ----------
     model : str
-        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, or its hub id.
+        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, with or without a
+        multi-view adapter in it, or its hub id.
     revision : str
         Branch, tag or commit of a hub model; by default its default branch.
     encoder : Encoder
@@ -36,8 +37,8 @@ def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) 
     Raises
     ------
     ModelError
-        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights, or lacks
-        the encoder.
+        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights, lacks the
+        encoder, or has an adapter that cannot be used.
     DependencyError
         The model needs packages that are not installed.
     """
@@ -81,6 +82,13 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
         return BuiltinPrior(device=device, weights=Path(model).expanduser(), dtype=dtype)
+    from meshdeform.priors.model_files import find
+    from meshdeform.priors.multiview.adapter_file import has_adapter
+
+    if has_adapter(find(model, revision).folder):
+        from meshdeform.priors.multiview.prior import MultiViewPrior
+
+        return MultiViewPrior(model, device=device, revision=revision, dtype=dtype)
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
     return StableDiffusionPrior(model, device=device, revision=revision, dtype=dtype)

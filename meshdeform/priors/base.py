@@ -21,7 +21,7 @@ class Prior(Protocol):
 
     @property
     def style(self) -> RenderStyle:
-        """Required style of the views."""
+        """Required style of the views; also the cameras, if the prior has its own."""
 
     @property
     def num_timesteps(self) -> int:
@@ -76,7 +76,7 @@ class Prior(Protocol):
         Parameters
         ----------
         z_t : (B, C, H, W) float32
-            One grid of four views, or B single views.
+            One grid of four views, B single views, or the views of the prior's own cameras.
         timestep : (B,) int64 in 0 .. T - 1
         embedding : (N, ...)
             Rows of `encode_texts`.

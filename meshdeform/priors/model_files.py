@@ -6,6 +6,7 @@ A checkpoint is a folder in diffusers' layout; a hub id refers to its snapshot i
     unet/  vae/  text_encoder/    config.json and *.safetensors (several with an index, or an fp16 variant)
     tokenizer/  scheduler/
     vae_tiny/                     optional: an AutoencoderTiny of the same latents, for `params.encoder` = `tiny`
+    mvadapter_t2mv_sd21.safetensors    optional: makes it a multi-view model (`multiview/`)
 
 Weights are read from safetensors only: a .bin or .ckpt file is a pickle, which runs code when it is opened.
 """
@@ -24,7 +25,7 @@ from typing import Any
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.requests.choices import Encoder
 
-__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder"]
+__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder", "read_config"]
 
 _STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
 _TINY, _TINY_CLASS, _TINY_STEM = "vae_tiny", "AutoencoderTiny", "diffusion_pytorch_model"
@@ -90,7 +91,10 @@ def check(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) -> Non
     """Check a checkpoint if this environment runs models; see `meshdeform.priors.check_model`."""
     if importlib.util.find_spec("torch") is None:
         return
+    from meshdeform.priors.multiview.adapter_file import find_adapter
+
     files = find(model, revision)
+    find_adapter(files)
     if encoder is Encoder.TINY:
         find_tiny_encoder(files)
 
@@ -171,6 +175,11 @@ def find_tiny_encoder(files: ModelFiles, *, half: bool = False) -> PartFiles:
             advice="Put TAESD there, in diffusers' layout: madebyollin/taesd.",
         )
     return _find_part(files.folder, _TINY, files.model, half=half)
+
+
+def read_config(files: ModelFiles, part: str) -> dict[str, Any]:
+    """Read the configuration of a part of a checkpoint, such as `unet`."""
+    return _read_json(files.folder / part / "config.json", files.model)
 
 
 def _check_scheduler(config: dict[str, Any], model: str) -> None:

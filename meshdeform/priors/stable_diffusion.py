@@ -115,7 +115,8 @@ class StableDiffusionPrior:
             )
         self._check_conditions(files.model)
         shrink = 2 ** (len(self._vae.config.block_out_channels) - 1)
-        self.image_size = _side(self._unet.config.sample_size, files.model) * shrink
+        self._latent_side = _side(self._unet.config.sample_size, files.model)
+        self.image_size = self._latent_side * shrink
         self.style = RenderStyle(view_size=self.image_size // 2, supersample=1, shading="lambert", scene="varied")
 
     def _check_conditions(self, model: str) -> None:
@@ -253,9 +254,9 @@ class StableDiffusionPrior:
         z_t: Tensor,
         timestep: Tensor,
         embedding: Tensor,
-        cameras: Cameras,  # noqa: ARG002
+        cameras: Cameras,
     ) -> tuple[Tensor, ...]:
-        """Predict the noise in z_t for each text.
+        """Predict the noise in z_t for each text, all of them in one batch.
 
         Parameters
         ----------
@@ -264,19 +265,24 @@ class StableDiffusionPrior:
         embedding : (N, tokens, E)
             Rows of `encode_texts`.
         cameras : Cameras
-            Unused: these models are not conditioned on cameras.
+            Unused, unless the U-Net is conditioned on cameras (`_conditions`).
         """
         noisy, count = z_t.to(self.device), len(embedding)
         steps = timestep.to(self.device)
         embeddings = embedding.repeat_interleave(len(z_t), 0)
         inputs = noisy.to(self.dtype).repeat(count, 1, 1, 1)
-        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings).sample.float()
+        conditions = self._conditions(cameras, count)
+        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings, **conditions).sample.float()
         predictions: tuple[Tensor, ...] = output.chunk(count)
         if self._prediction == "epsilon":
             return predictions
         level = self.alphas_cumprod[steps].view(-1, 1, 1, 1)
         signal, sigma = level.sqrt(), (1 - level).sqrt()
         return tuple(signal * velocity + sigma * noisy for velocity in predictions)
+
+    def _conditions(self, cameras: Cameras, texts: int) -> dict[str, Any]:  # noqa: ARG002
+        """Return what the U-Net takes besides text and timestep, for `texts` copies of the batch: here nothing."""
+        return {}
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:

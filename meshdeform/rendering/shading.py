@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -29,12 +29,12 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
-from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
+from meshdeform.rendering.cameras import CameraRig, Cameras
 from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, backend, interpolate, rasterize
 from meshdeform.rendering.scenes import Scene, sample_scene
 
-__all__ = ["OrthogonalGrid", "RenderStyle", "Renderer", "Shading", "Views", "combine_views"]
+__all__ = ["RenderStyle", "Renderer", "Shading", "combine_views"]
 
 
 Shading = Literal["normals", "lambert", "textured", "mixed"]
@@ -54,7 +54,7 @@ class RenderStyle:
     Attributes
     ----------
     view_size : int
-        Side of one view in pixels; the combined image is twice as large.
+        Side of one view in pixels; a combined image is twice as large.
     supersample : int
         Views are rendered at ``view_size * supersample`` pixels and averaged down.
     shading : "normals", "lambert", "textured" or "mixed"
@@ -63,6 +63,8 @@ class RenderStyle:
         Colour in a fixed scene.
     scene : "fixed" or "varied"
         Whether background and light are constant, or drawn for every view (`scenes.sample_scene`).
+    rig : CameraRig, optional
+        The prior's own cameras, each with a picture of its own; by default four views in one picture.
     """
 
     view_size: int = 64
@@ -70,6 +72,7 @@ class RenderStyle:
     shading: Shading = "normals"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scene: Literal["fixed", "varied"] = "fixed"
+    rig: CameraRig | None = None
 
 
 @dataclass(frozen=True)
@@ -351,48 +354,3 @@ def combine_views(images: Tensor) -> Tensor:
         raise ShapeError(f"expected four views (4, H, W, C), got {tuple(images.shape)}")
     rows = torch.cat([torch.cat([images[0], images[1]], 1), torch.cat([images[2], images[3]], 1)], 0)
     return rows.permute(2, 0, 1)[None]
-
-
-class Views(Protocol):
-    """Cameras of a step and the layout of their pictures."""
-
-    style: RenderStyle
-    """Style of each view."""
-
-    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
-        """Draw the cameras of one step.
-
-        Parameters
-        ----------
-        generator : torch.Generator on the CPU
-        fitting_radius : float
-            Radius of the sphere around the origin that just fits the views.
-        turn_deg : float
-            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
-        """
-
-    def arrange(self, images: Tensor) -> Tensor:
-        """Arrange views (B, S, S, 3) as input of the guidance."""
-
-
-class OrthogonalGrid:
-    """Four views a quarter turn apart in one picture.
-
-    Parameters
-    ----------
-    bounds : CameraRange
-    style : RenderStyle
-        Style of each view.
-    """
-
-    def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
-        self._bounds = bounds
-        self.style = style
-
-    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
-        """Draw the cameras of one step."""
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
-
-    def arrange(self, images: Tensor) -> Tensor:
-        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
-        return combine_views(images)

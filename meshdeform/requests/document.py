@@ -6,6 +6,7 @@ Re-exports the parameters (`parameters`) and the enumerations (`choices`). `reso
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from pydantic import (
@@ -64,6 +65,7 @@ __all__ = [
     "Preset",
     "ResolvedParams",
     "Safeguard",
+    "params_by_kind",
     "read_stored",
     "resolve",
     "use_params",
@@ -139,6 +141,11 @@ def use_params(kind: JobKind, model: type[BaseModel]) -> None:
     _PARAMS[kind] = model
 
 
+def params_by_kind() -> Mapping[JobKind, type[BaseModel]]:
+    """Return the parameter model of each kind of job that is registered."""
+    return MappingProxyType(_PARAMS)
+
+
 class JobRequest(StrictModel):
     """The JSON document that requests one job."""
 
@@ -151,7 +158,10 @@ class JobRequest(StrictModel):
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
-        default_factory=DeformParams, validate_default=True, description="Parameters of the deformation."
+        default_factory=DeformParams,
+        validate_default=True,
+        description="Parameters of this kind of job.",
+        examples=[{"preset": "preview", "seed": 7}],
     )
     output: OutputOptions = Field(default_factory=OutputOptions, description="What the job writes.")
     metadata: dict[_MetaKey, _MetaValue] = Field(

@@ -53,6 +53,9 @@ const listed = [];
 for await (const each of client.jobs({ search: "mushroom", metadata: { shot: "sc010" } })) listed.push(each.id);
 const signed = await client.signedUrl(job);
 
+const meshes = [{ file: asset, label: "tall" }, new File([await readFile(path)], "round.glb")];
+const lesson = await client.teach("a gnome", meshes, { params: { synonyms: ["dwarf"], steps: 20 }, metadata: { shot: "sc020" } });
+
 const left = new AbortController();
 const abandoned = failure(client.wait(`job_${"0".repeat(26)}`, { signal: left.signal }));
 left.abort();
@@ -75,6 +78,8 @@ console.log(
     artifacts: (await client.artifacts(job)).map((artifact) => artifact.name),
     sent: (await client.file(job)).size,
     signed: (await (await fetch(signed.url)).blob()).size > 0,
+    lesson,
+    noMeshes: await failure(client.teach("a gnome", [])),
     missing: await failure(client.get(`job_${"0".repeat(26)}`)),
     deleted: await failure(client.get(known)),
     refused: await failure(client.submit(asset, { prompt: "a quixotic zeitgeist" })),

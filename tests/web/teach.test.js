@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { lessonFindings } from "../../service/web/app/job/lesson.js";
 import { parseRoute, routeHash } from "../../service/web/app/router.js";
-import { crc32, namesOf, packed } from "../../service/web/app/teach/pack.js";
+import { crc32, namesInZip, packMeshes } from "../../service/web/client/meshes.js";
 import { unpacked } from "../../service/web/viewer/zip.js";
 
 test("the checksum is that of the ZIP format", () => {
@@ -12,9 +12,9 @@ test("the checksum is that of the ZIP format", () => {
 
 test("what is packed is found again, and the same files are the same ZIP", async () => {
   const bytes = new TextEncoder().encode("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-  const files = [{ name: "tall/can.obj", bytes }, { name: "notes – é.txt", bytes: new Uint8Array([1]) }];
-  const zip = await packed(files).arrayBuffer();
-  assert.deepEqual(zip, await packed(files).arrayBuffer());
+  const files = [{ file: new File([bytes], "can.obj"), label: "tall" }, new File([new Uint8Array([1])], "notes – é.txt")];
+  const zip = await (await packMeshes(files)).arrayBuffer();
+  assert.deepEqual(zip, await (await packMeshes(files)).arrayBuffer());
   const found = await unpacked(zip, "zip");
   assert.equal(found.format, "obj");
   assert.deepEqual(new Uint8Array(found.buffer), bytes);
@@ -22,7 +22,7 @@ test("what is packed is found again, and the same files are the same ZIP", async
 
 test("files of one name get different ones, and labels become folders", () => {
   const files = [{ name: "a.glb", label: "" }, { name: "A.glb", label: "" }, { name: "a.glb", label: "tall" }, { name: "x/y\\a.glb", label: "tall" }];
-  assert.deepEqual(namesOf(files), ["a.glb", "A-2.glb", "tall/a.glb", "tall/a-2.glb"]);
+  assert.deepEqual(namesInZip(files), ["a.glb", "A-2.glb", "tall/a.glb", "tall/a-2.glb"]);
 });
 
 test("a lesson that went wrong is said to have", () => {

@@ -1,4 +1,5 @@
 /** A client of Meshdeform, which reshapes 3D assets with a prompt. */
 export { Client } from "./client.js";
 export { MeshdeformError } from "./errors.js";
+export { packMeshes } from "./meshes.js";
 export * from "./types.js";

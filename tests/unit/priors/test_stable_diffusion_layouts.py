@@ -29,6 +29,7 @@ from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from meshdeform.testing import build_tiny_stable_diffusion
 from tests.integration.conftest import DEADLINE_S, serving
+from tests.unit.priors.multi_view import with_adapter
 from tests.worker_world import working
 
 SCHEDULER = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "num_train_timesteps": 1000}
@@ -37,7 +38,7 @@ DDIM = SCHEDULER | {"_class_name": "DDIMScheduler", "clip_sample": False, "steps
 VELOCITY = DDIM | {"prediction_type": "v_prediction"}
 EULER = SCHEDULER | {"_class_name": "EulerDiscreteScheduler", "timestep_spacing": "trailing"}
 WHOLE = {"preset": "preview", "steps": 1, "safeguard": "none"}
-TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts")
+TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts", "sd21-views")
 
 
 def change(path: Path, **members: object) -> None:
@@ -76,6 +77,7 @@ def layouts(tiny_stable_diffusion: Path, tmp_path_factory: pytest.TempPathFactor
         return folder
 
     like(second, "sd21-base", PNDM | {"prediction_type": "epsilon"})
+    with_adapter(second, place / "sd21-views")
     change(like(second, "sd21-v", VELOCITY) / "unet" / "config.json", sample_size=12)
     like(second, "zero-snr", VELOCITY | {"rescale_betas_zero_snr": True, "timestep_spacing": "trailing"})
     in_half_precision(like(second, "sd21-fp16", DDIM))
@@ -155,6 +157,7 @@ def test_each_layout_goes_through_a_service(service: tuple[str, list[str]], layo
             guidance = reports[name]["guidance"]
             assert (guidance["id"], guidance["sha256"]) == (name, find(str(layouts / name)).sha256())
             assert "encoder" not in guidance
+            assert ("adapter_sha256" in guidance) is (name == "sd21-views")
         assert (reports["tiny"]["guidance"]["encoder"], loaded) == ("tiny", [*TAKEN, "sd21-fp16"])
         shutil.rmtree(layouts / "sd21-v" / "vae_tiny")
         with pytest.raises(ModelError, match="has no small encoder") as caught:

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from meshdeform.rendering.cameras import CameraRange
-from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
+from meshdeform.rendering.shading import RenderStyle
+from meshdeform.rendering.views import OrthogonalGrid
 
 
 def test_four_views_a_quarter_turn_apart_fill_one_picture() -> None:

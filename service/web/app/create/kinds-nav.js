@@ -14,6 +14,6 @@ const KINDS = [
 
 /** @param {Kind} here */
 export function kindsNav(here) {
-  const links = KINDS.map(([name, label]) => h("a", { class: "chip", href: routeHash({ name, from: null }), "aria-current": name === here ? "page" : null }, label));
+  const links = KINDS.map(([name, label]) => h("a", { class: "chip chip-small", href: routeHash({ name, from: null }), "aria-current": name === here ? "page" : null }, label));
   return h("nav", { class: "chips kinds", "aria-label": "Kind of job" }, links);
 }

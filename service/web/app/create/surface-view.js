@@ -55,8 +55,8 @@ export class SurfaceView {
         h("h1", null, "Any surface in ", h("em", null, "a few kilobytes")),
         h("p", { class: "lead" }, "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
       ),
-      h("div", { class: "create" }, this.assets.element, this.form),
       kindsNav("surface"),
+      h("div", { class: "create" }, this.assets.element, this.form),
       recentJobs(scope),
     );
     this._begin(from);

@@ -92,8 +92,8 @@ export class CreateView {
         h("h1", null, "Describe what it ", h("em", null, "should become")),
         h("p", { class: "lead" }, "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
       ),
-      h("div", { class: "create" }, this.assets.element, this.form),
       kindsNav("create"),
+      h("div", { class: "create" }, this.assets.element, this.form),
       recentJobs(scope),
       exampleSection(scope),
     );

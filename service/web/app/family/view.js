@@ -50,8 +50,8 @@ export class FamilyView {
         h("h1", null, "What they have ", h("em", null, "in common")),
         h("p", { class: "lead" }, "Parts and matching places on all assets of a collection, and new assets made of their parts."),
       ),
-      h("div", { class: "create" }, this.zone.element, this.form),
       kindsNav("family"),
+      h("div", { class: "create" }, this.zone.element, this.form),
       recentJobs(scope),
     );
     this._begin(from);

@@ -1,9 +1,9 @@
 // @ts-check
 /** The meshes of a lesson, each with a word for what it is. */
+import { packMeshes } from "../../client/index.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h } from "../dom.js";
 import { bytes } from "../format.js";
-import { namesOf, packed } from "./pack.js";
 
 export class MeshList {
   /** @param {() => void} onChange */
@@ -43,9 +43,7 @@ export class MeshList {
     const { entries } = this;
     const first = entries[0].file;
     if (entries.length === 1 && !entries[0].label && (alone || formatOf(first.name) === "zip")) return first;
-    const names = namesOf(entries.map(({ file, label }) => ({ name: file.name, label })));
-    const files = await Promise.all(entries.map(async ({ file }, at) => ({ name: names[at], bytes: new Uint8Array(await file.arrayBuffer()) })));
-    return new File([packed(files)], name, { type: "application/zip" });
+    return new File([await packMeshes(entries)], name, { type: "application/zip" });
   }
 
   _draw() {

@@ -89,14 +89,13 @@ export class TeachView {
     this.start.textContent = "Starting…";
     try {
       const params = {
-        noun,
         synonyms: this.synonyms.input.value.split(",").map((name) => name.trim()).filter(Boolean),
         replace: this.replace.checked,
         licence: this.licence.input.value.trim(),
         model: this.model.value || "builtin",
         steps: Number(steps),
       };
-      const job = await client.submit(null, { kind: "prior_teach", params }, { files: { meshes: await this.zone.meshes.packed("meshes.zip") } });
+      const job = await client.teach(noun, await this.zone.meshes.packed("meshes.zip"), { params });
       if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
