@@ -3,21 +3,35 @@
 The real classes at the sizes of Stable Diffusion 2.1 base and its adapter, on torch's device `meta`: operations and
 bytes are counted from shapes, and nothing is computed, so it takes seconds and no weights. `--peak` states a device's
 operations per second; what a step would take at half of them is an expectation, not a measurement.
+
+`--real` writes such a checkpoint with random weights instead (5.1 GB), loads it as a job does, and makes one step with
+the small encoder on the CPU: minutes on one core.
 """
 
 from __future__ import annotations
 
 import argparse
+import resource
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from bench.true_size import UNET, UTILISATION, counted
+from bench.true_size import UNET, UTILISATION, build, counted
+from meshdeform.deformation.loop import Deformation
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.priors import load_prior
+from meshdeform.priors.multiview.adapter_file import ADAPTER
 from meshdeform.priors.multiview.network import AdapterModules
-from meshdeform.priors.multiview.prior import RIG
+from meshdeform.priors.multiview.prior import RIG, MultiViewPrior
+from meshdeform.requests.choices import Encoder
+from meshdeform.requests.document import DeformParams, resolve
 
 VIEWS = len(RIG.azimuths_deg)
 SIDE, LATENTS, TEXTS = 512, 64, 2
@@ -80,11 +94,53 @@ def predict(unet: Any, features: list[Tensor] | None, views: int) -> Callable[[]
     return action
 
 
+def run_one_step() -> None:
+    """Make a step with random weights of true size, and print the shares of its CPU time and the memory."""
+    from safetensors.torch import save_file
+
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = build("2.1-base", Path(scratch))
+        adapter = AdapterModules.of(networks()[0], views=VIEWS, shrink=SIDE // LATENTS)
+        generator = torch.Generator().manual_seed(0)
+        random = {
+            name: 0.02 * torch.randn(tensor.shape, generator=generator) for name, tensor in adapter.tensors().items()
+        }
+        save_file(random, folder / ADAPTER, {"format": "pt"})
+        del random
+        prior = load_prior(str(folder), device="cpu")
+        assert isinstance(prior, MultiViewPrior)
+        spent, predict_noise = {"predict": 0.0}, prior.predict_noise
+
+        def timed(*given: Any) -> tuple[Tensor, ...]:
+            begun = time.process_time()
+            found = predict_noise(*given)
+            spent["predict"] += time.process_time() - begun
+            return found
+
+        small = prior.with_encoder(Encoder.TINY)
+        small.predict_noise = timed  # type: ignore[method-assign, assignment]
+        params = resolve(DeformParams(steps=2, safeguard="none"), default_model="random")
+        guidance = ScoreDistillation(small, "a mushroom", guidance_scale=100.0)
+        steps = iter(Deformation(icosphere(4, 0.6), guidance, params))
+        next(steps)  # the features of the cameras are made once
+        begun, spent["predict"] = time.process_time(), 0.0
+        losses = next(steps).losses
+        whole = time.process_time() - begun
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"a step of 5,120 faces: gradient on the latents {losses['sds_gradient_norm']:.1f}")
+    print(f"prediction: {spent['predict'] / whole:.0%} of the CPU time; {used:.1f} GB of main memory at most")
+
+
 def main() -> None:
     """Count and print."""
     parser = argparse.ArgumentParser(prog="python -m bench.multiview", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--peak", type=float, default=0.0, metavar="TFLOPS", help="a device's peak")
-    peak = parser.parse_args().peak
+    parser.add_argument("--real", action="store_true", help="make a step with random weights")
+    options = parser.parse_args()
+    if options.real:
+        run_one_step()
+        return
+    peak = options.peak
     unet, vae, small = networks()
     counts = {
         "predict one picture, without an adapter": counted(predict(unet, None, 1)),

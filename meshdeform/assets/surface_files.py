@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.vdb_file import read_level_set
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -119,6 +120,8 @@ def read_surface_file(
         )
     if kind == "points":
         return _points(*(_ply(data) if data.startswith(b"ply") else _xyz(data)))
+    if kind == "level_set":
+        return _checked(*read_level_set(data, MAX_GRID_VALUES))
     return _grid(data) if kind == "grid" else _network(data)
 
 
@@ -212,7 +215,10 @@ def _grid(data: bytes) -> DistanceGrid:
         spacing = np.broadcast_to(arrays["spacing"].astype(np.float64).reshape(-1), 3).copy()
     except ValueError as error:
         raise AssetError("origin must be (3,) and spacing (1,) or (3,) numbers.") from error
-    values = values.astype(np.float64)
+    return _checked(values.astype(np.float64), origin, spacing)
+
+
+def _checked(values: _Floats, origin: _Floats, spacing: _Floats) -> DistanceGrid:
     if not (np.isfinite(values).all() and np.isfinite(origin).all() and np.isfinite(spacing).all()):
         raise AssetNotFiniteError("The grid has values that are not finite.")
     if not (spacing > 0).all():

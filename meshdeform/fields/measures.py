@@ -111,7 +111,8 @@ class Reference:
             own = solver.distances([int(ours.query(self._verts[source])[1])])
             there = far[near]
             finite = np.isfinite(own) & np.isfinite(there)
-            shares.append(float(np.abs(own - there)[finite].mean() / max(float(there[finite].mean()), 1e-300)))
+            own, there = own[finite], there[finite]
+            shares.append(float(np.abs(own - there).mean() / max(float(there.mean()), 1e-300)))
         return {
             "eigenvalues": {
                 "input": [float(x) for x in self.eigenvalues],

@@ -19,6 +19,7 @@ from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, Orien
 from meshdeform.errors import AssetError
 from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.isosurface import isosurface
+from meshdeform.fields.narrow_band import continued
 from meshdeform.fields.oriented_points import poisson_grid
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
@@ -164,19 +165,23 @@ class _Implicit:
 
 
 class GridSurface(_Implicit):
-    """A grid of signed distances, interpolated linearly; its gradient is that of central differences."""
+    """A grid of signed distances, interpolated linearly; its gradient is that of central differences.
+
+    Where the distances end at a constant, they are continued.
+    """
 
     kind = "grid"
 
     def __init__(self, grid: DistanceGrid) -> None:
         self._origin, self._spacing = torch.from_numpy(grid.origin), torch.from_numpy(grid.spacing)
-        gradient = np.gradient(grid.values, *grid.spacing)
+        values = continued(grid.values, grid.spacing)
+        gradient = np.gradient(values, *grid.spacing)
         # grid_sample wants channels first, and the last axis of the grid first in coordinates.
-        self._volume = torch.from_numpy(np.stack([grid.values, *gradient])[None])
+        self._volume = torch.from_numpy(np.stack([values, *gradient])[None])
         self._most = torch.tensor(grid.values.shape, dtype=torch.float64) - 1
         self._reach = 2 * float(grid.spacing.max())
         step = max(1, math.ceil(max(grid.values.shape) / (2 * _CELLS)))
-        coarse = grid.values[::step, ::step, ::step]
+        coarse = values[::step, ::step, ::step]
         verts, faces = isosurface(coarse, grid.origin, grid.spacing * step)
         self.reference = _reference(verts, faces, self, "The grid has no closed surface.")
 

@@ -11,16 +11,18 @@ import pytest
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-from meshdeform.assets import load_asset  # noqa: E402
+from meshdeform.assets import build_glb, load_asset  # noqa: E402
+from meshdeform.geometry.shapes import torus  # noqa: E402
 from tests.acceptance.service import Service, until  # noqa: E402
 from tests.browser.conftest import Watch  # noqa: E402
 from tests.browser.steps import badge, choose, difference, open_form, picture, shown_job, until_drawn  # noqa: E402
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Route
+    from playwright.sync_api import Response, Route
 
 Page, expect = playwright_api.Page, playwright_api.expect
 expect.set_options(timeout=60_000)
+RESULT = re.compile(r"/artifacts/result\.glb$")
 
 
 def test_a_file_that_cannot_be_shown_takes_the_model_before_it_away(
@@ -122,7 +124,7 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
         else:
             route.continue_()
 
-    page.route(re.compile(r"/artifacts/result\.glb$"), refuse)
+    page.route(RESULT, refuse)
     page.goto(f"/#/jobs/{done}")
     after = page.locator(".viewer").nth(1)
     expect(after.locator(".viewer-cover")).to_contain_text("This shape could not be loaded")
@@ -152,3 +154,46 @@ def test_the_way_to_a_result_is_bent_exaggerated_and_downloaded(
         assert download.value.suggested_filename == f"sphere-a-fat-penguin-seed0-strength{share}.glb"
         made = service.http.get(f"/v1/jobs/{done}/artifacts/result.glb", params={"strength": share / 100})
         assert (tmp_path / f"{share}.glb").read_bytes() == made.content
+
+
+# long: a job of 96,000 triangles, and twice its result; first proof: tests/web/viewer_moved.test.js.
+@pytest.mark.long
+def test_a_large_result_comes_as_ranges_and_looks_as_the_whole_file_does(
+    page: Page, service: Service, tmp_path: Path
+) -> None:
+    ring = torus(0.7, 0.3, 300, 160)
+    asset = tmp_path / "ring.glb"
+    asset.write_bytes(build_glb(ring.verts.numpy(), ring.faces.numpy()))
+    assert asset.stat().st_size > 1 << 20
+    done = service.submit(asset, {"prompt": "a tall vase", "params": {"preset": "preview", "steps": 4}})
+    assert service.finished(done)["state"] == "succeeded"
+    whole = service.http.get(f"/v1/jobs/{done}/artifacts/result.glb").content
+    found: list[Response] = []
+    page.on("response", lambda response: found.append(response) if RESULT.search(response.url) else None)
+
+    with page.expect_response(RESULT):
+        page.goto(f"/#/jobs/{done}")
+    before, after = page.locator(".viewer").nth(0), page.locator(".viewer").nth(1)
+    until_drawn(after)
+    until("the result is there", lambda: difference(picture(before), picture(after)) > 0.005)
+    assert {response.status for response in found} == {206}
+    bodies = [response.body() for response in found]
+    spans = [re.fullmatch(r"bytes (\d+)-(\d+)/(\d+)", response.headers["content-range"]) for response in found]
+    for body, span in zip(bodies, spans, strict=True):
+        assert span
+        first, last, size = (int(number) for number in span.groups())
+        assert (body, size) == (whole[first : last + 1], len(whole))
+    assert sum(map(len, bodies)) < 0.7 * len(whole)
+    by_ranges = picture(after)
+
+    # The same from a server that sends whole files only.
+    found.clear()
+    page.route(
+        RESULT,
+        lambda route: route.continue_(headers={k: v for k, v in route.request.headers.items() if k != "range"}),
+    )
+    with page.expect_response(RESULT):
+        page.reload()
+    until_drawn(after)
+    until("both look alike", lambda: difference(by_ranges, picture(after)) < 0.001)
+    assert {response.status for response in found} == {200}
