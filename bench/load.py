@@ -2,10 +2,12 @@
 
     python bench/load.py                          PostgreSQL
     python bench/load.py --database sqlite
+    python bench/load.py --jobs 1000 --clients 50 --rounds 1 --pause 0.5      a minute
 
 Prints p50 and p99 of creating, getting and following jobs, each also relative to a single client in the same run, the
-API's memory before and after, and all unexpected answers. No worker runs: the jobs stay queued, so only the API, its
-database and Redis are measured. They share the machine with the clients.
+CPU time that the API spends on one of each kind, its memory before and after, and all unexpected answers. No worker
+runs: the jobs stay queued, so only the API, its database and Redis are measured. They share the machine with the
+clients.
 """
 
 from __future__ import annotations
@@ -36,21 +38,21 @@ from meshdeform.requests.document import JobRequest
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis
 from tests.servers import PostgresServer
 
-JOBS, CLIENTS = 10_000, 200
+JOBS, CLIENTS, ALONE = 10_000, 200, 40
 QUEUED = 100
 REQUEST = json.dumps({"prompt": "a mushroom", "params": {"preset": "preview"}})
 
 
-def seed(record: JobRecord) -> list[str]:
+def seed(record: JobRecord, count: int) -> list[str]:
     """Write the jobs, almost all finished, with five events each; return the ids of some of them."""
     file = StoredFile(key="assets/" + "a" * 64, filename="a.glb", size=1, sha256="a" * 64)
     request = JobRequest.model_validate_json(REQUEST)
-    ids = [new_job_id() for _ in range(JOBS)]
+    ids = [new_job_id() for _ in range(count)]
     with record.database.write() as connection:
-        for start in range(0, JOBS, 500):
+        for start in range(0, count, 500):
             batch, told = [], []
             for number, job_id in enumerate(ids[start : start + 500], start):
-                over = number < JOBS - QUEUED
+                over = number < count - min(QUEUED, count // 2)
                 row = rows.new_job(job_id, NewJob(request, {"asset": file}), record.database.now(), None)
                 row["created_at"] = row["created_at"] if record.database.is_sqlite else sa.func.now()
                 batch.append({**row, "state": JobState.SUCCEEDED if over else JobState.QUEUED, "event_seq": 5})
@@ -134,6 +136,29 @@ async def follow(url: str, job_id: str, count: int) -> float:
     return max(heard) - start
 
 
+def cpu_times(url: str, api: psutil.Process, ids: list[str]) -> dict[str, float]:
+    """Return the milliseconds of the API's CPU time for one request of each kind, from one client."""
+    asset = SPHERE.read_bytes()
+    found = {}
+    with httpx.Client(base_url=url, timeout=300.0) as http:
+        kinds: dict[str, Callable[[int], httpx.Response]] = {
+            "healthz": lambda _: http.get("/healthz"),
+            "create": lambda _: http.post(
+                "/v1/jobs", files={"asset": ("sphere.glb", asset)}, data={"request": REQUEST}
+            ),
+            "get": lambda n: http.get(f"/v1/jobs/{ids[n]}"),
+            "events": lambda n: http.get(f"/v1/jobs/{ids[n]}/events", params={"format": "json"}),
+            "list": lambda _: http.get("/v1/jobs", params={"limit": 20}),
+        }
+        for name, send in kinds.items():
+            send(0)  # the file's first check is a process of its own
+            before = sum(api.cpu_times()[:2])
+            for number in range(ALONE):
+                send(number).raise_for_status()
+            found[name] = 1000 * (sum(api.cpu_times()[:2]) - before) / ALONE
+    return found
+
+
 def report(alone: Clients, many: Clients) -> None:
     """Print the measurements."""
     print(f"{'':8}{'n':>7}{'p50 ms':>10}{'p99 ms':>10}{'p50 / alone':>14}")
@@ -149,8 +174,9 @@ def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", choices=["postgresql", "sqlite"], default="postgresql")
-    parser.add_argument("--rounds", type=int, default=10, help="rounds per client")
+    parser.add_argument("--rounds", type=int, default=5, help="rounds per client")
     parser.add_argument("--clients", type=int, default=CLIENTS)
+    parser.add_argument("--jobs", type=int, default=JOBS, help="jobs in the record before")
     parser.add_argument(
         "--pause", type=float, default=2.0, help="mean seconds between two requests of a client; 0: no pause"
     )
@@ -169,12 +195,13 @@ def main() -> None:
             database_url = server.url
         cluster = Cluster(base, redis, database_url=database_url)
         cleanup.callback(cluster.clean_up)
-        ids = seed(cluster.record)
+        ids = seed(cluster.record, options.jobs)
         api = psutil.Process(cluster.start_api().pid)
         url = str(cluster.http.base_url)
         alone, many, again = Clients(url), Clients(url, options.pause), Clients(url, options.pause)
+        spent = cpu_times(url, api, ids)
         for _ in range(5):
-            asyncio.run(alone.run(1, ids, 20))
+            asyncio.run(alone.run(1, ids, 4 * options.rounds))
         memory: list[Any] = [api.memory_info().rss]
         asyncio.run(many.run(options.clients, ids, options.rounds))
         memory.append(api.memory_info().rss)
@@ -182,6 +209,7 @@ def main() -> None:
         memory.append(api.memory_info().rss)
         print(f"{options.clients} clients, each with a request every {options.pause:g} s")
         report(alone, many)
+        print("CPU ms of the API for one:", ", ".join(f"{name} {cost:.1f}" for name, cost in spent.items()))
         delay = asyncio.run(follow(url, ids[-1], options.clients))
         print(f"{options.clients} event streams on one job: the slowest received its end after {delay:.2f} s")
         print("API memory in MB, before, after, and after the same again:", [round(size / 1e6) for size in memory])

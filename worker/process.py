@@ -38,11 +38,13 @@ from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import MESSAGE, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
 from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.support.collector import collection_paused
 from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
 from worker.context import WorkerContext
 from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
@@ -75,13 +77,18 @@ class Engine:
 
 
 def torch_engine(settings: Settings) -> Engine:
-    """Load torch and the kinds of job, and return the engine.
+    """Load torch, the kinds of job and what the first job would wait for, and return the engine.
 
     Raises
     ------
     DependencyError
         The device named in the settings does not exist.
     """
+    with collection_paused(keep=True):
+        return _loaded(settings)
+
+
+def _loaded(settings: Settings) -> Engine:
     from meshdeform.runs.devices import resolve_device, use_threads
 
     use_threads(settings.threads)
@@ -94,6 +101,12 @@ def torch_engine(settings: Settings) -> Engine:
 
     for kind in kinds():
         kind.load()  # now, so that the first job does not wait for it
+    from meshdeform.runs.rehearsal import rehearse
+
+    try:
+        rehearse(load_prior(BUILTIN_MODEL) if settings.model == BUILTIN_MODEL else None, device)
+    except Exception:
+        _log.exception("a small job failed; the next one may fail, too")
     return Engine(start_run, load_prior, device)
 
 

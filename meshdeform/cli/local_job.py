@@ -31,6 +31,7 @@ from meshdeform.runs.devices import resolve_device, use_threads
 from meshdeform.runs.generated_target import generated_target
 from meshdeform.runs.text_deform_kind import read_source, read_targets
 from meshdeform.settings import Settings
+from meshdeform.support.collector import collection_paused
 from meshdeform.support.files import write_files
 
 __all__ = ["LocalJob", "Outputs", "ctrl_c_between_steps", "try_folder", "writing"]
@@ -185,7 +186,7 @@ class LocalJob:
             on_phase=progress.phase,
             on_artifact=self._show,
         )
-        with self._alignment_picture():
+        with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
             return self._begin(given, prior, params.seed)
 
     @contextmanager

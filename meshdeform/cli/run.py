@@ -42,6 +42,7 @@ from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
 from meshdeform.cli.sketch import write_sketched_target
 from meshdeform.cli.texture_stretch import stretch_line
 from meshdeform.requests.choices import Preset
+from meshdeform.support.collector import collection_paused
 
 __all__ = ["run"]
 
@@ -241,7 +242,8 @@ def run(
         targets=goals.files,
         pictures=pictures.parts,
     )
-    from meshdeform.cli.local_job import LocalJob, Outputs
+    with collection_paused(keep=True):
+        from meshdeform.cli.local_job import LocalJob, Outputs
     from meshdeform.cli.progress import show_progress
 
     sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
@@ -100,6 +100,8 @@ class Lattice:
 
     @classmethod
     def _of_resolution(cls, mesh: RestMesh, resolution: int) -> Lattice:
+        from scipy import ndimage  # a part of scipy that meshes of one component do not need
+
         verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
         used = verts[np.unique(faces)]
         low, high = used.min(0), used.max(0)
@@ -259,6 +261,8 @@ def _axis_edges(cell_nodes: _Index) -> tuple[_Index, _Index]:
 
 def _joined(occupied: _Flags) -> _Flags:
     """Join separate islands of cells to the largest one by the shortest lines of cells."""
+    from scipy import ndimage
+
     labels, count = ndimage.label(occupied, _NEIGHBOURS)
     if count < 2:
         return occupied

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy import ndimage, spatial
+from scipy import spatial
 from torch import Tensor
 from torch.nn import functional
 
@@ -159,6 +159,8 @@ class SilhouetteTerm:
         )
         sampled = view.mask[at_rows[:, None], at_columns[None]] & inside
         mask = sampled.reshape(self._side, fine, self._side, fine).mean((1, 3))
+        from scipy import ndimage  # a part of scipy that no other run needs
+
         outside = ndimage.distance_transform_edt(~sampled) - ndimage.distance_transform_edt(sampled)
         distance = outside.reshape(self._side, fine, self._side, fine).mean((1, 3)) / (self._side * fine)
         goal, away = (torch.from_numpy(each).float().to(self._device) for each in (mask, distance))

@@ -41,6 +41,10 @@ _UNKNOWN_STATEMENT = "26000"
 """PostgreSQL's code if a statement was prepared on another connection, which only a pooler brings about."""
 
 
+_CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
+_NOW = sa.type_coerce(_CLOCK, UtcDateTime)
+
+
 class Database:
     """Transactions, the clock, and the schema.
 
@@ -114,8 +118,9 @@ class Database:
         """
         if self.is_sqlite:
             return datetime.now(UTC) + timedelta(seconds=later_s)
-        clock = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
-        return sa.type_coerce(clock + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
+        if not later_s:
+            return _NOW
+        return sa.type_coerce(_CLOCK + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
 
     def clock(self) -> datetime:
         """Return the current time by the clock of `now`, as a value."""

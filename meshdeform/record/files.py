@@ -96,7 +96,7 @@ class FileLedger:
             set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
             where=sa.or_(files.c.pins >= 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
-        with self._database.write() as connection:
+        with self._database.write_once() as connection:
             return connection.execute(insert.returning(files.c.key)).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
@@ -210,8 +210,11 @@ def check_room(connection: sa.Connection, owner_id: str, files: Mapping[str, int
     each = sa.select(sa.func.max(job_files.c.size).label("size")).where(mine).group_by(job_files.c.key).subquery()
     inputs = sa.select(_total(each.c.size)).scalar_subquery()
     outputs = sa.select(_total(jobs.c.stored_bytes)).where(jobs.c.owner_id == owner_id).scalar_subquery()
-    stored = int(connection.execute(sa.select(inputs + outputs)).scalar_one())
-    known = set(connection.scalars(sa.select(job_files.c.key).where(mine, job_files.c.key.in_(sorted(files)))))
+    # One question for both: the sum without a key, and the keys of files that are there already.
+    total = sa.select(sa.cast(sa.null(), job_files.c.key.type).label("key"), (inputs + outputs).label("size"))
+    each_known = sa.select(job_files.c.key, sa.literal(0)).where(mine, job_files.c.key.in_(sorted(files)))
+    found = {row.key: row.size for row in connection.execute(sa.union_all(total, each_known.distinct()))}
+    stored, known = int(found.pop(None)), set(found)
     added = sum(size for key, size in files.items() if key not in known)
     if stored >= limit or stored + added > limit:
         raise TooMuchStoredError(

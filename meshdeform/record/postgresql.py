@@ -5,6 +5,9 @@ pooler that shares connections between transactions (PgBouncer with `pool_mode =
 the second part may reach another server connection, which does not know the statement (26000). Here both parts are one
 message, and so is the beginning of a transaction with its first statement. Nothing is set for the rest of a session.
 
+pg8000 walks through every statement character by character, each time, to number its placeholders, which takes longer
+than the rest of what it does. Here it does so once for each text.
+
 If the server resets the connection, pg8000 raises `ConnectionResetError`. SQLAlchemy does not recognise that as a lost
 connection: it neither drops the connection nor retries.
 """
@@ -15,6 +18,7 @@ import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from typing import Any
 
 import pg8000.dbapi
@@ -34,6 +38,27 @@ _FRESH_S = 1.0
 _PORTAL = b"P"
 
 
+@lru_cache(maxsize=1024)
+def _numbered(statement: str) -> str:
+    """Return a statement with `$1`, `$2` and so on in place of `%s`."""
+    text, _ = pg8000.dbapi.convert_paramstyle("format", statement, ())
+    return str(text)
+
+
+class _Cursor(pg8000.dbapi.Cursor):  # type: ignore[misc]
+    """A cursor that remembers statements whose placeholders it has numbered."""
+
+    def execute(self, operation: str, args: Any = (), stream: Any = None) -> None:
+        """Run a statement and read its whole result."""
+        if not args or stream is not None or self._input_oids or self._c is None or self._c._sock is None:
+            super().execute(operation, args, stream)
+            return
+        if not self._c._in_transaction and not self._c.autocommit:
+            self._c.execute_simple("begin transaction")
+        self._context = self._c.execute_unnamed(_numbered(operation), vals=args)
+        self._row_iter = None if self._context.rows is None else iter(self._context.rows)
+
+
 class Pg8000Connection(pg8000.dbapi.Connection):  # type: ignore[misc]
     """A connection that sends a statement, and with the first one of a transaction also its beginning, in one message.
 
@@ -50,6 +75,10 @@ class Pg8000Connection(pg8000.dbapi.Connection):  # type: ignore[misc]
         # server ends such sessions; our transactions never pause by themselves.
         self._limit = f"SET LOCAL idle_in_transaction_session_timeout = '{_IDLE_IN_TRANSACTION_S:g}s'"
         super().__init__(*arguments, **options)
+
+    def cursor(self) -> _Cursor:
+        """Return a new cursor."""
+        return _Cursor(self)
 
     def execute_simple(self, statement: str) -> Any:
         """Run a statement without parameters; keep the beginning of a transaction for the statement that follows."""

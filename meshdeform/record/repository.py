@@ -117,12 +117,13 @@ class JobRecord:
             connection = change.connection
             self._hold_to_limits(connection, new)
             self.files.unpin(new.sizes, connection)
-            row = connection.execute(sa.insert(jobs).values(values).returning(jobs)).one()
-            for values in rows.job_files(row.id, new):
-                connection.execute(sa.insert(job_files).values(values))
-            for name, value in new.request.metadata.items():
-                connection.execute(sa.insert(labels).values(job_id=row.id, name=name, value=value))
-            connection.execute(sa.insert(job_texts).values(job_id=row.id, text=searched_text(new)))
+            job_id = values["id"]
+            row = change.insert(
+                sa.insert(jobs).values(values).returning(jobs),
+                *(sa.insert(job_files).values(file) for file in rows.job_files(job_id, new)),
+                *(sa.insert(labels).values(job_id=job_id, name=k, value=v) for k, v in new.request.metadata.items()),
+                sa.insert(job_texts).values(job_id=job_id, text=searched_text(new)),
+            )
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,9 +165,12 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
         params, files, _ = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
-        app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
+
+        def check_room() -> None:
+            app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
+
         with app.record.files.leases() as leases:
-            stored = {part: store_file(app, leases, file) for part, file in files.items()}
+            stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
             failpoint("api.stored")
             new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim)
             return record_job(app, new, leases)
@@ -206,14 +209,19 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     )
 
 
-def store_file(app: AppState, leases: FileLeases, file: ReceivedFile) -> StoredFile:
+def store_file(
+    app: AppState, leases: FileLeases, file: ReceivedFile, check_room: Callable[[], None] | None = None
+) -> StoredFile:
     """Store a file under a lease, unless the store already holds an intact copy.
 
-    The lease is taken first, so that the object stays. A damaged copy is replaced.
+    The lease is taken first, so that the object stays. A damaged copy is replaced. `check_room` is called before
+    anything is stored.
     """
     stored = StoredFile(key=key_of(file), filename=file.filename, size=file.size, sha256=file.sha256)
     leases.take(stored.key)
     if not app.store.holds(stored.key, file.sha256):
+        if check_room is not None:
+            check_room()
         app.store.put(stored.key, file.path, _CONTENT_TYPE, known=StoredObject(file.size, file.sha256))
     return stored
 

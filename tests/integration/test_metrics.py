@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
+from meshdeform.record import counters
+from meshdeform.record.counters import EndedJobs, statistics
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import metadata
@@ -17,11 +17,11 @@ Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
 
 @pytest.fixture(autouse=True)
-def _empty(api: Api) -> Iterator[None]:
+def _empty(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(counters, "_SHARE", 0.0)  # count each time, however busy the machine is
     with api.record.database.write() as connection:
         for table in reversed(metadata.sorted_tables):
             connection.execute(sa.delete(table))
-    return
 
 
 def scraped(api: Api) -> Samples:
@@ -69,11 +69,27 @@ def test_the_record_is_counted(api: Api) -> None:
     assert value(samples, "step_seconds_sum") == pytest.approx(0.03)
 
 
-def test_sums_outlive_the_jobs_that_made_them(api: Api) -> None:
+def failed_job(api: Api) -> str:
     job = new_job(api.record)
     api.record.leases.claim(job.id, "a worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.FAILED)
-    api.record.delete(job.id)
+    return job.id
+
+
+@pytest.mark.both_databases
+def test_jobs_that_are_over_are_not_counted_each_time(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(counters, "_SHARE", 1e9)
+    monkeypatch.setattr(counters, "_SHORT_S", -1.0)
+    first, remembers, seen = failed_job(api), EndedJobs(), []
+    for change in (lambda: None, lambda: failed_job(api), lambda: api.record.delete(first)):
+        change()
+        seen.append(statistics(api.record.database, remembers).jobs[JobState.FAILED])
+    assert seen == [1, 2, 2]  # the deletion is missing until the next count
+    assert statistics(api.record.database).jobs[JobState.FAILED] == 1
+
+
+def test_sums_outlive_the_jobs_that_made_them(api: Api) -> None:
+    api.record.delete(failed_job(api))
     samples = scraped(api)
     assert value(samples, "jobs", state="failed") == 0
     assert value(samples, "jobs_ended_total", state="failed") == 1

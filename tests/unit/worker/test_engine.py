@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from meshdeform.settings import Settings
+from tests.cases import each_case
 from worker.process import PriorCache, torch_engine
 
 
@@ -24,15 +26,27 @@ def loads(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     return seen
 
 
-def test_the_settings_decide_the_revision_and_the_precision(loads: list[dict[str, Any]]) -> None:
+def test_the_settings_decide_the_revision_and_the_precision(
+    loads: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rehearsed: list[tuple[Any, ...]] = []
+    monkeypatch.setattr("meshdeform.runs.rehearsal.rehearse", lambda *given: rehearsed.append((*given, gc.isenabled())))
     settings = Settings(model="some/model", model_revision="v2", dtype="float16", device="cpu")
     engine = torch_engine(settings)
+    assert rehearsed == [(None, "cpu", False)]  # a model that may be large is loaded by the first job that needs it
+    assert gc.isenabled()
     engine.load_prior("some/model")
     engine.load_prior("another/model")
     assert loads == [
         {"model": "some/model", "device": "cpu", "revision": "v2", "dtype": "float16"},
         {"model": "another/model", "device": "cpu", "revision": "", "dtype": "float16"},
     ]
+
+
+@each_case("model", ["builtin", "some/model"])
+def test_a_small_job_runs_before_the_first_one(model: str, caplog: pytest.LogCaptureFixture) -> None:
+    torch_engine(Settings(model=model, device="cpu"))
+    assert [record.message for record in caplog.records if record.levelname == "ERROR"] == []
 
 
 def test_the_last_prior_is_kept_unless_another_one_is_asked_for(loads: list[dict[str, Any]]) -> None:

@@ -1,0 +1,72 @@
+"""Run a tiny job, so that the first real one in a process does not wait for what every job loads.
+
+``python -m meshdeform.runs.rehearsal`` runs several, which compiles their kernels into numba's cache: the workers'
+image does this when it is built.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.assets.build import build_glb
+from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.priors import load_prior
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest
+from meshdeform.runs import text_deform
+
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+    from meshdeform.runs.text_deform import TextDeformRun
+
+__all__ = ["main", "rehearse"]
+
+_PROMPT = "a mushroom"
+
+
+def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
+    """Deform a small sphere by two steps, and make no result.
+
+    Parameters
+    ----------
+    prior : Prior, optional
+        The builtin one. Without it a target pulls, which draws nothing during the steps.
+    device : str
+
+    Raises
+    ------
+    MeshdeformError
+        What a job would raise here.
+    """
+    sphere = _glb(1)
+    if prior is None:
+        _run(sphere, {"params": {"guidance": "target"}}, target=sphere, target_filename="sphere.glb", device=device)
+    else:
+        _run(sphere, {"prompt": _PROMPT, "params": {"orientation": "keep"}}, prior=prior, device=device)
+
+
+def main() -> None:
+    """Also do what only some jobs do: find the front, fit a target, carry several components, walk a morph's path."""
+    prior = load_prior(BUILTIN_MODEL, device="cpu")
+    for glb in (_glb(1), _glb(2)):
+        _run(glb, {"prompt": _PROMPT, "output": {"morph": True}}, prior=prior).finish()
+        _run(glb, {"params": {"guidance": "target"}}, target=_glb(1), target_filename="sphere.glb").finish()
+
+
+def _glb(components: int) -> bytes:
+    sphere = icosphere(2)
+    mesh = join(*(replace(sphere, verts=sphere.verts + 3.0 * number) for number in range(components)))
+    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+
+
+def _run(glb: bytes, document: dict[str, Any], **given: Any) -> TextDeformRun:
+    document["params"] = {"preset": "preview", "steps": 2, **document.get("params", {})}
+    request = JobRequest.model_validate(document)
+    run = text_deform.start(asset=glb, filename="sphere.glb", request=request, **given)
+    for _ in run:
+        pass
+    return run
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""Keep Python's cyclic garbage collector from searching what a program loads. Standard library only."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["collection_paused"]
+
+
+@contextmanager
+def collection_paused(*, keep: bool = False) -> Iterator[None]:
+    """Do not look for garbage inside the block, where much is made and hardly anything dropped.
+
+    To import torch and numba makes a million objects, and a thousand collections search them for garbage that is not
+    there (docs/performance.md). Outside of programs of our own nothing is paused.
+
+    Parameters
+    ----------
+    keep : bool
+        Also leave out of all later collections what exists at the end of the block: modules stay.
+    """
+    if not gc.isenabled():  # whoever turned it off, or an outer block, decides
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        if keep:
+            gc.freeze()
+        gc.enable()
