@@ -16,7 +16,7 @@ from PIL import Image
 
 from meshdeform.evaluation.sources import source_mesh
 from meshdeform.judge import WEIGHTS, Judge
-from meshdeform.judge.views import draw_views, judging_cameras
+from meshdeform.judge.scoring import draw_views, judging_cameras
 
 
 def main() -> None:

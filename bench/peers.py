@@ -33,7 +33,7 @@ from bench.fit import load, ours, peer
 from bench.growth_chart import Series, draw, exponent
 from bench.incomplete_cholesky import IncompleteCholesky
 from meshdeform.deformation.jacobians import identity_jacobians
-from meshdeform.deformation.ldl import factorise
+from meshdeform.deformation.linear_system import factorise
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.geometry.fit_quality import measure_fit

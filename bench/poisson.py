@@ -21,7 +21,7 @@ import torch
 from scipy.sparse.linalg import splu
 
 from meshdeform.deformation.jacobians import identity_jacobians
-from meshdeform.deformation.ldl import factorise
+from meshdeform.deformation.linear_system import factorise
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.geometry.rest_mesh import cotangent_laplacian
 from meshdeform.geometry.shapes import icosphere

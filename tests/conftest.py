@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import shutil
@@ -86,6 +87,17 @@ def group_of(nodeid: str) -> str:
     """Return the name of the test's group, or its file if it belongs to none."""
     file = nodeid.partition("::")[0]
     return next((name for name, beginnings in SHARING.items() if file.startswith(beginnings)), file)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, Any, Any]:
+    """Leave what is imported and collected out of the search for garbage: it stays until the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES
 from meshdeform.assets.storage import BYTE, FLOAT, SHORT, TYPE_COMPONENTS, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.errors import AssetError

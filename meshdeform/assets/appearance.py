@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.materials import Image, Material, TextureUse, read_image, read_material
 from meshdeform.assets.surface import Block
 from meshdeform.assets.texcoords import moved_texcoords

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.asset import Asset
+from meshdeform.assets.container import Json, clone, dump_json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.json_text import Json, clone, dump_json
 from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.errors import AssetError
 

@@ -16,13 +16,12 @@ from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.corners import corner_colors, corner_weights
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, Usage
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axis_warnings
 from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
-from meshdeform.assets.references import Usage
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface

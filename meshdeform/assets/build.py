@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform import __version__
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 

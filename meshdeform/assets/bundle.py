@@ -12,9 +12,8 @@ from typing import Any
 from urllib.parse import unquote
 
 from meshdeform.assets.archive import Archive
-from meshdeform.assets.container import GLB_MAGIC
+from meshdeform.assets.container import GLB_MAGIC, Json, extension, index, integer, objects, text
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json, extension, index, integer, objects, text
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS

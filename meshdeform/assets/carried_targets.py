@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.surface import Block, Floats, unit_rows
 
 __all__ = ["carry_targets"]

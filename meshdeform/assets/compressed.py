@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import DTYPES, read_floats, refresh_bounds
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.meshopt.attributes import decode_attributes
 from meshdeform.assets.meshopt.filters import apply_filter
 from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
-from meshdeform.assets.container import GLB_MAGIC, Data, glb_layout
-from meshdeform.assets.json_text import Json, member, objects, parse_json, text
+from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, member, objects, parse_json, text
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, LEVEL_SET_MAGIC, inspect_foreign, refuse_other_format
 from meshdeform.assets.scenegraph import (

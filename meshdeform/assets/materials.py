@@ -8,8 +8,8 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
+from meshdeform.assets.container import Json, extension, index, integer, member, numbers, objects, text
 from meshdeform.assets.document import Document, decode_data_uri
-from meshdeform.assets.json_text import Json, extension, index, integer, member, numbers, objects, text
 from meshdeform.errors import AssetError
 
 __all__ = ["Image", "Material", "TextureUse", "image_type", "read_image", "read_material", "read_materials"]

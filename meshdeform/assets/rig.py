@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.container import Json
 from meshdeform.assets.corners import skin_weights
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.surface import Block, Matrix, bind_placement, is_invertible, local_matrix, world_matrices
 
 __all__ = ["JointMove", "RigMotion", "move_joints"]

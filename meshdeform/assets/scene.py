@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.container import Json, index, objects
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json, index, objects
 from meshdeform.assets.materials import Image, Material, read_image, read_materials
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from meshdeform.assets.json_text import Json, extension, index, indices, integer, member, numbers, objects
+from meshdeform.assets.container import Json, extension, index, indices, integer, member, numbers, objects
 from meshdeform.assets.storage import (
     BYTE,
     FLOAT,

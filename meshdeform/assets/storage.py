@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from meshdeform.assets.json_text import Json, extension, index, integer, member, objects, text
+from meshdeform.assets.container import Json, extension, index, integer, member, objects, text
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetError,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
 from meshdeform.assets.compressed import drop_extension
+from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.json_text import Json, clone
 from meshdeform.assets.middles import middles
 from meshdeform.assets.scenegraph import TRIANGLES, instances_of
 from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.json_text import Json
 from meshdeform.assets.scenegraph import GPU_INSTANCING, LOOSE, TRIANGLES, Instance, instance_count, instances_of
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.document import Document, decode_data_uri
-from meshdeform.assets.json_text import Json, clone
+from meshdeform.assets.container import Json, clone
+from meshdeform.assets.document import Document, Usage, decode_data_uri
 from meshdeform.assets.materials import image_type
-from meshdeform.assets.references import Usage
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS
 from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError

@@ -25,8 +25,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.ldl import factorise
-from meshdeform.deformation.linear_system import solve_linear
+from meshdeform.deformation.linear_system import factorise, solve_linear
 from meshdeform.errors import NumericalError
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import samples_of

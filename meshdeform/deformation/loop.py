@@ -10,7 +10,7 @@ updates the Jacobians with Adam::
             + w_d dirichlet(verts)                                  (a barrier; not in the paper)
 
 On a surface, every connected component keeps its centre of mass, as in the paper. An asset of several components is
-carried by a lattice instead (`carriers.py`), which keeps them together. The centre of mass of the whole mesh stays
+carried by a lattice instead (`stand_in.py`), which keeps them together. The centre of mass of the whole mesh stays
 fixed: otherwise, a sphere that should become a mushroom would rise to where the cap is seen and never grow a stem.
 
 Sources: Xu et al. 2024, FusionDeformer, eq. 6 to 13; Aigerman et al. 2022, Neural Jacobian Fields, eq. 2 and 4;

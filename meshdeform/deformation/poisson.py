@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.deformation.ldl import Factor, factorise
-from meshdeform.deformation.linear_system import solve_linear
+from meshdeform.deformation.linear_system import Factor, factorise, solve_linear
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE, RestMesh

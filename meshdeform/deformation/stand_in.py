@@ -1,8 +1,11 @@
-"""Deform a simplified mesh in place of a large one, and let the large one follow.
+"""Choose what carries the vertices, and deform a simplified mesh in place of a large one.
 
-Drawing, the penalties, the barrier and the guard then cost the same for every large mesh, and so do checkpoints. The
-vertices of the large mesh are placed only when somebody asks for them. On a lattice they follow the nodes, exactly as
-if the lattice carried them throughout; on a surface they follow the nearest faces of the stand-in (`binding.py`).
+The carrier is the surface itself, or a lattice around all components.
+
+With a stand-in, drawing, the penalties, the barrier and the guard cost the same for every large mesh, and so do
+checkpoints. The vertices of the large mesh are placed only when somebody asks for them. On a lattice they follow the
+nodes, exactly as if the lattice carried them throughout; on a surface they follow the nearest faces of the stand-in
+(`binding.py`).
 
 A stand-in must not lose parts of the asset: it has more faces, or is the mesh itself, unless all of the surface is near
 it and it has most of the area.
@@ -19,19 +22,75 @@ from torch import Tensor
 
 from meshdeform.assets.appearance import Appearance
 from meshdeform.deformation.binding import Binding
-from meshdeform.deformation.carriers import carry
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.surface_colours import baked_appearance
-from meshdeform.deformation.variables import Variables, placed
+from meshdeform.deformation.variables import JacobianField, Variables, placed
+from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.simplify import simplified
 from meshdeform.requests.choices import Carrier
 
-__all__ = ["FACES", "MAX_FACES", "StandIn", "stand_in_of"]
+__all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]
+
+
+def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
+    """Return `surface` or `lattice`; `auto` chooses the lattice for several connected components or rigid bodies."""
+    if carrier is not Carrier.AUTO:
+        return carrier
+    several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
+    return Carrier.LATTICE if several or rigid else Carrier.SURFACE
+
+
+def carry(
+    carrier: Carrier,
+    mesh: TriangleMesh,
+    *,
+    whole: TriangleMesh | None = None,
+    initial: Mapping[str, Tensor] | None = None,
+    bodies: Sequence[Body] = (),
+    constraints: Constraints = UNCONSTRAINED,
+) -> Variables:
+    """Return the variables of a mesh.
+
+    Parameters
+    ----------
+    carrier : Carrier
+    mesh : TriangleMesh
+    whole : TriangleMesh, optional
+        The mesh for which `mesh` stands in, which a lattice encloses as well; its components decide.
+    initial : mapping of name to Tensor, optional
+        The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
+    bodies : sequence of Body, optional
+        Parts that keep their shape; they need the lattice.
+    constraints : Constraints
+        Of `mesh`.
+
+    Raises
+    ------
+    CheckpointError
+        The shape is of an edition that moved parts by translations, or of the surface while there are bodies.
+    """
+    rest = RestMesh.of(mesh)
+    of_whole = rest if whole is None else RestMesh.of(whole)
+    chosen = chosen_carrier(carrier, of_whole, rigid=bool(bodies))
+    if initial is not None:
+        if "translations" in initial and bool(initial["translations"].any()) and len(initial["translations"]) > 1:
+            raise CheckpointError(
+                "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
+            )
+        chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
+    if chosen is Carrier.LATTICE:
+        return LatticeField(rest, of_whole, bodies, constraints)
+    if bodies and initial is not None:
+        raise CheckpointError("The shape to start from has no lattice, which the parts in `rigid` need.")
+    if bodies:
+        raise ValueError("rigid bodies need the lattice")
+    return JacobianField(rest, constraints)
+
 
 MAX_FACES = 12_000
 """Number of faces above which a mesh gets a stand-in."""
@@ -72,7 +131,7 @@ class StandIn:
     def carry(
         self, carrier: Carrier, initial: Mapping[str, Tensor] | None = None, bodies: Sequence[Body] = ()
     ) -> Variables:
-        """Return the variables that deform the stand-in, as `carriers.carry` does."""
+        """Return the variables that deform the stand-in, as `carry` does."""
         own = self._constraints
         if self.mesh is not self._whole:
             own = own.of_stand_in(self.mesh, self._whole)

@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -44,14 +44,90 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.texts import Texts, WeightedPrompt
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle, Shading
 
-__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "rescaled"]
+__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "Texts", "WeightedPrompt", "rescaled"]
+
+
+@dataclass(frozen=True)
+class WeightedPrompt:
+    """One of several prompts.
+
+    Attributes
+    ----------
+    text : str
+    weight : float
+        Factor of its gradient.
+    group : int
+        Prompts of one group share a loss. Groups count from 0, in the order of their first prompts.
+    """
+
+    text: str
+    weight: float = 1.0
+    group: int = 0
+
+
+class Texts:
+    """The encoded texts of a job.
+
+    Parameters
+    ----------
+    prior : Prior
+    prompts : sequence of WeightedPrompt
+        At least one.
+    negative_prompt : str
+
+    Attributes
+    ----------
+    rows : (N, ...)
+        Rows for `Prior.predict_noise`: what guidance points away from, then the prompts.
+    pairs : list of (int, int)
+        For each prompt, its row of the first kind and its own. The builtin model reads attributes alone, such as
+        "fat", as those of the prompt's object, so that two prompts may point away from different texts.
+
+    Raises
+    ------
+    PromptError, ParameterError
+        The prior cannot use one of the texts.
+    """
+
+    def __init__(self, prior: Prior, prompts: Sequence[WeightedPrompt], negative_prompt: str) -> None:
+        self._prompts = prompts
+        away: list[Tensor] = []
+        texts: list[Tensor] = []
+        bases = []
+        for each in prompts:
+            prompted, unprompted = prior.encode_texts(each.text, negative_prompt)
+            known = (number for number, other in enumerate(away) if torch.equal(other, unprompted))
+            base = next(known, len(away))
+            if base == len(away):
+                away.append(unprompted)
+            texts.append(prompted)
+            bases.append(base)
+        self.rows = torch.stack([*away, *texts])
+        self.pairs = [(base, len(away) + number) for number, base in enumerate(bases)]
+
+    @property
+    def first(self) -> Tensor:
+        """The row (1, ...) of the first prompt."""
+        text = self.pairs[0][1]
+        return self.rows[text : text + 1]
+
+    def grouped(self, values: Sequence[Tensor]) -> list[Tensor]:
+        """Return, for each group, the sum of its prompts' values with their weights."""
+        found: list[Tensor] = []
+        for each, value in zip(self._prompts, values, strict=True):
+            weighted = each.weight * value
+            if each.group < len(found):
+                found[each.group] = found[each.group] + weighted
+            else:
+                found.append(weighted)
+        return found
+
 
 _DRAWS = 3
 """Draws of timestep and noise per step, so that one overflow in half precision does not end a long run."""

@@ -1,10 +1,11 @@
-"""Define the judge's network: a small residual network for one view, and an encoder for the prompt.
+"""Define the judge's network, a small residual network for one view and an encoder for the prompt; keep its weights.
 
 ::
 
     score(view, prompt) = noun_logit(view)[noun] + <a(view), g(noun, attributes)> / sqrt(width)
 
-estimates log p(view | prompt) up to a constant of the view. The scores of several views are averaged.
+estimates log p(view | prompt) up to a constant of the view. The scores of several views are averaged. The weights are
+half precision safetensors that record their vocabulary.
 
 Sources: He et al. 2016 (residual networks), van den Oord et al. 2018 (InfoNCE: a score is a log ratio of densities,
 eq. 5).
@@ -12,16 +13,32 @@ eq. 5).
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor, nn
 
+from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
 
-__all__ = ["JudgeConfig", "JudgeNetwork", "Prompts", "encoded"]
+__all__ = [
+    "WEIGHTS",
+    "JudgeConfig",
+    "JudgeNetwork",
+    "Prompts",
+    "encoded",
+    "read_judge",
+    "vocabulary_hash",
+    "write_judge",
+]
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
 _ATTRIBUTE_NUMBER = {attribute: number for number, attribute in enumerate(ATTRIBUTES)}
@@ -118,3 +135,61 @@ class JudgeNetwork(nn.Module):
         """Return the scores (B, P) of every prompt for every view."""
         match = features @ self.encode_prompts(prompts).float().mT / math.sqrt(self.config.width)
         return noun_logits[:, prompts.noun] + match
+
+
+WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
+_ADVICE = (
+    "Install meshdeform again (the weights are part of the package), or train them: "
+    "python -m meshdeform.judge.training.train."
+)
+
+
+def vocabulary_hash() -> str:
+    """Hash the nouns and attributes in the order of their numbers."""
+    words = [*NOUNS, *(f"{attribute.degree} {attribute.part}" for attribute in ATTRIBUTES)]
+    return hashlib.sha256(",".join(words).encode()).hexdigest()[:16]
+
+
+def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]) -> None:
+    """Write the network as float16, atomically."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    metadata = {**provenance, "config": json.dumps(asdict(network.config)), "vocabulary": vocabulary_hash()}
+    state = {
+        name: tensor.detach().to(torch.float16).contiguous()
+        for name, tensor in network.state_dict().items()
+        if not name.endswith("num_batches_tracked")
+    }
+    part = path.with_suffix(".part")
+    save_file(state, part, metadata)
+    part.chmod(0o644)
+    part.replace(path)
+
+
+def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
+    """Read the network in float32 for inference, and the file's metadata.
+
+    Raises
+    ------
+    ModelError
+        The file is missing, not safetensors, or of another vocabulary or network.
+    """
+    if not path.is_file():
+        raise ModelError(f"The judge's weights are missing: there is no {path.name} in {path.parent}.", advice=_ADVICE)
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = dict(file.metadata() or {})
+            state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except SafetensorError as error:
+        raise ModelError(f"The judge's weights in {path} cannot be read: {error}.", advice=_ADVICE) from error
+    if metadata.get("vocabulary") != vocabulary_hash():
+        raise ModelError(f"The judge's weights in {path} were trained for another vocabulary.", advice=_ADVICE)
+    try:
+        config = json.loads(metadata["config"])
+        network = JudgeNetwork(JudgeConfig(**{**config, "channels": tuple(config["channels"])}))
+        missing, strange = network.load_state_dict(state, strict=False)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE) from error
+    if strange or [name for name in missing if not name.endswith("num_batches_tracked")]:
+        raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE)
+    network.eval().requires_grad_(requires_grad=False)
+    return network, metadata

@@ -17,8 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.texts import WeightedPrompt
+from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.priors.base import HasEncoders, Prior
 from meshdeform.priors.public_names import public_name
 from meshdeform.rendering.shading import Shading

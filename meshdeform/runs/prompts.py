@@ -25,7 +25,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.guidance.texts import WeightedPrompt
+from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.stages import Prompt, active_prompts
 from meshdeform.runs.control import Control

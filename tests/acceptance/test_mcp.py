@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import anyio
 import pytest
-from mcp import Client, StdioServerParameters, stdio_client
-from mcp.types import CallToolResult
 
 from tests.acceptance.cli import command, environment
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service
+
+if TYPE_CHECKING:
+    from mcp import Client
+    from mcp.types import CallToolResult
 
 pytestmark = pytest.mark.acceptance
 
@@ -36,6 +38,8 @@ async def found(client: Client, tool: str, arguments: dict[str, Any]) -> Any:
 
 
 def test_an_agent_goes_from_a_file_to_a_file(service: Service, tmp_path: Path) -> None:
+    from mcp import Client, StdioServerParameters, stdio_client
+
     folder = tmp_path / "assets"
     folder.mkdir()
     write_ellipsoid(folder / "sphere.obj", 1.0)

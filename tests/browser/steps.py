@@ -20,6 +20,17 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Watch
 
 
+def expect(what: Page | Locator) -> Any:
+    """Return Playwright's assertions, which wait for a minute.
+
+    Every worker of the tests reads these files, and Playwright takes it a second: only those that use it import it.
+    """
+    from playwright.sync_api import expect
+
+    expect.set_options(timeout=60_000)
+    return expect(what)
+
+
 def open_form(page: Page) -> None:
     """Go to the form for a new job, and wait until it is all there."""
     page.goto("/")

@@ -6,24 +6,23 @@ import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
 from PIL import Image
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from meshdeform.record.database import Database  # noqa: E402
-from meshdeform.record.keys import KeyRing  # noqa: E402
-from meshdeform.runs.base import ArtifactData, RunInput  # noqa: E402
-from meshdeform.settings import Settings  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch, watched  # noqa: E402
-from tests.browser.steps import (  # noqa: E402
+from meshdeform.record.database import Database
+from meshdeform.record.keys import KeyRing
+from meshdeform.runs.base import ArtifactData, RunInput
+from meshdeform.settings import Settings
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch, watched
+from tests.browser.steps import (
     badge,
     barriers,
     choose,
+    expect,
     open_form,
     set_steps,
     shown_job,
@@ -31,12 +30,13 @@ from tests.browser.steps import (  # noqa: E402
     straight_way,
     until_noted,
 )
-from tests.fake_kind import FakeKind  # noqa: E402
-from tests.integration.conftest import serving  # noqa: E402
-from tests.worker_world import working  # noqa: E402
+from tests.fake_kind import FakeKind
+from tests.integration.conftest import serving
+from tests.worker_world import working
 
-Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
 
 PHONE: dict[str, Any] = {
     "viewport": {"width": 360, "height": 740},

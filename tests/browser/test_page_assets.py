@@ -6,20 +6,20 @@ import io
 import json
 import zipfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 from PIL import Image
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from meshdeform.geometry.shapes import icosphere
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import badge, choose, difference, expect, open_form, picture, set_steps, start, until_drawn
 
-from meshdeform.geometry.shapes import icosphere  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, picture, set_steps, start, until_drawn  # noqa: E402
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+
 ARROW = np.array([217, 98, 43])  # as `front-arrow.js` has it
 
 

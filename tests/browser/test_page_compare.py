@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import difference, expect, picture, until_drawn
 
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import difference, picture, until_drawn  # noqa: E402
-
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 
 @pytest.fixture(scope="module")

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from PIL import Image
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from meshdeform.assets import load_asset  # noqa: E402
-from meshdeform.geometry.shapes import icosphere  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import (  # noqa: E402
+from meshdeform.assets import load_asset
+from meshdeform.geometry.shapes import icosphere
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import (
     badge,
     choose,
     difference,
+    expect,
     open_form,
     set_steps,
     start,
@@ -25,10 +25,10 @@ from tests.browser.steps import (  # noqa: E402
     until_noted,
     until_shown,
 )
-from tests.unit.assets.builders import Builder  # noqa: E402
+from tests.unit.assets.builders import Builder
 
-Locator, Page, Route, expect = playwright_api.Locator, playwright_api.Page, playwright_api.Route, playwright_api.expect
-expect.set_options(timeout=60_000)
+if TYPE_CHECKING:
+    from playwright.sync_api import Locator, Page, Route
 
 
 def two_parts(path: Path) -> Path:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import until
+from tests.browser.conftest import Watch
+from tests.browser.steps import choose, expect, open_form, set_steps
 
-from tests.acceptance.service import until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import choose, open_form, set_steps  # noqa: E402
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+
 pytestmark = pytest.mark.without_3d
 
 KEPT_FILES = """() => new Promise((resolve) => {

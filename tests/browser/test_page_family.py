@@ -10,23 +10,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from bench.parametric_families import family, labels_document  # noqa: E402
-from meshdeform.assets import load_asset  # noqa: E402
-from meshdeform.runs import start_run  # noqa: E402
-from meshdeform.settings import Settings  # noqa: E402
-from tests.browser.conftest import watched  # noqa: E402
-from tests.browser.steps import badge  # noqa: E402
-from tests.in_process import children_in_process  # noqa: E402
-from tests.integration.conftest import serving  # noqa: E402
-from tests.worker_world import working  # noqa: E402
+from bench.parametric_families import family, labels_document
+from meshdeform.assets import load_asset
+from meshdeform.runs import start_run
+from meshdeform.settings import Settings
+from tests.browser.conftest import watched
+from tests.browser.steps import badge, expect
+from tests.in_process import children_in_process
+from tests.integration.conftest import serving
+from tests.worker_world import working
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
-
-expect = playwright_api.expect
-expect.set_options(timeout=60_000)
 
 
 @pytest.fixture

@@ -11,19 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from meshdeform.assets import build_glb  # noqa: E402
-from meshdeform.geometry.shapes import icosphere  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, barriers, difference, picture, shown_job, until_drawn  # noqa: E402
+from meshdeform.assets import build_glb
+from meshdeform.geometry.shapes import icosphere
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import badge, barriers, difference, expect, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-expect = playwright_api.expect
-expect.set_options(timeout=60_000)
 
 # A phone in the country: 400 kbit/s, a third of a second each way.
 SLOW = {"offline": False, "latency": 300, "downloadThroughput": 50_000, "uploadThroughput": 50_000}

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import Service
+from tests.browser.conftest import Watch
+from tests.browser.steps import badge, difference, expect, open_form, picture, shown_job, until_drawn
 
-from tests.acceptance.service import Service  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, difference, open_form, picture, shown_job, until_drawn  # noqa: E402
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
 
 FOLDER = Path(__file__).parents[2] / "service" / "web" / "examples"
 EXAMPLES: list[dict[str, Any]] = json.loads((FOLDER / "gallery.json").read_text())["examples"]

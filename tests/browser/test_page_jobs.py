@@ -7,20 +7,20 @@ import json
 import re
 import signal
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import (  # noqa: E402
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import (
     badge,
     choose,
     difference,
+    expect,
     open_form,
     picture,
     set_steps,
@@ -31,8 +31,8 @@ from tests.browser.steps import (  # noqa: E402
     upper_half,
 )
 
-Page, Route, expect = playwright_api.Page, playwright_api.Route, playwright_api.expect
-expect.set_options(timeout=60_000)
+if TYPE_CHECKING:
+    from playwright.sync_api import Page, Route
 
 
 def test_a_file_becomes_a_result_that_is_looked_at_and_kept(

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import choose, expect, open_form, set_steps, start, until_shown
 
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import choose, open_form, set_steps, start, until_shown  # noqa: E402
-
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 
 def plain(prompts: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 from PIL import Image
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import Service
+from tests.browser.conftest import Watch
+from tests.browser.steps import expect, open_form, set_steps, start
 
-from tests.acceptance.service import Service  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import open_form, set_steps, start  # noqa: E402
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
 
 # The front of a table: its top, and two legs.
 STROKES = [

@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import watched  # noqa: E402
-from tests.browser.steps import choose, difference, open_form, picture, until_drawn  # noqa: E402
-from tests.browser.test_page_control import tool, two_parts  # noqa: E402
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import watched
+from tests.browser.steps import choose, difference, expect, open_form, picture, until_drawn
+from tests.browser.test_page_control import tool, two_parts
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Locator, Page
 
-Locator, Page, expect = playwright_api.Locator, playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
 
 Place = tuple[float, float]
 

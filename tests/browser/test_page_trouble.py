@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch, watched
+from tests.browser.steps import badge, choose, expect, open_form, set_steps, shown_job, start
+from tests.fault_proxy import FaultProxy
 
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch, watched  # noqa: E402
-from tests.browser.steps import badge, choose, open_form, set_steps, shown_job, start  # noqa: E402
-from tests.fault_proxy import FaultProxy  # noqa: E402
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
-Browser, Page, expect = playwright_api.Browser, playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
+
 pytestmark = pytest.mark.without_3d
 
 ENDLESS: dict[str, Any] = {

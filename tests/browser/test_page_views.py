@@ -9,19 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
-from meshdeform.assets import build_glb, load_asset  # noqa: E402
-from meshdeform.geometry.shapes import torus  # noqa: E402
-from tests.acceptance.service import Service, until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-from tests.browser.steps import badge, choose, difference, open_form, picture, shown_job, until_drawn  # noqa: E402
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.geometry.shapes import torus
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import Watch
+from tests.browser.steps import badge, choose, difference, expect, open_form, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Response, Route
+    from playwright.sync_api import Page, Response, Route
 
-Page, expect = playwright_api.Page, playwright_api.expect
-expect.set_options(timeout=60_000)
 RESULT = re.compile(r"/artifacts/result\.glb$")
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+from tests.acceptance.service import until
+from tests.browser.conftest import Watch
 
-from tests.acceptance.service import until  # noqa: E402
-from tests.browser.conftest import Watch  # noqa: E402
-
-Page = playwright_api.Page
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 
 FAULTS = {

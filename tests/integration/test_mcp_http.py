@@ -14,10 +14,7 @@ import anyio
 import httpx
 import httpx2
 import uvicorn
-from mcp import Client
-from mcp.client.streamable_http import streamable_http_client
 
-from meshdeform.mcp.server import http_app
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.stack import listen
 from meshdeform.settings import Settings
@@ -27,6 +24,8 @@ from tests.integration.conftest import new_job, serving
 
 @contextlib.contextmanager
 def mcp_server(service: str) -> Iterator[str]:
+    from meshdeform.mcp.server import http_app
+
     listening = listen("127.0.0.1", 0)
     host = f"127.0.0.1:{listening.getsockname()[1]}"
     server = uvicorn.Server(uvicorn.Config(http_app(service, [host]), log_level="warning"))
@@ -43,6 +42,9 @@ def mcp_server(service: str) -> Iterator[str]:
 
 @contextlib.asynccontextmanager
 async def agent(url: str, key: str) -> Any:
+    from mcp import Client
+    from mcp.client.streamable_http import streamable_http_client
+
     async with (
         httpx2.AsyncClient(headers={"Authorization": f"Bearer {key}"}, timeout=60) as http,
         Client(streamable_http_client(url, http_client=http)) as client,

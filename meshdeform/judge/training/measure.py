@@ -20,10 +20,9 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, icosphere, torus
-from meshdeform.judge.network import JudgeNetwork, encoded
+from meshdeform.judge.network import WEIGHTS, JudgeNetwork, encoded, read_judge
 from meshdeform.judge.scoring import Judge
 from meshdeform.judge.training.members import HELD_OUT, ViewSet
-from meshdeform.judge.weights_file import WEIGHTS, read_judge
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
 
 __all__ = ["SHAPES", "main", "prompts_of", "variants"]

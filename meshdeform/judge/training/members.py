@@ -26,8 +26,8 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.network import encoded
+from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.judge.training import shapes
-from meshdeform.judge.views import VIEW_SIZE, draw_views, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.training.dataset import drawn_from
 from meshdeform.priors.builtin.training.families import Part, member

@@ -24,10 +24,9 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.network import JudgeNetwork, Prompts
+from meshdeform.judge.network import WEIGHTS, JudgeNetwork, Prompts, write_judge
 from meshdeform.judge.training.augment import augmented
 from meshdeform.judge.training.members import CALIBRATION, ViewSet
-from meshdeform.judge.weights_file import WEIGHTS, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS
 
 __all__ = ["TrainConfig", "Trainer", "calibrate"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import DEADLINE_MS, Watch
+from tests.browser.conftest import DEADLINE_MS, FEW_SAMPLES, Watch
 from tests.browser.viewer.assets import bent
 from tests.browser.viewer.site import ViewerSite, serving_viewers
 
@@ -32,6 +32,7 @@ def shared(browser: Browser, site: ViewerSite) -> Iterator[tuple[Page, Watch]]:
     context.set_default_timeout(DEADLINE_MS)
     watch = Watch(site.url)
     watch.attach(context)
+    context.add_init_script(FEW_SAMPLES)
     page = context.new_page()
     page.goto("/")
     page.wait_for_function("window.ready")

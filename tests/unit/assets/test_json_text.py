@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from meshdeform.assets.json_text import clone, dump_json, parse_json
+from meshdeform.assets.container import clone, dump_json, parse_json
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTooLargeError
 from tests.cases import each_case

@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.carriers import chosen_carrier
 from meshdeform.deformation.lattice import CELLS, MAX_CELLS, Lattice, LatticeSystem
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.variables import placed
 from meshdeform.errors import CheckpointError

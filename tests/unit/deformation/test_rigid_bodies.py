@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.carriers import carry, chosen_carrier
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
+from meshdeform.deformation.stand_in import carry, chosen_carrier
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import placed
 from meshdeform.geometry.intersections import cutting_pairs

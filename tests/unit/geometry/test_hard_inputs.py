@@ -14,7 +14,7 @@ import torch
 from bench.input_meshes import INPUTS
 from bench.inputs import glb, outcome
 from meshdeform.assets import load_asset
-from meshdeform.deformation import step_repair
+from meshdeform.deformation import step_limit
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import JacobianField, Variables, placed
@@ -143,7 +143,7 @@ def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
 
 
 def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())  # the last resort
+    monkeypatch.setattr(step_limit, "_HOLD_RINGS", ())  # the last resort
     ball = TriangleMesh(0.3 * icosphere(2).verts, icosphere(2).faces)
     mesh = join(ball, shifted(ball, 1.0, 0, 0), shifted(ball, 0, 1.0, 0), shifted(ball, 0, 1.4, 0))
     variables, guard, optimizer = guarded(mesh, VertexDisplacements)

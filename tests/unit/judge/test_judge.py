@@ -17,8 +17,8 @@ from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyErr
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.judge import WEIGHTS, Judge
+from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.judge.training.members import HELD_OUT, NOTHING, draw_member, draw_other, seeded
-from meshdeform.judge.views import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
 from meshdeform.priors.builtin.training.families import Part, member

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.network import JudgeNetwork, encoded
+from meshdeform.judge.network import JudgeNetwork, encoded, read_judge, write_judge
 from meshdeform.judge.training.augment import augmented
 from meshdeform.judge.training.measure import prompts_of, variants
 from meshdeform.judge.training.members import (
@@ -26,7 +26,6 @@ from meshdeform.judge.training.members import (
 )
 from meshdeform.judge.training.shapes.solids import ball, block, carved, drum, rod, surfaced
 from meshdeform.judge.training.train import TrainConfig, Trainer, _unknown, calibrate
-from meshdeform.judge.weights_file import read_judge, write_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.training.families import Part
 

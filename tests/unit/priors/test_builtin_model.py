@@ -5,7 +5,7 @@ import torch
 
 from meshdeform.priors.builtin.grammar import parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork, camera_map, null_tokens
-from meshdeform.priors.builtin.schedule import (
+from meshdeform.priors.builtin.prior import (
     NUM_TIMESTEPS,
     add_noise,
     cosine_alphas_cumprod,

@@ -9,8 +9,7 @@ from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyErr
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.priors.builtin.schedule import add_noise
+from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.training.families import member
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights

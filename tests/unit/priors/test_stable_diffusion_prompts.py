@@ -16,8 +16,7 @@ from meshdeform.assets import build_glb
 from meshdeform.errors import PromptError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.texts import WeightedPrompt
+from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import JobRequest

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.judge.network import JudgeNetwork
+from meshdeform.judge.network import JudgeNetwork, read_judge
 from meshdeform.judge.training import train as judge_training
-from meshdeform.judge.weights_file import read_judge
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork

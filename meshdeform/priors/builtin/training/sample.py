@@ -23,7 +23,7 @@ from torch import Tensor
 
 from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, NOUNS, Words, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tokens
-from meshdeform.priors.builtin.schedule import (
+from meshdeform.priors.builtin.prior import (
     NUM_TIMESTEPS,
     cosine_alphas_cumprod,
     noise_from_clean,

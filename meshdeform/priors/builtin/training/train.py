@@ -1,7 +1,7 @@
 """Train the builtin prior: `python -m meshdeform.priors.builtin.training.train`.
 
 Data: members of the families, drawn by `dataset.py` from `--seed`. Loss: squared error of the clean picture,
-weighted as in `schedule.py`; timesteps stratified within a batch; the prompt dropped with probability 0.12. AdamW, one
+weighted as in `prior.py`; timesteps stratified within a batch; the prompt dropped with probability 0.12. AdamW, one
 cycle of the learning rate, gradients clipped to norm 1. The exponential moving average of the weights is what is
 written and shipped. `--steps` sets the length of the run; `--minutes` sets it after timing the first steps. A stopped
 run continues from `--state`; a run with `--initial` starts from the weights of another edition, whose vocabulary may be
@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 
 from meshdeform.priors.builtin.network import PriorNetwork
-from meshdeform.priors.builtin.schedule import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
+from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.training.dataset import PictureFolder, PictureSet
 from meshdeform.priors.builtin.training.families import FAMILIES
 from meshdeform.priors.builtin.training.warm_start import warm_start
