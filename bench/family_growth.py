@@ -16,7 +16,6 @@ import time
 import zipfile
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -26,14 +25,14 @@ from bench.growth_chart import Series, exponent
 from bench.parametric_families import PARTS, Member, family, labels_document, packed
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
-from meshdeform.runs.base import InputFile, RunInput
+from meshdeform.runs.base import ArtifactData, InputFile, RunInput
 from meshdeform.runs.family_fit_kind import READ_STEPS
 
 STAGES = ("reading", "inference", "learning", "results")
 
 
-def fitted(name: str, members: list[Member], params: dict[str, int]) -> tuple[list[float], dict[str, Any]]:
-    """Return the CPU seconds of each of `STAGES`, and the report."""
+def fitted(name: str, members: list[Member], params: dict[str, int]) -> tuple[list[float], dict[str, ArtifactData]]:
+    """Return the CPU seconds of each of `STAGES`, and the artifacts."""
     buffer = io.BytesIO(packed(members))
     with zipfile.ZipFile(buffer, "a") as archive:
         archive.writestr(zipfile.ZipInfo("labels.json"), json.dumps(labels_document(name, members, 10)))
@@ -47,7 +46,7 @@ def fitted(name: str, members: list[Member], params: dict[str, int]) -> tuple[li
     times.append(time.process_time())
     artifacts = run.finish()
     times.append(time.process_time())
-    return [b - a for a, b in pairwise(times)], json.loads(artifacts["report.json"].data)
+    return [b - a for a, b in pairwise(times)], artifacts
 
 
 def main() -> None:
@@ -61,7 +60,8 @@ def main() -> None:
     members = family(options.family, max(options.counts))
     found = []
     for count in options.counts:
-        seconds, report = fitted(options.family, members[:count], params)
+        seconds, artifacts = fitted(options.family, members[:count], params)
+        report = json.loads(artifacts["report.json"].data)
         found.append(seconds)
         stages = "  ".join(f"{stage} {each:.0f}" for stage, each in zip(STAGES, seconds, strict=True))
         right, nearest = report["accuracy"]["parts"], report["classes"]["nearest_neighbour"]

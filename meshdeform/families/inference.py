@@ -28,12 +28,16 @@ NEAREST_SAMPLES, NEAREST_POINTS = 100, 20
 """Correspondences that are not between such neighbours have the probability 0."""
 
 _S1, _S2 = 0.08**2, 0.05**2
-_LEAST_S1, _LEAST_S2, _LEAST_S3 = 0.006**2, 0.02**2, 0.05
-"""Without a bound below, smoothness and correspondences agree on shapes that do not bend."""
+_LEAST_S1, _LEAST_S2, _LEAST_S3 = 0.006**2, 0.02**2, 2.0
+"""Without a bound below, smoothness and correspondences agree on shapes that do not bend. The one of the
+features, whose variance over the collection is 1, makes up for features that are counted as if each told more."""
 _TIGHTER, _TIGHTEST = 0.85, 0.03
 """The bound above S1 falls by this factor in each round, down to the square of the second number."""
 _LEAST_ALIKE = 0.05
 _ROUNDS = 3
+_CROWD, _GIVE, _MOST_GIVEN = 2.0, 0.5, 8.0
+"""A point that more samples than `_CROWD` times the mean want passes samples on to points beside it. Without this, a
+few points whose features are like the mean of all take the samples of the others, which then seem not to exist."""
 
 
 @dataclass
@@ -54,6 +58,8 @@ class Inference:
         How many samples correspond to each point: the sum of Q(U).
     parts : (T, P, L) float32
         Q(S).
+    crowding : (T, K) float32
+        Logarithm, at most 0, of the factor by which a crowded point is wanted less (`_CROWD`).
     likelihood : (T,) float32
         Mean log-likelihood of a sample.
     s1, s2 : (3,) float32
@@ -69,6 +75,7 @@ class Inference:
     variance: Tensor
     mass: Tensor
     parts: Tensor
+    crowding: Tensor
     likelihood: Tensor
     s1: Tensor
     s2: Tensor
@@ -108,6 +115,7 @@ class Inference:
             variance=torch.full((shapes, count, 3), _S1),
             mass=torch.full((shapes, count), samples / count),
             parts=_fixed(torch.full((shapes, samples, parts), 1.0 / parts), given),
+            crowding=torch.zeros(shapes, count),
             likelihood=torch.zeros(shapes),
             s1=torch.full((3,), _S1),
             s2=torch.full((3,), _S2),
@@ -120,20 +128,15 @@ class Inference:
 
     def correspondences(self, shape: int) -> tuple[Tensor, Tensor]:
         """Return Q(U) (P, K) of one shape, and the log-likelihood (P,) of its samples."""
-        points, deformed, template = self.boxed[shape], self.deformed[shape], self.template
-        count, size, look = len(template.points), self.s1.sqrt(), self.s3.sqrt()
-        # The squares of both terms are those of one distance.
-        features = torch.cat([points / size, self.collection.features[shape] / look], 1)
-        wanted = torch.cat([deformed / size, template.features / look], 1)
-        score = torch.cdist(features, wanted).square_()
-        score += (self.variance[shape] / self.s1).sum(1)
-        score *= -0.5
-        score += math.log(EPSILON) * (1 - self.parts[shape][:, template.labels])
-        score.masked_fill_(~_near(points, deformed), -torch.inf)
+        return self._matched(self._scores(shape), shape)
+
+    def _matched(self, score: Tensor, shape: int) -> tuple[Tensor, Tensor]:
+        """Finish `correspondences`; `score` is overwritten."""
+        score.add_(self.crowding[shape])
         most = score.amax(1, keepdim=True)
         q = score.sub_(most).exp_()
         total = q.sum(1, keepdim=True)
-        scale = -0.5 * (self.s1.log().sum() + self.s3.log().sum()) - math.log(count)
+        scale = -0.5 * (self.s1.log().sum() + self.s3.log().sum()) - math.log(q.shape[1])
         return q.div_(total), (most + total.log())[:, 0] + scale
 
     def step(self) -> dict[str, float]:
@@ -148,7 +151,9 @@ class Inference:
         bound = max(_S1**0.5 * _TIGHTER**self.iteration, _TIGHTEST) ** 2
         self.s1 = self.s1.clamp_max(bound)
         for t in range(len(self.boxed)):
-            q, likelihood = self.correspondences(t)
+            score = self._scores(t)
+            self._make_room(t, score)
+            q, likelihood = self._matched(score, t)
             self.likelihood[t] = likelihood.mean()
             self._label(t, q @ onehot)
             self._deform(t, q, laplacian, pull)
@@ -174,6 +179,27 @@ class Inference:
             "log_likelihood": float(self.likelihood.mean()),
             "moved": float((self.deformed - before).norm(dim=2).mean()),
         }
+
+    def _scores(self, shape: int) -> Tensor:
+        """Return how well each sample of one shape fits each point (P, K): log Q(U) without crowding and constant."""
+        points, deformed, template = self.boxed[shape], self.deformed[shape], self.template
+        size, look = self.s1.sqrt(), self.s3.sqrt()
+        # The squares of both terms are those of one distance.
+        features = torch.cat([points / size, self.collection.features[shape] / look], 1)
+        wanted = torch.cat([deformed / size, template.features / look], 1)
+        score = torch.cdist(features, wanted).square_()
+        score += (self.variance[shape] / self.s1).sum(1)
+        score *= -0.5
+        score += math.log(EPSILON) * (1 - self.parts[shape][:, template.labels])
+        return score.masked_fill_(~_near(points, deformed), -torch.inf)
+
+    def _make_room(self, t: int, score: Tensor) -> None:
+        """Update the crowding of one shape: half steps of Sinkhorn's towards at most `_CROWD` times the mean."""
+        most = _CROWD * score.shape[0] / score.shape[1]
+        for _ in range(2):
+            mass = (score + self.crowding[t]).softmax(1).sum(0)
+            self.crowding[t] -= _GIVE * (mass / most).clamp_min(1e-6).log()
+            self.crowding[t].clamp_(-_MOST_GIVEN, 0.0)
 
     def _label(self, t: int, matched: Tensor) -> None:
         """Update Q(S) of one shape; `matched` (P, L) sums Q(U) over the points of each part."""

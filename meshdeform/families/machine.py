@@ -95,6 +95,11 @@ class BetaMachine:
         def small(*shape: int) -> Tensor:
             return torch.rand(*shape, generator=random) * _FIRST
 
+        # Units of the structure part begin as random projections too, of unit variance over the shapes. Small weights
+        # would stay small: the penalty on what tells neighbours apart is larger than what their units learn.
+        latent = torch.randn(count, n, generator=random)
+        latent /= (exists @ latent).std(0, correction=0).clamp_min(1.0)
+
         weights = {
             "a0": ((mean - _SHARED / 2) * strength).clamp_min(0.1).reshape(-1),
             "b0": ((1 - mean - _SHARED / 2) * strength).clamp_min(0.1).reshape(-1),
@@ -107,8 +112,8 @@ class BetaMachine:
             "w12": small(m, n) - _FIRST / 2,
             "w23": small(n, o) - _FIRST / 2,
             "e0": (share / (1 - share)).log(),
-            "g0": torch.zeros(n),
-            "eg": small(count, n) - _FIRST / 2,
+            "g0": -exists.mean(0) @ latent,
+            "eg": latent,
         }
         return cls(weights, sees)
 

@@ -74,7 +74,7 @@ export function numbersOf(schema) {
   const numbers = Object.entries(schema?.properties ?? {}).filter(([, member]) => member.type === "integer" || member.type === "number");
   return numbers.map(([name, member]) => {
     const label = name[0].toUpperCase() + name.slice(1).replaceAll("_", " ");
-    return { name, label, help: member.description ?? "", type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
+    return { name, label, help: (member.description ?? "").replaceAll("`", ""), type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
   });
 }
 

@@ -12,7 +12,7 @@ from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.families.inference import Inference
-from meshdeform.families.matching import dense_matches, strangers, triangle_parts
+from meshdeform.families.matching import correspondences, dense_matches, strangers, triangle_parts
 
 
 def sampled(name, count, samples, **more):
@@ -86,6 +86,11 @@ def test_parts_and_correspondences_are_found_from_few_labels():
     assert after["log_likelihood"] > before["log_likelihood"]
     assert torch.equal(inference.parts[:4].argmax(2), truth[:4])
     assert (inference.parts[4:].argmax(2) == truth[4:]).float().mean() > 0.85
+    # Crowded points pass samples on (the most is 4.0 times the mean otherwise), and only armchairs have arms.
+    assert float(inference.mass.max()) < 3.2 * 160 / 50
+    arms = correspondences(inference).exists[4:, inference.template.labels == PARTS["chairs"].index("arm")]
+    assert arms[::2].mean() < 0.2
+    assert arms[1::2].mean() > 0.8
     near = []
     for a, b in ((4, 6), (5, 7), (8, 11)):
         exact = (

@@ -60,6 +60,11 @@ def test_the_structure_part_learns_which_points_exist_together():
     kind = (torch.rand(200, generator=random) < 0.5).float()
     exists = torch.stack([kind, kind, 1 - kind, torch.ones(200)], 1)
     points = torch.full((200, 4, 3), 0.5) + 0.05 * torch.rand(200, 4, 3, generator=random)
+    start = BetaMachine.start(points, exists, torch.zeros(4, dtype=torch.long), random, (2, 2, 2)).weights
+    inputs = start["g0"] + exists @ start["eg"]  # at unit variance, or below where nothing varies enough
+    torch.testing.assert_close(inputs.mean(0), torch.zeros(2), atol=1e-5, rtol=0)
+    assert (inputs.std(0, correction=0) <= 1 + 1e-5).all()
+    assert (inputs.std(0) > 0.3).all()
     learning = learned(points, exists, torch.zeros(4, dtype=torch.long), random, 200, (2, 2, 2))
     machine = learning.machine
     before = learning.machine.existence(torch.full((1, 2), 0.5))[0]
