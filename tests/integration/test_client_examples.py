@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from tests.acceptance.service import Service
+from tests.cases import each_case
 
 pytestmark = pytest.mark.slow
 
@@ -103,7 +104,7 @@ def snippets(repository: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize("number", range(5))
+@each_case("number", range(5))
 def test_a_snippet_of_the_page_does_what_it_says(service: Service, folder: Path, repository: Path, number: int) -> None:
     blocks = snippets(repository)
     assert len(blocks) == 5

@@ -17,6 +17,7 @@ from meshdeform.cli.diagnosis.checks import ok
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
+from tests.cases import each_case
 from tests.fault_proxy import FaultProxy
 
 
@@ -84,7 +85,7 @@ def test_a_record_that_takes_no_writes_is_named(postgres_url: str, monkeypatch: 
     assert "primary" in found["database"]["advice"]
 
 
-@pytest.mark.parametrize("fault", ["refuse", "hang", "error503"])
+@each_case("fault", ["refuse", "hang", "error503"])
 def test_servers_that_are_ill_fail_each_with_advice(
     fault: str, postgres_url: str, redis_url: str, s3_store_url: str, s3_server: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

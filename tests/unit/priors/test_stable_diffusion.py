@@ -273,7 +273,7 @@ def test_pickled_weights_are_not_opened(copy: Path) -> None:
         load_prior(str(copy), device="cpu")
 
 
-@pytest.mark.parametrize("size", [[16, 16], [16, 24], None])
+@each_case("size", [[16, 16], [16, 24], None])
 def test_sizes_of_latents_that_are_no_number(copy: Path, size: object) -> None:
     change(copy / "unet" / "config.json", lambda config: config.update(sample_size=size))
     if size == [16, 16]:
