@@ -251,6 +251,7 @@ def _plan(
         folder=out,
         revision=settings.model_revision,
         device=resolve_device(settings.device),
+        dtype=settings.dtype,
         judge=judge,
         clip=str(clip.resolve()) if clip else "",
         ablation=chosen,

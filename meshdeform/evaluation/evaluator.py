@@ -103,7 +103,8 @@ class Evaluator:
         self._plan = plan
         self.prior: Prior | None = None
         if deforms:
-            self.prior = load_prior(plan.params.model, device=plan.device, revision=plan.revision)
+            model = plan.params.model
+            self.prior = load_prior(model, device=plan.device, revision=plan.revision, dtype=plan.dtype)
         self.judge: ShapeJudge | None = load_judge(plan.judge)
         self.clip = ClipJudge(Path(plan.clip), device=plan.device) if plan.clip else None
 

@@ -46,6 +46,8 @@ class Plan:
     revision : str
         Revision of the model, for hub ids.
     device : str
+    dtype : str
+        Precision of the model, as for `load_prior`.
     judge : str
         As in `retrieval.load_judge`.
     clip : str
@@ -60,6 +62,7 @@ class Plan:
     folder: Path
     revision: str = ""
     device: str = "cpu"
+    dtype: str = "auto"
     judge: str = "builtin"
     clip: str = ""
     ablation: Ablation | None = None
@@ -101,6 +104,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
         "params": params,
         "prior": prior,
         "device": plan.device,
+        "dtype": plan.dtype,
         "code": {"version": meshdeform.__version__, "sha256": code_sha256()},
         "judge": judge,
         "clip": clip,
@@ -120,7 +124,8 @@ def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, devic
     )
     # Not validated: the parameters may be of an earlier version, and no deformation uses them.
     params = ResolvedParams.model_construct(**found["params"])
-    return Plan(suite, params, tuple(found["steps"]), folder, device=device, judge=judge, clip=clip)
+    precision = found.get("dtype", "auto")
+    return Plan(suite, params, tuple(found["steps"]), folder, device=device, dtype=precision, judge=judge, clip=clip)
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:

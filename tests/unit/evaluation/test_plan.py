@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from meshdeform.errors import ParameterError
+from meshdeform.evaluation.evaluator import Evaluator
 from meshdeform.evaluation.plan import (
     Plan,
     check_manifest,
@@ -18,6 +21,7 @@ from meshdeform.evaluation.plan import (
     write_manifest,
 )
 from meshdeform.evaluation.suite import Suite
+from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
 
@@ -46,6 +50,17 @@ def test_a_manifest_comes_back_and_agrees_with_itself(tmp_path: Path) -> None:
 def test_other_parameters_are_refused_by_name(tmp_path: Path, name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=rf"params\.{name}"):
         check_manifest(tmp_path, members(tmp_path), members(tmp_path, **{name: value}))
+
+
+def test_the_precision_is_that_of_the_model_and_part_of_the_manifest(tmp_path: Path) -> None:
+    half = replace(plan(tmp_path), dtype="bfloat16")
+    prior = Evaluator(half).prior
+    assert isinstance(prior, BuiltinPrior)
+    assert prior.dtype is torch.bfloat16
+    stored = manifest(half, PRIOR, {"id": "one"}, {"missing": "none"})
+    with pytest.raises(ParameterError, match="dtype"):
+        check_manifest(tmp_path, members(tmp_path), stored)
+    assert plan_of(tmp_path, stored, judge="none", clip="", device="cpu").dtype == "bfloat16"
 
 
 def test_the_seed_of_the_parameters_and_their_checkpoints_are_no_difference(tmp_path: Path) -> None:
