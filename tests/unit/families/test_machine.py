@@ -82,7 +82,10 @@ def test_parts_of_a_sample_agree_where_those_of_all_members_do():
     drawn = np.random.default_rng(0)
     made = torch.stack([sampled(machine, points, exists, 10, drawn).points for _ in range(60)])
     means = torch.stack([points[kind == each].mean(0) for each in (0, 1)])
-    nearer = [(made[:, labels == part, None] - means[:, labels == part].transpose(0, 1)).square().sum((1, 3)) for part in (0, 1)]
+    nearer = [
+        (made[:, labels == part, None] - means[:, labels == part].transpose(0, 1)).square().sum((1, 3))
+        for part in (0, 1)
+    ]
     seat, legs = (each.argmin(1) for each in nearer)
     assert 0.2 < float(seat.float().mean()) < 0.8
     assert float((seat == legs).float().mean()) > 0.9
