@@ -54,12 +54,6 @@ def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
     return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
-@pytest.fixture(autouse=True)
-def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw previews that take no time: at full size they took most of it."""
-    monkeypatch.setattr("meshdeform.rendering.studio._SIZE", 32)
-
-
 @pytest.mark.timeout(900)
 @each_case("name", INPUTS)
 def test_every_input_keeps_what_it_must(name: str) -> None:
