@@ -6,8 +6,8 @@
 
 Prints for each question its statements, its duration with a hundred thousand jobs (`--jobs`) relative to that with a
 thousand in the same run, and the tables and indices that a statement's plan reads from end to end, or until it has
-enough rows. On PostgreSQL, then what the index of trigrams costs and gains. Then 500 jobs are posted by 20 threads for five owners and claimed by four workers. Durations on a shared
-machine mean little, so only ratios are printed.
+enough rows. On PostgreSQL, then what the index of trigrams costs and gains. Then 500 jobs are posted by 20 threads for
+five owners and claimed by four workers. Durations on a shared machine mean little, so only ratios are printed.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def test_the_migrations_make_what_the_tables_say(record: JobRecord) -> None:
     from alembic.migration import MigrationContext
 
     def applies(found: object, *_: object) -> bool:
-        """Return whether this database has it: SQLite has no index of trigrams, which `metadata` says by its DDL only."""
+        """Whether this database has it: SQLite has no index of trigrams, which `metadata` says by its DDL only."""
         gin = isinstance(found, sa.Index) and found.dialect_options["postgresql"]["using"] == "gin"
         return not (gin and record.database.is_sqlite)
 
