@@ -147,10 +147,18 @@ class Database:
                 return
         with self.write() as connection:
             # The lock ends with the transaction. DDL is transactional in both databases.
-            if not self.is_sqlite:
+            if self.is_sqlite:
+                self._migrate_in(connection)
+                return
+            from meshdeform.record.postgresql import without_time_limit
+
+            with without_time_limit(connection):
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
-            if not compatible(_version(connection)):
-                _upgrade(connection)
+                self._migrate_in(connection)
+
+    def _migrate_in(self, connection: sa.Connection) -> None:
+        if not compatible(_version(connection)):
+            _upgrade(connection)
 
 
 def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:

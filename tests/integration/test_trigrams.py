@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
+from meshdeform.errors import UnavailableError
+from meshdeform.record import database
 from meshdeform.record.models import NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
@@ -75,6 +77,22 @@ def test_without_the_right_to_it_searches_work_and_an_administrator_can_add_it(
         assert (found(record, "VASE"), found(record, "giraffe")) == (["a vase", "a tall vase"], [])
     finally:
         record.close()
+
+
+def test_a_migration_may_take_longer_than_other_statements(
+    database_url: str, administrator: sa.Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    JobRecord(database_url).close()
+    monkeypatch.setattr(database, "_CONNECT_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(database, "_upgrade", lambda connection: connection.exec_driver_sql("SELECT pg_sleep(1.0)"))
+    with administrator.connect() as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0008'")
+        record = JobRecord(database_url)
+        connection.exec_driver_sql(f"UPDATE alembic_version SET version_num = '{HEAD}'")
+    # Afterwards the limit holds again.
+    with pytest.raises(UnavailableError), record.database.read() as connection:
+        connection.exec_driver_sql("SELECT pg_sleep(1.0)")
+    record.close()
 
 
 def test_an_index_made_ahead_is_used_and_other_errors_are_not_passed_over(
