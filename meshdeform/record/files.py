@@ -90,28 +90,16 @@ class FileLedger:
             time.sleep(_POLL_EVERY_S)
 
     def _pinned(self, key: str) -> bool:
-        now = self._database.now()
-        insert = self._database.upsert(files).values(key=key, pins=1, touched_at=now)
-        insert = insert.on_conflict_do_update(
-            index_elements=["key"],
-            set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
-            where=sa.or_(files.c.pins >= 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
-        )
         with self._database.write_once() as connection:
-            return connection.execute(insert.returning(files.c.key)).first() is not None
+            return connection.execute(self._database.prepared(_pin), {"file": key}).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
         """Release pins, within a transaction if given. Files without an entry get one."""
         if connection is None:
             with self._database.write() as own:
                 return self.unpin(keys, own)
-        now = self._database.now()
         for key in keys:
-            insert = self._database.upsert(files).values(key=key, pins=0, touched_at=now)
-            fewer = sa.case((files.c.pins > 0, files.c.pins - 1), else_=files.c.pins)
-            connection.execute(
-                insert.on_conflict_do_update(index_elements=["key"], set_={"pins": fewer, "touched_at": now})
-            )
+            connection.execute(self._database.prepared(_unpin), {"file": key})
         return None
 
     def unused(self) -> list[str]:
@@ -173,6 +161,28 @@ class FileLedger:
             sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
         return sa.and_(unpinned, unneeded)
+
+
+_FILE = sa.bindparam("file", type_=files.c.key.type)
+
+
+def _pin(database: Database) -> Any:
+    """Return the statement that counts one more pin of a file, unless it is being removed."""
+    now = database.now()
+    insert = database.upsert(files).values(key=_FILE, pins=1, touched_at=now)
+    return insert.on_conflict_do_update(
+        index_elements=["key"],
+        set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
+        where=sa.or_(files.c.pins >= 0, files.c.touched_at < database.now(-_REMOVAL_LASTS_S)),
+    ).returning(files.c.key)
+
+
+def _unpin(database: Database) -> Any:
+    """Return the statement that counts one pin of a file less."""
+    now = database.now()
+    insert = database.upsert(files).values(key=_FILE, pins=0, touched_at=now)
+    fewer = sa.case((files.c.pins > 0, files.c.pins - 1), else_=files.c.pins)
+    return insert.on_conflict_do_update(index_elements=["key"], set_={"pins": fewer, "touched_at": now})
 
 
 def measure(connection: sa.Connection, job_id: str) -> None:

@@ -24,6 +24,7 @@ from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger, measure
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
+from meshdeform.record.insertion import NewRow, insert
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
@@ -120,11 +121,13 @@ class JobRecord:
             added = self._hold_to_limits(connection, new)
             self.files.unpin(new.sizes, connection)
             job_id = values["id"]
-            row = change.insert(
-                sa.insert(jobs).values(values).returning(jobs),
-                *(sa.insert(job_files).values(file) for file in rows.job_files(job_id, new)),
-                *(sa.insert(labels).values(job_id=job_id, name=k, value=v) for k, v in new.request.metadata.items()),
-                sa.insert(job_texts).values(job_id=job_id, text=searched_text(new)),
+            row = insert(
+                connection,
+                self._database,
+                NewRow(jobs, values),
+                *(NewRow(job_files, file) for file in rows.job_files(job_id, new)),
+                *(NewRow(labels, {"job_id": job_id, "name": k, "value": v}) for k, v in new.request.metadata.items()),
+                NewRow(job_texts, {"job_id": job_id, "text": searched_text(new)}),
             )
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
@@ -342,11 +345,12 @@ class JobRecord:
             return 0
         if not self._database.is_sqlite:
             # Serialise the counts: two concurrent requests would both find room for one more job.
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(new.owner_id))))
+            connection.execute(_LOCK, {"owner": new.owner_id})
         check_number(connection, new.owner_id, new.max_active)
         return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 
 
+_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
 _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
 

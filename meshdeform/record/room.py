@@ -17,6 +17,8 @@ from meshdeform.record.schema import job_files, jobs
 __all__ = ["Rooms", "check_number", "total_size"]
 
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
+_OWNER = sa.bindparam("owner", type_=jobs.c.owner_id.type)
+_NUMBER = sa.select(sa.func.count()).select_from(jobs).where(jobs.c.owner_id == _OWNER, jobs.c.state.in_(_ACTIVE))
 _RETRY_AFTER_S = 3600
 _FEW = 10_000
 """Jobs of an owner that are summed up each time."""
@@ -38,10 +40,28 @@ def check_number(connection: sa.Connection, owner_id: str, limit: int) -> None:
     """
     if not limit:
         return
-    active = sa.and_(jobs.c.owner_id == owner_id, jobs.c.state.in_(_ACTIVE))
-    count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(active)).scalar_one()
+    count = connection.execute(_NUMBER, {"owner": owner_id}).scalar_one()
     if count >= limit:
         raise TooManyJobsError(f"This key has {count} unfinished jobs; its limit is {limit}.", limit=limit)
+
+
+_MINE = job_files.c.owner_id == _OWNER
+_KNOWN = sa.select(job_files.c.key).where(_MINE, job_files.c.key.in_(sa.bindparam("keys", expanding=True))).distinct()
+"""Those of some files that jobs of the owner have already."""
+
+
+def _sum_and_known() -> sa.CompoundSelect[Any]:
+    """Return one question for both: a row without a key that has the sum, and a row for each known key."""
+    each = sa.select(sa.func.max(job_files.c.size).label("size")).where(_MINE).group_by(job_files.c.key).subquery()
+    inputs = sa.select(total_size(each.c.size)).scalar_subquery()
+    outputs = sa.select(total_size(jobs.c.stored_bytes).label("size"), sa.func.count().label("number"))
+    of_jobs = outputs.where(jobs.c.owner_id == _OWNER).subquery()
+    nothing: Any = sa.cast(sa.null(), job_files.c.key.type)
+    whole = sa.select(nothing.label("key"), (inputs + of_jobs.c.size).label("size"), of_jobs.c.number)
+    return sa.union_all(whole, _KNOWN.add_columns(sa.literal(0), sa.literal(0)))
+
+
+_SUM_AND_KNOWN = _sum_and_known()
 
 
 @dataclass
@@ -92,7 +112,7 @@ class Rooms:
             found = self._sums.get(owner_id)
             remembered = found.size if found is not None and time.monotonic() < found.due else None
         if remembered is not None:
-            keys = connection.scalars(_known(owner_id, files)) if files else ()
+            keys = connection.scalars(_KNOWN, _asked(owner_id, files)) if files else ()
             added = _added(files, set(keys))
             if remembered + max(added, 1) <= limit:
                 return added
@@ -115,16 +135,7 @@ class Rooms:
     def _sum_up(self, connection: sa.Connection, owner_id: str, files: Mapping[str, int]) -> tuple[int, int]:
         """Return the bytes that the owner's jobs keep, and what these files add; remember the sum of many jobs."""
         began = time.monotonic()
-        mine = job_files.c.owner_id == owner_id
-        each = sa.select(sa.func.max(job_files.c.size).label("size")).where(mine).group_by(job_files.c.key).subquery()
-        inputs = sa.select(total_size(each.c.size)).scalar_subquery()
-        outputs = sa.select(total_size(jobs.c.stored_bytes).label("size"), sa.func.count().label("number"))
-        of_jobs = outputs.where(jobs.c.owner_id == owner_id).subquery()
-        # One question for both: the sum without a key, and the keys of files that are there already.
-        nothing: Any = sa.cast(sa.null(), job_files.c.key.type)
-        whole = sa.select(nothing.label("key"), (inputs + of_jobs.c.size).label("size"), of_jobs.c.number)
-        known = _known(owner_id, files).add_columns(sa.literal(0), sa.literal(0))
-        found = {row.key: row for row in connection.execute(sa.union_all(whole, known))}
+        found = {row.key: row for row in connection.execute(_SUM_AND_KNOWN, _asked(owner_id, files))}
         row = found.pop(None)
         stored, number = int(row.size), int(row.number)
         with self._lock:
@@ -134,10 +145,8 @@ class Rooms:
         return stored, _added(files, set(found))
 
 
-def _known(owner_id: str, files: Mapping[str, int]) -> sa.Select[Any]:
-    """Return the query for those of the files that jobs of the owner have already."""
-    mine = sa.select(job_files.c.key).where(job_files.c.owner_id == owner_id, job_files.c.key.in_(sorted(files)))
-    return mine.distinct()
+def _asked(owner_id: str, files: Mapping[str, int]) -> dict[str, Any]:
+    return {"owner": owner_id, "keys": sorted(files)}
 
 
 def _added(files: Mapping[str, int], known: set[str]) -> int:
