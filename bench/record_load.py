@@ -34,6 +34,7 @@ from meshdeform.record.estimates import estimate
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.reconciler import RECONCILE_EVERY_S
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.room import Rooms
 from meshdeform.record.schema import files, job_files, job_texts, jobs, labels
 from meshdeform.requests.document import JobRequest
 from tests.servers import PostgresServer
@@ -107,6 +108,18 @@ def _fill(record: JobRecord, start: int, end: int) -> None:
         put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now}, numbers)
 
 
+@functools.cache
+def rooms(_: JobRecord) -> Rooms:
+    """Return what a process remembers of the owners' sums in this record."""
+    return Rooms()
+
+
+def room(record: JobRecord, known: Rooms) -> None:
+    """Ask for room for a file of an owner."""
+    with record.database.read() as connection:
+        known.check(connection, "owner-7", {"assets/1": 1}, 10**15)
+
+
 def claim_and_release(record: JobRecord) -> None:
     """Take the next job as a worker does, and hand it back."""
     job = record.leases.claim_next("worker", 60.0)
@@ -126,6 +139,8 @@ QUESTIONS: dict[str, Question] = {
     "search a state in vain": lambda record: record.list_jobs(JobState.QUEUED, words="giraffe"),
     "claim and release": claim_and_release,
     "post": lambda record: record.create(NewJob(_REQUEST, stored_files(), owner_id="owner-7", max_active=10**6)),
+    "room, summed up": lambda record: room(record, Rooms()),
+    "room, remembered": lambda record: room(record, rooms(record)),
     "estimate": lambda record: estimate(
         record.database, record.leases, _REQUEST, default_model="builtin", queue="q", owner_id="owner-7"
     ),
@@ -219,7 +234,7 @@ def without_trigrams(record: JobRecord) -> None:
 def _texts(record: JobRecord) -> None:
     """Replace the texts of a thousand jobs by texts of ten words each, in one statement."""
     word = sa.func.substr(sa.func.md5(sa.cast(sa.func.random(), sa.String)), 1, 8)
-    text = functools.reduce(lambda left, right: left + " " + right, [word] * 10)
+    text = sa.func.concat_ws(" ", *[word] * 10)
     ids = sa.select(job_texts.c.job_id).order_by(job_texts.c.job_id).limit(SMALL)
     with record.database.write() as connection:
         connection.execute(sa.update(job_texts).where(job_texts.c.job_id.in_(ids)).values(text=text))

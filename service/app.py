@@ -14,7 +14,6 @@ from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.settings import Settings
-from meshdeform.support.heaps import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.reference import reference_page
@@ -115,7 +114,6 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             on_termination(state.waiters.close),
         ):
             async with state.waiters.running():
-                return_freed_memory()
                 yield
     finally:
         app.state.gate.close()

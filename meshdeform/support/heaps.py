@@ -6,7 +6,7 @@ import ctypes
 import os
 from contextlib import suppress
 
-__all__ = ["HEAPS", "limit_heaps", "return_freed_memory"]
+__all__ = ["HEAPS", "limit_heaps"]
 
 HEAPS = 2
 _M_ARENA_MAX = -8
@@ -21,9 +21,3 @@ def limit_heaps() -> None:
     if "MALLOC_ARENA_MAX" not in os.environ:
         with suppress(OSError, AttributeError, TypeError):  # macOS, musl, Windows
             ctypes.CDLL(None).mallopt(_M_ARENA_MAX, HEAPS)
-
-
-def return_freed_memory() -> None:
-    """Give memory that was freed, such as what imports needed, back to the system."""
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).malloc_trim(0)
