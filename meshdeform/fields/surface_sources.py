@@ -21,6 +21,7 @@ from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.isosurface import isosurface
 from meshdeform.fields.narrow_band import continued
 from meshdeform.fields.oriented_points import poisson_grid
+from meshdeform.fields.relaxing import relaxed
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
 
@@ -243,13 +244,13 @@ def _activate(x: Tensor, name: str, omega: float) -> Tensor:
 
 
 def _reference(verts: _Floats, faces: _Index, surface: Surface, otherwise: str) -> CleanMesh:
-    """Return the extracted mesh with its vertices moved to the surface, without tiny parts."""
+    """Return the extracted mesh with its vertices moved to the surface, without tiny parts and slivers."""
     if len(faces) < 4:
         raise AssetError(otherwise, advice="Check the sign and the bounds.")
     found = clean(*_largest(verts, faces))
     normals = np.zeros_like(found.verts)
     moved, _ = surface.project(found.verts, normals)
-    return CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned)
+    return relaxed(CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned), surface.project)
 
 
 def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:

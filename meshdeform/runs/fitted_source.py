@@ -111,7 +111,7 @@ def _fit(given: RunInput) -> FittedSource:
             "(MESHDEFORM_MAX_TRIANGLES)."
         )
     base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
-    options = FitOptions(steps=STEPS, seed=_SEED, batch_faces=BATCH_FACES)
+    options = FitOptions(steps=STEPS, seed=_SEED, batch_faces=BATCH_FACES, rounding=False)
     fit = FieldFit(surface, frame, base.verts, base.faces, options)
     for step in fit:
         if step.step % _BEAT_STEPS == 0:

@@ -199,6 +199,7 @@ class SurfaceFitRun:
                 centre=self._frame.centre,
                 scale=self._frame.scale,
                 provenance=made,
+                rounding=self._fit.rounding,
             )
             data = write()
             # Read back, so that everything else describes what is in the file.
