@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
+from meshdeform.assets.thin_parts import coarsening
 from meshdeform.errors import AssetError
 from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.isosurface import isosurface
@@ -181,7 +182,7 @@ class GridSurface(_Implicit):
         self._volume = torch.from_numpy(np.stack([values, *gradient])[None])
         self._most = torch.tensor(grid.values.shape, dtype=torch.float64) - 1
         self._reach = 2 * float(grid.spacing.max())
-        step = max(1, math.ceil(max(grid.values.shape) / (2 * _CELLS)))
+        step = coarsening(grid.values.shape)
         coarse = values[::step, ::step, ::step]
         verts, faces = isosurface(coarse, grid.origin, grid.spacing * step)
         self.reference = _reference(verts, faces, self, "The grid has no closed surface.")
