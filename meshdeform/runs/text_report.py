@@ -195,7 +195,8 @@ def build_report(
             "filename": facts.filename,
             "bytes": facts.asset_bytes,
             "sha256": facts.asset_sha256,
-            "warnings": list(asset.summary.warnings),
+            # Checkpoints of earlier versions hold none of their surface.
+            "warnings": [*asset.summary.warnings, *(facts.source.facts.get("warnings", ()) if facts.source else ())],
         },
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
