@@ -2,6 +2,7 @@
 
     meshdeform teach "a gnome" gnome.glb -o mine.safetensors
     python -m bench.taught_retrieval mine.safetensors "a gnome" gnome.glb --picture sheet.png
+    python -m bench.taught_retrieval mine.safetensors "a gnome" gnome.glb --sources --control eval-small
 
 The judge of `meshdeform eval` knows the shipped nouns only. So results are classified in the space of its features: the
 mean over eight views of its last layer but one. Every known noun is a normal distribution there, around the mean of
@@ -27,6 +28,7 @@ from PIL import Image
 from meshdeform.assets import load_asset
 from meshdeform.evaluation.ablations import deformation_of
 from meshdeform.evaluation.measures import measures
+from meshdeform.evaluation.mesh_file import read_ply
 from meshdeform.evaluation.picture import SIZE, draw
 from meshdeform.evaluation.sources import source_mesh
 from meshdeform.evaluation.suite import find_suite
@@ -140,6 +142,8 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=8)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--sources", nargs="*", default=find_suite("full").sources, help="by default those of `full`")
+    parser.add_argument("--control", type=Path, help="folder of a finished run of meshdeform eval")
     options = parser.parse_args()
     use_threads(options.threads)
     noun = options.prompt.removeprefix("a ").removeprefix("an ").strip()
@@ -150,9 +154,16 @@ def main() -> None:
     ]
     classifier = Classifier(noun, shapes, options.members)
     print(f"of {classifier.tested} further members, {classifier.accuracy:.1%} are classified correctly", flush=True)
+    if options.control:
+        shapes_there = sorted(options.control.glob(f"items/*/steps-{options.steps:06d}.ply"))
+        others = [classifier.noun_of(read_ply(path.read_bytes())) for path in shapes_there]
+        print(
+            f"of {len(others)} shapes of {options.control.name}, {others.count(noun)} are taken for the noun",
+            flush=True,
+        )
     prior = load_prior(str(options.weights), device="cpu")
     results, hits = [], 0
-    for name in find_suite("full").sources:
+    for name in options.sources:
         for seed in options.seeds:
             source = source_mesh(name)
             params = DeformParams(preset="balanced", steps=options.steps, model=str(options.weights), seed=seed)
@@ -160,7 +171,14 @@ def main() -> None:
             found, quality = classifier.noun_of(result), measures(source, result)
             hits += found == noun
             results.append(result)
-            print(f"{name:<12} seed {seed}  {found:<16} {quality}", flush=True)
+            print(
+                f"{name:<12} seed {seed}  {found:<16} {quality['flipped_faces']} flipped, "
+                f"{quality['self_intersections_added']} cut, "
+                f"distortion {quality['symmetric_dirichlet_mean']:.2f}",
+                flush=True,
+            )
+    if not results:
+        return
     low, high = interval(hits, len(results))
     print(f"{hits} of {len(results)} look like the noun: {hits / len(results):.0%} ({low:.0%} to {high:.0%})")
     if options.picture:
