@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.taught import known_words
@@ -28,6 +27,8 @@ NEW_LOSS, OLD_LOSS = 0.65, 1.15
 
 def jack() -> bytes:
     """The toy: three crossing bars, two of them with a ball at each end; no noun of the model's has this shape."""
+    import trimesh
+
     turns = [trimesh.transformations.rotation_matrix(np.pi / 2, axis) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1])]
     bars = [trimesh.creation.cylinder(0.12, 2.0).apply_transform(turn) for turn in turns]
     places = [(0.9, 0, 0), (-0.9, 0, 0), (0, 0.9, 0), (0, -0.9, 0)]
