@@ -73,6 +73,7 @@ def test_a_large_asset_keeps_everything_though_a_stand_in_is_deformed(monkeypatc
     assert np.abs(result.positions - load_asset(asset).surface.positions).max() > 0.5
 
 
+@pytest.mark.as_shipped
 def test_results_keep_the_asset_and_say_so() -> None:
     asset = glb(icosphere(2), scale=30.0, offset=100.0)
     run = start(asset)
