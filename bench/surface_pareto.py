@@ -44,8 +44,8 @@ from meshdeform.geometry.samples import even_samples
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 EIGENVALUES, SOURCES, PLACES = 20, 4, 1000
-FIELDS = ((120, 4, 16), (250, 4, 24), (500, 3, 32), (1000, 3, 32), (2000, 2, 32))
-"""Faces of the base, level, and width of the network."""
+FIELDS = ((120, (4,), 16), (250, (4,), 24), (500, (3, 4), 32), (1000, (3,), 32), (2000, (2, 3), 32))
+"""Faces of the base, levels of the same file, and width of the network."""
 
 
 class Truth:
@@ -136,7 +136,11 @@ def fitted(surface: Surface, base_faces: int, width: int, steps: int) -> Callabl
     found = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, width=width))
     for _ in found:
         pass
-    return partial(write_field, base, found.field, centre=frame.centre, scale=frame.scale)
+    return partial(write_field, base, found.field, centre=frame.centre, scale=frame.scale, rounding=found.rounding)
+
+
+def _unfolded(data: bytes, level: int) -> tuple[_Floats, _Index]:
+    return read_field(data).unfold(level)
 
 
 def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[str, Any]]:
@@ -158,16 +162,18 @@ def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[st
         rows.append({"surface": path.stem, "method": method, "setting": setting, "bytes": size, **more, **row})
         note(json.dumps(rows[-1]))
 
-    for base_faces, level, width in FIELDS:
-        name = f"base {base_faces}, level {level}"
+    for base_faces, levels, width in FIELDS:
         begin = time.process_time()
         try:
             data = fit(surface, base_faces, width, steps)
         except AssetError as error:
+            name = f"base {base_faces}"
             rows.append({"surface": path.stem, "method": "ndf", "setting": name, "bytes": None, "fails": str(error)})
             continue
         spent = time.process_time() - begin
-        add("ndf", name, len(data), lambda data=data, level=level: read_field(data).unfold(level), fit_s=spent)
+        for level in levels:
+            unpack = partial(_unfolded, data, level)
+            add("ndf", f"base {base_faces}, level {level}", len(data), unpack, fit_s=spent)
     for rival in rivals(source, surface):
         add(rival.method, rival.setting, rival.size, rival.unpack)
     return rows

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.thin_parts import thin_warnings
 from meshdeform.assets.vdb_file import read_level_set
 from meshdeform.errors import (
     AssetEmptyError,
@@ -128,7 +129,13 @@ def read_surface_file(
 def summary_of(found: OrientedPoints | DistanceGrid | ImplicitNetwork, filename: str) -> AssetSummary:
     """Return the summary of a surface without triangles: `vertices` counts its points, if it has any."""
     ending = filename.lower().rpartition(".")[2] if "." in filename else "ply"
-    return AssetSummary(ending, len(found.points) if isinstance(found, OrientedPoints) else 0, 0)
+    count = len(found.points) if isinstance(found, OrientedPoints) else 0
+    return AssetSummary(ending, count, 0, warnings=warnings_about(found))
+
+
+def warnings_about(found: object) -> tuple[str, ...]:
+    """Return sentences about what limits a surface, if it is a grid; of others nothing is known before a fit."""
+    return thin_warnings(found.values, found.spacing) if isinstance(found, DistanceGrid) else ()
 
 
 def _points(points: _Floats, normals: _Floats) -> OrientedPoints:

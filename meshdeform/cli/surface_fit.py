@@ -162,6 +162,7 @@ def surface_fit(
         "eigenvalue_error": report["eigenvalues"]["mean_relative_error"],
         "geodesic_error": report["geodesics"]["mean_relative_error"],
         "steps": run.step,
+        "warnings": report["input"]["warnings"],
     }
     if as_json:
         emit(summary)
@@ -174,6 +175,8 @@ def surface_fit(
             f"{summary['distance']:.3%} of the diagonal, eigenvalues off by {summary['eigenvalue_error']:.2%}, "
             f"geodesics by {summary['geodesic_error']:.2%}."
         )
+        for warning in summary["warnings"]:
+            typer.echo(f"Warning: {warning}", err=True)
 
 
 def _request(params: dict[str, Any]) -> JobRequest:

@@ -4,6 +4,8 @@ fast-simplification collapses edges by their quadric error. It does not test the
 twice in its result, between different pairs of faces. Such an edge is split at its middle, which leaves the surface
 as it is and makes the vertices of every edge unique.
 
+Where slivers keep edges from being collapsed, the mesh is relaxed first (`relaxing.py`).
+
 Source: Garland and Heckbert 1997; Dey et al. 1999, Topology Preserving Edge Contraction (the link condition).
 """
 
@@ -16,6 +18,8 @@ from numpy.typing import NDArray
 from meshdeform.errors import AssetError
 from meshdeform.fields.cleaning import CleanMesh
 from meshdeform.fields.gluing import fans, glue, topology
+from meshdeform.fields.relaxing import relaxed
+from meshdeform.fields.surface_sources import MeshSurface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified
 
@@ -23,6 +27,8 @@ __all__ = ["base_of"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+_NEAR = 1.1
+"""Times the faces that were asked for: more are a sign of slivers."""
 _GROWTH = (1.0, 1.01, 1.03, 1.06, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 
@@ -40,17 +46,16 @@ def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
         found = _with_unique_edges(surface.verts, surface.faces)
         if found is not None:
             return found
-    mesh = TriangleMesh(torch.from_numpy(surface.verts), torch.from_numpy(surface.faces))
-    for factor in _GROWTH:
-        wanted = int(count * factor)
-        if wanted >= len(surface.faces):
-            break
-        coarse = simplified(mesh, wanted)
-        if not len(coarse.faces):
-            continue
-        found = _with_unique_edges(coarse.verts.numpy(), coarse.faces.numpy())
-        if found is not None and topology(found[1], glue(*found)).like(surface.topology):
-            return found
+    found = _collapsed(surface, count)
+    if found is not None and len(found[1]) <= _NEAR * count:
+        return found
+    for mesh in (relaxed(surface, MeshSurface(surface).project), surface):
+        for factor in _GROWTH:
+            if int(count * factor) >= len(surface.faces):
+                break
+            found = _collapsed(mesh, int(count * factor))
+            if found is not None:
+                return found
     found = _with_unique_edges(surface.verts, surface.faces) if len(surface.faces) <= 4 * count else None
     if found is None:
         raise AssetError(
@@ -58,6 +63,15 @@ def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
             advice="Set params.base_faces higher, or remove tiny handles and loose parts.",
         )
     return found
+
+
+def _collapsed(surface: CleanMesh, count: int) -> tuple[_Floats, _Index] | None:
+    """Return a mesh of about `count` faces with the topology of the surface; None if collapses changed it."""
+    coarse = simplified(TriangleMesh(torch.from_numpy(surface.verts), torch.from_numpy(surface.faces)), count)
+    if not len(coarse.faces):
+        return None
+    found = _with_unique_edges(coarse.verts.numpy(), coarse.faces.numpy())
+    return found if found is not None and topology(found[1], glue(*found)).like(surface.topology) else None
 
 
 def _with_unique_edges(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index] | None:

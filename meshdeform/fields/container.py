@@ -1,4 +1,4 @@
-"""Write the `.ndf` container (docs/surface_fit.md): a base that is quantised and entropy-coded, and float16 weights.
+"""Write the `.ndf` container (docs/surface_fit.md): a base and weights, both rounded and entropy-coded.
 
 The faces are stored in the order of a walk from face to face over their open edges. A face that a walk meets brings one
 new corner or names one that is already there; a new corner is stored as its difference from the parallelogram over the
@@ -10,6 +10,7 @@ Source: Touma and Gotsman 1998, Triangle Mesh Compression (the prediction); Gumh
 from __future__ import annotations
 
 import json
+import math
 import struct
 import zlib
 from collections.abc import Sequence
@@ -17,17 +18,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.fields.network import FieldNetwork
+from meshdeform.fields.rounding import steps_of, whole
 from meshdeform.fields.scalar_fields import ScalarField
 
 __all__ = ["EncodedBase", "encode_base", "write_field"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-BITS = 13
+BITS = 10
 
 
 @dataclass(frozen=True)
@@ -106,13 +108,11 @@ def encode_base(verts: _Floats, faces: _Index) -> EncodedBase:
             c = corners[face][(k + 2) % 3]
             codes.append(corner(c, places[a] + places[b] - places[rest]) + 1)
             add(b, a, c)
-    steps = np.array(moves)
-    zigzag = ((steps << 1) ^ (steps >> 63)).astype("<u2")
     return EncodedBase(
         places[order] / most - 1,
         np.array(out, np.int64),
         _planes(np.array(codes, "<u2").tobytes(), 2),
-        _planes(zigzag.tobytes(), 2),
+        _zigzag(np.array(moves)),
     )
 
 
@@ -123,6 +123,7 @@ def write_field(
     centre: _Floats,
     scale: float,
     provenance: dict[str, Any] | None = None,
+    rounding: Sequence[int] | None = None,
     scalars: Sequence[ScalarField] = (),
 ) -> bytes:
     """Write a `.ndf` file.
@@ -137,11 +138,20 @@ def write_field(
         The frame: world = centre + scale frame.
     provenance : dict, optional
         JSON to store as `made`.
+    rounding : sequence of int, optional
+        The steps to which the field was rounded while it was fitted (`rounding.py`).
     scalars : sequence of ScalarField, optional
         With features in the same order.
     """
-    raw = [base.codes, base.steps, _halves(field.tensors), *[_halves(each.tensors) for each in scalars]]
+    networks = [(field.tensors, rounding), *[(each.tensors, each.rounding) for each in scalars]]
+    steps = [given if given is not None else steps_of(tensors) for tensors, given in networks]
+    weights = [
+        _zigzag(torch.cat([part.ravel() for part in whole(tensors, each)]).numpy())
+        for (tensors, _), each in zip(networks, steps, strict=True)
+    ]
+    raw = [base.codes, base.steps, *weights]
     packed = [_deflated(part) for part in raw]
+    kept = [{**each.header, "steps": own} for each, own in zip(scalars, steps[1:], strict=True)]
     header = {
         "vertices": len(base.verts),
         "faces": len(base.faces),
@@ -149,20 +159,22 @@ def write_field(
         "features": field.features.shape[1],
         "octaves": field.octaves,
         "widths": [field.layers[0][0].shape[1], *[len(bias) for _, bias in field.layers]],
-        "centre": [float(x) for x in centre],
-        "scale": float(scale),
+        "steps": steps[0],
+        # To a billionth of the surface's size; more digits would be noise.
+        "centre": [round(float(x), 9 - math.ceil(math.log10(scale))) for x in centre],
+        "scale": float(f"{scale:.9g}"),
         "sections": [[len(small), len(large)] for small, large in zip(packed, raw, strict=True)],
-        **({"scalars": [each.header for each in scalars]} if scalars else {}),
+        **({"scalars": kept} if kept else {}),
         **({"made": provenance} if provenance else {}),
     }
     text = json.dumps(header, separators=(",", ":")).encode()
-    body = b"NDF\x01" + struct.pack("<I", len(text)) + text + b"".join(packed)
+    body = b"NDF\x02" + struct.pack("<I", len(text)) + text + b"".join(packed)
     return body + struct.pack("<I", zlib.crc32(body))
 
 
-def _halves(tensors: Sequence[Tensor]) -> bytes:
-    halves = np.concatenate([tensor.detach().double().numpy().ravel() for tensor in tensors]).astype("<f2")
-    return _planes(halves.tobytes(), 2)
+def _zigzag(numbers: _Index) -> bytes:
+    """Store whole numbers as 0, -1, 1, -2, 2, ..., so that those of both signs are small."""
+    return _planes(((numbers << 1) ^ (numbers >> 63)).astype("<u2").tobytes(), 2)
 
 
 def _deflated(data: bytes) -> bytes:

@@ -10,6 +10,8 @@ With anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belo
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
 image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
 
+In the last part of a fit the tensors are rounded as the file will hold them (`rounding.py`).
+
 Source: Noma et al. 2026, section 4; weights and schedule are measured (docs/surface_fit.md).
 """
 
@@ -30,6 +32,7 @@ from meshdeform.deformation.optimizer import Adam
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.fields.network import FieldNetwork, octaves_of
 from meshdeform.fields.patches import in_corners, level_of, patch
+from meshdeform.fields.rounding import START, rounded, steps_of
 from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
@@ -82,6 +85,8 @@ class FitOptions:
     batch_faces : int
         Base faces per step.
     learning_rate, normal_weight : float
+    rounding : bool
+        False if the field is not written to a file.
     """
 
     steps: int
@@ -93,6 +98,7 @@ class FitOptions:
     batch_faces: int = 96
     learning_rate: float = 0.01
     normal_weight: float = 1e-4
+    rounding: bool = True
 
 
 @dataclass(frozen=True)
@@ -121,6 +127,13 @@ class FieldFit:
     anchors : ((A, 3), (A, 3)) float64, optional
         Points near the base, and the points near the surface where they go, both in the frame.
 
+    Attributes
+    ----------
+    field : FieldNetwork
+        Rounded if the fit is in its last part.
+    rounding : list of int, optional
+        The steps of rounding, from then on.
+
     Raises
     ------
     CheckpointError
@@ -141,7 +154,9 @@ class FieldFit:
         self._surface, self._frame, self._options = surface, frame, options
         self.verts, self.faces = verts, faces
         o = options
-        self.field = FieldNetwork.random(len(verts), o.features, o.octaves, o.width, o.depth, o.seed)
+        self._learned = FieldNetwork.random(len(verts), o.features, o.octaves, o.width, o.depth, o.seed)
+        self.field = self._learned
+        self.rounding: list[int] | None = None
         self._random = torch.Generator().manual_seed(o.seed)
         self.step = 0
         weights, small = patch(_PARTS)
@@ -156,13 +171,14 @@ class FieldFit:
         self._level = level_of(faces, len(verts), 2)
         self._other: tuple[Tensor, Tensor, Tensor, Tensor] | None = None
         self._anchors = self._placed(*anchors) if anchors is not None and len(anchors[0]) else None
-        self._optimizer = Adam([{"params": self.field.tensors, "lr": 0.0}])
+        self._optimizer = Adam([{"params": self._learned.tensors, "lr": 0.0}])
         if checkpoint is not None:
             self._restore(checkpoint)
         elif initial is not None:
             self._take(initial)
-        for tensor in self.field.tensors:
+        for tensor in self._learned.tensors:
             tensor.requires_grad_()
+        self._round()
 
     def __iter__(self) -> Iterator[FitStep]:
         """Run the remaining steps.
@@ -197,12 +213,20 @@ class FieldFit:
         self._optimizer.param_groups[0]["lr"] = self._rate()
         self._optimizer.step()
         self.step += 1
+        self._round()
         losses |= {
             "distance": math.sqrt(float(there.detach())) / 2,
             "normals": float(normal.detach()),
             "back": math.sqrt(float(back.detach())) / 2,
         }
         return FitStep(self.step, {"total": float(loss.detach()), **losses})
+
+    def _round(self) -> None:
+        """Round the field for the next step, if it is in the last part of the fit."""
+        if self.rounding is None and self._options.rounding and self.step >= START * self._options.steps:
+            self.rounding = steps_of(self._learned.tensors)
+        if self.rounding is not None:
+            self.field = self._learned.with_tensors(rounded(self._learned.tensors, self.rounding))
 
     def _rate(self) -> float:
         """Return the learning rate: a short rise, then half a cosine."""
@@ -295,7 +319,9 @@ class FieldFit:
     def checkpoint(self) -> Checkpoint:
         """Return the state; call only between two steps."""
         tensors = {"random": self._random.get_state()}
-        for i, tensor in enumerate(self.field.tensors):
+        if self.rounding is not None:
+            tensors["rounding"] = torch.tensor(self.rounding)
+        for i, tensor in enumerate(self._learned.tensors):
             tensors[f"field.{i}"] = tensor.detach()
             state = self._optimizer.state.get(tensor)
             if state:
@@ -309,11 +335,13 @@ class FieldFit:
         self._take(tensors)
         try:
             self._random.set_state(tensors["random"])
-            for i, tensor in enumerate(self.field.tensors):
+            for i, tensor in enumerate(self._learned.tensors):
                 if f"adam.{i}.step" in tensors:
                     self._optimizer.state[tensor] = {
                         name: tensors[f"adam.{i}.{name}"].clone() for name in ("step", "exp_avg", "exp_avg_sq")
                     }
+            if "rounding" in tensors:
+                self.rounding = tensors["rounding"].tolist()
             if "other.0" in tensors:
                 a, b, c, d = (tensors[f"other.{i}"] for i in range(4))
                 self._other = (a, b, c, d)
@@ -322,7 +350,7 @@ class FieldFit:
         self.step = checkpoint.step
 
     def _take(self, tensors: dict[str, Tensor]) -> None:
-        for i, tensor in enumerate(self.field.tensors):
+        for i, tensor in enumerate(self._learned.tensors):
             found = tensors.get(f"field.{i}")
             if found is None or found.shape != tensor.shape:
                 raise CheckpointError("The checkpoint has a field with another base or network.")

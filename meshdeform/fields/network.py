@@ -60,6 +60,11 @@ class FieldNetwork:
         """All learned tensors, in the order of the file: the features, then weight and bias of each layer."""
         return [self.features, *[tensor for layer in self.layers for tensor in layer]]
 
+    def with_tensors(self, tensors: Sequence[Tensor]) -> FieldNetwork:
+        """Return the same network with other tensors, in the order of `tensors`."""
+        features, *rest = tensors
+        return FieldNetwork(features, list(zip(rest[::2], rest[1::2], strict=True)), self.octaves)
+
     def displacement(self, features: Tensor, encoded: Tensor) -> Tensor:
         """Return the displacements (P, 3) from interpolated features (P, d) and octaves (P, 3 + 6 octaves)."""
         x = torch.cat([features, encoded], -1)

@@ -1,6 +1,4 @@
-"""Read a `.ndf` file, and unfold it at any level. numpy and the standard library only; the format is in
-docs/surface_fit.md.
-"""  # noqa: D205
+"""Read a `.ndf` file (docs/surface_fit.md) and unfold it at any level, with numpy and the standard library alone."""
 
 from __future__ import annotations
 
@@ -20,8 +18,6 @@ __all__ = ["NeuralField", "read_field"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-_MAGIC = b"NDF\x01"
-_MAX_FACES = 100_000
 
 
 @dataclass(frozen=True)
@@ -67,10 +63,10 @@ def read_field(data: bytes | Path) -> NeuralField:
         The file is damaged, incomplete, or of another version.
     """
     data = data.read_bytes() if isinstance(data, Path) else data
-    if data[:3] != _MAGIC[:3] or len(data) < 12:
+    if data[:3] != b"NDF" or len(data) < 12:
         raise ValueError("The file is not a .ndf.")
-    if data[:4] != _MAGIC:
-        raise ValueError(f"The .ndf has version {data[3]}; this reader knows version 1.")
+    if data[3] not in (1, 2):
+        raise ValueError(f"The .ndf has version {data[3]}; this reader knows versions 1 and 2.")
     if zlib.crc32(data[:-4]) != struct.unpack("<I", data[-4:])[0]:
         raise ValueError("The .ndf is damaged or incomplete: its checksum is wrong.")
     try:
@@ -83,20 +79,18 @@ def _read(data: bytes) -> NeuralField:
     at = 8 + struct.unpack("<I", data[4:8])[0]
     header = json.loads(data[8:at])
     vertices, count = header["vertices"], header["faces"]
-    if not (0 < count <= _MAX_FACES and 0 < vertices <= 3 * count):
+    if not (0 < count <= 100_000 and 0 < vertices <= 3 * count):
         raise ValueError("The .ndf states impossible counts.")
-    found = []
-    for size, expected in header["sections"]:
-        found.append(_numbers(data[at : at + size], expected))
-        at += size
+    ends = at + np.cumsum([size for size, _ in header["sections"]])
+    found = [_numbers(data[end - size : end], n) for end, (size, n) in zip(ends, header["sections"], strict=True)]
     faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
-    halves = found[2].view("<f2").astype(np.float32)
-    features, rest = np.split(halves, [vertices * header["features"]])
+    networks = zip(found[2:], [header, *header.get("scalars", [])], strict=True)
+    weights, *more = [_weights(part, given, vertices) for part, given in networks]
+    features, rest = np.split(weights, [vertices * header["features"]])
     layers = []
     for before, after in itertools.pairwise(header["widths"]):
-        weight, bias, rest = np.split(rest, [after * before, after * before + after])
+        weight, bias, rest = np.split(rest, [after * before, after * (before + 1)])
         layers.append((weight.reshape(after, before), bias))
-    more = [part.view("<f2").astype(np.float32) for part in found[3:]]
     return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers, more)
 
 
@@ -108,13 +102,21 @@ def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:
     return np.frombuffer(np.frombuffer(out, np.uint8).reshape(2, -1).T.tobytes(), "<u2")
 
 
+def _weights(part: NDArray[Any], given: dict[str, Any], vertices: int) -> NDArray[np.float32]:
+    """Return features, weights and biases: float16 in version 1, whole multiples of steps 2^(n / 4) in version 2."""
+    if "steps" not in given:
+        return np.asarray(part.view("<f2"), np.float32)
+    counts = [n for before, after in itertools.pairwise(given["widths"]) for n in (after * before, after)]
+    channels, others = np.split(2.0 ** (np.array(given["steps"]) / 4), [-len(counts)])
+    signed = (part >> 1) ^ -(part & 1).astype(np.int64)  # zigzag
+    return np.asarray(signed * np.concatenate([np.tile(channels, vertices), np.repeat(others, counts)]), np.float32)
+
+
 def _base(codes: NDArray[Any], steps: NDArray[Any], vertices: int, count: int, bits: int) -> tuple[_Index, _Floats]:
     """Decode faces and vertices, in the order in which a walk over the surface meets them."""
-    moves = steps.astype(np.int64).reshape(-1, 3)
-    moves = (moves >> 1) ^ -(moves & 1)  # zigzag
+    moves = ((steps >> 1) ^ -(steps & 1).astype(np.int64)).reshape(-1, 3)  # zigzag
     symbols = iter(codes.tolist())
-    faces, verts = np.empty((count, 3), np.int64), np.empty((vertices, 3), np.int64)
-    made = done = 0
+    faces, verts, made, done = np.empty((count, 3), np.int64), np.empty((vertices, 3), np.int64), 0, 0
     open_edges: dict[tuple[int, int], int] = {}  # each with the corner of its face that is not on it
 
     def corner(symbol: int, guess: _Index) -> int:

@@ -20,6 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.optimizer import Adam
+from meshdeform.fields.rounding import START, rounded, steps_of
 
 __all__ = ["STEPS", "ScalarField", "learn_scalars"]
 
@@ -44,6 +45,8 @@ class ScalarField:
     offset, scale : (C,) float64
     labels : sequence of int, optional
         For pieces, the number of each: its output is a logit.
+    rounding : list of int, optional
+        The steps of which all tensors are multiples (`rounding.py`).
     """
 
     def __init__(
@@ -54,14 +57,21 @@ class ScalarField:
         offset: _Floats,
         scale: _Floats,
         labels: Sequence[int] = (),
+        rounding: list[int] | None = None,
     ) -> None:
         self.name, self.features, self.layers = name, features, list(layers)
-        self.offset, self.scale, self.labels = offset, scale, list(labels)
+        self.offset, self.scale, self.labels, self.rounding = offset, scale, list(labels), rounding
 
     @property
     def tensors(self) -> list[Tensor]:
         """All learned tensors: the features, then weight and bias of each layer."""
         return [self.features, *[tensor for layer in self.layers for tensor in layer]]
+
+    def rounded(self, rounding: list[int]) -> ScalarField:
+        """Return the same scalars with rounded tensors."""
+        features, *rest = rounded(self.tensors, rounding)
+        layers = list(zip(rest[::2], rest[1::2], strict=True))
+        return ScalarField(self.name, features, layers, self.offset, self.scale, self.labels, rounding)
 
     def __call__(self, corners: Tensor, weights: Tensor) -> Tensor:
         """Return (scalars - offset) / scale (P, C) at places of the base: corners (P, 3), weights (P, 3)."""
@@ -163,9 +173,13 @@ def learn_scalars(
         tensor.requires_grad_()
     optimizer = Adam([{"params": tensors, "lr": 0.0}])
     generator = torch.Generator().manual_seed(seed)
+    rounding: list[int] | None = None
     for step in range(steps):
+        if rounding is None and step >= START * steps:
+            rounding = steps_of(tensors)
         rows = torch.randint(0, len(values), (min(_BATCH, len(values)),), generator=generator)
-        found = field(places[rows], shares[rows])
+        used = field if rounding is None else field.rounded(rounding)
+        found = used(places[rows], shares[rows])
         if labels:
             loss = functional.binary_cross_entropy_with_logits(found, wanted[rows])
         else:
@@ -178,4 +192,4 @@ def learn_scalars(
         on_step()
     for tensor in tensors:
         tensor.requires_grad_(False)
-    return field
+    return field.rounded(rounding or steps_of(tensors))

@@ -16,11 +16,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
+from meshdeform.assets.thin_parts import coarsening
 from meshdeform.errors import AssetError
 from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.isosurface import isosurface
 from meshdeform.fields.narrow_band import continued
 from meshdeform.fields.oriented_points import poisson_grid
+from meshdeform.fields.relaxing import relaxed
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
 
@@ -180,7 +182,7 @@ class GridSurface(_Implicit):
         self._volume = torch.from_numpy(np.stack([values, *gradient])[None])
         self._most = torch.tensor(grid.values.shape, dtype=torch.float64) - 1
         self._reach = 2 * float(grid.spacing.max())
-        step = max(1, math.ceil(max(grid.values.shape) / (2 * _CELLS)))
+        step = coarsening(grid.values.shape)
         coarse = values[::step, ::step, ::step]
         verts, faces = isosurface(coarse, grid.origin, grid.spacing * step)
         self.reference = _reference(verts, faces, self, "The grid has no closed surface.")
@@ -243,13 +245,13 @@ def _activate(x: Tensor, name: str, omega: float) -> Tensor:
 
 
 def _reference(verts: _Floats, faces: _Index, surface: Surface, otherwise: str) -> CleanMesh:
-    """Return the extracted mesh with its vertices moved to the surface, without tiny parts."""
+    """Return the extracted mesh with its vertices moved to the surface, without tiny parts and slivers."""
     if len(faces) < 4:
         raise AssetError(otherwise, advice="Check the sign and the bounds.")
     found = clean(*_largest(verts, faces))
     normals = np.zeros_like(found.verts)
     moved, _ = surface.project(found.verts, normals)
-    return CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned)
+    return relaxed(CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned), surface.project)
 
 
 def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:

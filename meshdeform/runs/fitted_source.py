@@ -16,7 +16,7 @@ import safetensors.torch
 import torch
 from safetensors import SafetensorError
 
-from meshdeform.assets.surface_files import read_surface_file
+from meshdeform.assets.surface_files import read_surface_file, warnings_about
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.errors import AssetTooLargeError, CheckpointError
 from meshdeform.fields.base_mesh import base_of
@@ -111,7 +111,7 @@ def _fit(given: RunInput) -> FittedSource:
             "(MESHDEFORM_MAX_TRIANGLES)."
         )
     base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
-    options = FitOptions(steps=STEPS, seed=_SEED, batch_faces=BATCH_FACES)
+    options = FitOptions(steps=STEPS, seed=_SEED, batch_faces=BATCH_FACES, rounding=False)
     fit = FieldFit(surface, frame, base.verts, base.faces, options)
     for step in fit:
         if step.step % _BEAT_STEPS == 0:
@@ -128,6 +128,7 @@ def _fit(given: RunInput) -> FittedSource:
         "components": surface.reference.topology.components,
         "genus": surface.reference.topology.genus,
         "distance": distances(surface, unfolded, level.faces),
+        "warnings": list(warnings_about(found)),
     }
     data = level_glb(unfolded, level.faces)
     return FittedSource(data, {**facts, "bytes": len(data), "sha256": sha256_hex(data)})

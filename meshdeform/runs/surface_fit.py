@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.assets.mesh_codecs import as_precise, packed_sizes
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
-from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, read_surface_file
+from meshdeform.assets.surface_files import (
+    DistanceGrid,
+    ImplicitNetwork,
+    OrientedPoints,
+    read_surface_file,
+    warnings_about,
+)
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.errors import AssetTooLargeError
 from meshdeform.fields.base_mesh import base_of
@@ -56,7 +62,8 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
     file = given.files["asset"]
     sha256 = file.sha256 or sha256_hex(file.data)
     with clock.phase("read"):
-        surface = surface_of(_source(given))
+        source = _source(given)
+        surface = surface_of(source)
     with clock.phase("base"):
         own = _own_base(given)
         around = surface.reference.verts
@@ -99,7 +106,12 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
         initial=load_shape(given.initial, shape) if given.initial is not None else None,
         anchors=_anchors(params, frame),
     )
-    facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256}
+    facts = {
+        "filename": file.filename,
+        "bytes": len(file.data),
+        "sha256": sha256,
+        "warnings": list(warnings_about(source)),
+    }
     scalars = None
     if "scalars" in given.files:
         scalars = read_scalar_file(given.files["scalars"].data)
@@ -199,6 +211,7 @@ class SurfaceFitRun:
                 centre=self._frame.centre,
                 scale=self._frame.scale,
                 provenance=made,
+                rounding=self._fit.rounding,
             )
             data = write()
             # Read back, so that everything else describes what is in the file.

@@ -26,7 +26,8 @@ const TORN = "The .ndf contradicts itself.";
 export async function readField(data) {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   if (data.length < 12 || data[0] !== 78 || data[1] !== 68 || data[2] !== 70) throw new Error("The file is not a .ndf.");
-  if (data[3] !== 1) throw new Error(`The .ndf has version ${data[3]}; this reader knows version 1.`);
+  const version = data[3];
+  if (version !== 1 && version !== 2) throw new Error(`The .ndf has version ${version}; this reader knows versions 1 and 2.`);
   if (crc32(data.subarray(0, -4)) !== view.getUint32(data.length - 4, true))
     throw new Error("The .ndf is damaged or incomplete: its checksum is wrong.");
   let at = 8 + view.getUint32(4, true);
@@ -40,30 +41,40 @@ export async function readField(data) {
     at += size;
   }
   const base = decodeBase(sections[0], sections[1], vertices, count, header.bits);
-  const { features, layers } = networkOf(sections[2], vertices, [header.features, ...header.widths]);
+  const { features, layers } = networkOf(sections[2], vertices, [header.features, ...header.widths], header.steps);
   const scalars = (header.scalars ?? []).map((/** @type {any} */ given, /** @type {number} */ i) => {
-    const { name, widths, offset, scale, labels = [] } = given;
+    const { name, widths, offset, scale, labels = [], steps } = given;
     const outputs = widths[widths.length - 1];
     if (!sections[3 + i] || offset.length !== outputs || scale.length !== outputs || (labels.length && labels.length !== outputs)) throw new Error(TORN);
-    return { name: String(name), widths, offset, scale, labels, ...networkOf(sections[3 + i], vertices, [widths[0], ...widths]) };
+    return { name: String(name), widths, offset, scale, labels, ...networkOf(sections[3 + i], vertices, [widths[0], ...widths], steps) };
   });
   return { header, ...base, features, layers, scalars };
 }
 
 /**
- * @param {Uint16Array} halves @param {number} vertices
+ * @param {Uint16Array} numbers @param {number} vertices
  * @param {number[]} widths Features of each vertex, then the inputs and the outputs of all layers.
+ * @param {number[] | undefined} steps Exponents n of the steps 2^(n / 4): of each channel of the features, then of each weight and bias.
+ *     Without them, in version 1, the numbers are float16.
  */
-function networkOf(halves, vertices, [each, ...widths]) {
-  const weights = Float32Array.from(halves, half);
+function networkOf(numbers, vertices, [each, ...widths], steps) {
+  const weights = steps ? Float32Array.from(numbers, signed) : Float32Array.from(numbers, half);
+  if (steps && steps.length !== each + 2 * (widths.length - 1)) throw new Error(TORN);
+  const sizes = (steps ?? []).map((step) => 2 ** (step / 4));
   let from = vertices * each;
   const features = weights.subarray(0, from);
+  if (steps) for (let i = 0; i < from; i++) features[i] *= sizes[i % each];
+  let tensor = each;
+  /** @param {number} size */
+  const take = (size) => {
+    const part = weights.subarray(from, from + size);
+    if (steps) for (let i = 0; i < part.length; i++) part[i] *= sizes[tensor];
+    from += size;
+    tensor++;
+    return part;
+  };
   const layers = [];
-  for (let i = 1; i < widths.length; i++) {
-    const size = widths[i - 1] * widths[i];
-    layers.push({ weight: weights.subarray(from, from + size), bias: weights.subarray(from + size, from + size + widths[i]) });
-    from += size + widths[i];
-  }
+  for (let i = 1; i < widths.length; i++) layers.push({ weight: take(widths[i - 1] * widths[i]), bias: take(widths[i]) });
   if (from !== weights.length) throw new Error(TORN);
   return { features, layers };
 }
@@ -87,8 +98,7 @@ function decodeBase(symbols, steps, vertices, count, bits) {
     if (symbol > made || (symbol === 0 && made >= vertices)) throw new Error(TORN);
     if (symbol) return made - symbol;
     for (let axis = 0; axis < 3; axis++) {
-      const step = steps[3 * made + axis];
-      places[3 * made + axis] = guess(axis) + ((step >> 1) ^ -(step & 1));
+      places[3 * made + axis] = guess(axis) + signed(steps[3 * made + axis]);
     }
     return made++;
   };
@@ -133,6 +143,11 @@ async function numbers(data, size) {
   }
   if (at !== size) throw new Error("A section of the .ndf has another size than stated.");
   return Uint16Array.from({ length: size / 2 }, (_, i) => bytes[i] | (bytes[size / 2 + i] << 8));
+}
+
+/** The whole number of 0, -1, 1, -2, 2, ... @param {number} number */
+function signed(number) {
+  return (number >> 1) ^ -(number & 1);
 }
 
 /** @param {number} bits A float16. */

@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import cKDTree
 
 import meshdeform.fields.reader
-from meshdeform.fields.container import encode_base, write_field
+from meshdeform.fields.container import BITS, encode_base, write_field
 from meshdeform.fields.gluing import glue, topology
 from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.reader import read_field
+from meshdeform.fields.rounding import rounded, steps_of, whole
+from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import grid, icosphere, join, torus
 
@@ -24,11 +27,9 @@ def field_of(mesh: TriangleMesh) -> tuple[bytes, FieldNetwork]:
     verts = mesh.verts.numpy() / mesh.verts.abs().max().item()
     base = encode_base(verts, mesh.faces.numpy())
     network = FieldNetwork.random(len(base.verts), 6, 3, 16, 2, 0)
-    # What the file can hold exactly.
-    network = FieldNetwork(
-        network.features.half().float(), [(w.half().float(), b.half().float()) for w, b in network.layers], 3
-    )
-    return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0), network
+    steps = steps_of(network.tensors)
+    network = network.with_tensors(rounded(network.tensors, steps))  # what the file can hold exactly
+    return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0, rounding=steps), network
 
 
 def test_a_base_of_any_topology_comes_back_within_half_a_step() -> None:
@@ -38,11 +39,10 @@ def test_a_base_of_any_topology_comes_back_within_half_a_step() -> None:
         verts, faces = mesh.verts.numpy() / mesh.verts.abs().max().item(), mesh.faces.numpy()
         assert topology(found.faces, glue(found.verts, found.faces)) == topology(faces, glue(verts, faces))
 
-        def centres(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-            middle = points[corners].mean(1)
-            return middle[np.lexsort(middle.round(2).T)]
-
-        assert np.abs(centres(found.verts, found.faces) - centres(verts, faces)).max() < 1 / 4095
+        ours, wanted = found.verts[found.faces].mean(1), verts[faces].mean(1)
+        near = cKDTree(wanted).query(ours)[1]
+        assert len(np.unique(near)) == len(wanted) == len(ours)
+        assert np.abs(ours - wanted[near]).max() < 1.001 / (2**BITS - 2)
 
 
 def test_the_reader_computes_what_the_network_does() -> None:
@@ -55,6 +55,43 @@ def test_the_reader_computes_what_the_network_does() -> None:
     features = torch.from_numpy(np.einsum("pk,pkd->pd", weights, network.features.numpy()[corners])).float()
     wanted = np.array([1.0, 2.0, 3.0]) + 2.0 * network(points, features).double().numpy()
     assert np.abs(found.evaluate(corners, weights) - wanted).max() < 1e-5
+
+
+def test_a_file_of_version_1_is_read_as_ever() -> None:
+    field = read_field(Path(__file__).with_name("version_1.ndf"))
+    verts, faces = field.unfold(1)
+    assert len(faces) == 192
+    assert verts[:2] == pytest.approx(np.array([[0.995972, -1.993509, 5.492889], [3.161005, -1.996546, 4.245665]]))
+    assert verts.sum(0) == pytest.approx([96.0755, -192.5038, 287.9632], abs=1e-3)
+    (height,) = read_scalars(field)
+    corners = np.repeat(np.arange(4)[:, None], 3, 1)
+    found = height.values(corners, np.tile([1.0, 0.0, 0.0], (4, 1)))
+    assert found[:, 0] == pytest.approx([7.01056, 8.73027, 8.27579, 7.00681], abs=1e-4)
+
+
+def test_a_later_version_is_refused_by_its_number() -> None:
+    data, _ = field_of(icosphere(0))
+    with pytest.raises(ValueError, match="version 3; this reader knows versions 1 and 2"):
+        read_field(data[:3] + b"\x03" + data[4:])
+
+
+def test_tensors_are_rounded_to_steps_of_their_own_spread() -> None:
+    generator = torch.Generator().manual_seed(0)
+    features = torch.randn(500, 3, generator=generator) * torch.tensor([1.0, 1e-3, 0.0])
+    features[0, 1] = 1e6  # an outlier must not leave the 16 bits of a section
+    weight, bias = torch.randn(90, 40, generator=generator, requires_grad=True), torch.zeros(9)
+    tensors = [features, weight, bias]
+    steps = steps_of(tensors)
+    assert len(steps) == 5
+    assert all(part.abs().max() < 2**15 for part in whole(tensors, steps))
+    near = rounded(tensors, steps)
+    assert float((near[1] - weight).detach().square().mean().sqrt()) < float(weight.detach().std()) / 20
+    assert 30 < len(near[1].unique()) < 100
+    slope = torch.arange(3600.0).reshape(90, 40)
+    (near[1] * slope).sum().backward()
+    assert torch.equal(weight.grad, slope)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="4 steps for 3 channels and 2 other"):
+        rounded(tensors, steps[:-1])
 
 
 def test_every_damaged_byte_is_noticed() -> None:

@@ -17,6 +17,7 @@ from meshdeform.fields.scalar_fields import learn_scalars
 from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import grid, icosphere, join, torus
 
+VERSION_1 = Path(__file__).with_name("version_1.ndf")
 MODULE = Path(__file__).parents[3] / "service" / "web" / "viewer" / "ndf.js"
 SCRIPT = """
 const { readField, scalarsAt, unfold } = await import(process.argv[1]);
@@ -31,10 +32,11 @@ const simple = apart(scalars[1], scalarsAt(field.scalars[0], of, weights, 1, fal
 const plain = apart(positions, unfold(field, 2, false).positions);
 data[data.length - 20] ^= 1;
 const refused = await readField(data).then(() => "", (error) => error.message);
+const old = Array.from(unfold(await readField(new Uint8Array(readFileSync(process.argv[3]))), 1).positions);
 const [faces, places, corners] = [field.faces, positions, indices].map((list) => Array.from(list));
 const [at, shares] = [of, weights].map((list) => Array.from(list));
 const named = field.scalars.map(({ name, labels }) => [name, labels]);
-console.log(JSON.stringify({ faces, places, corners, plain, refused, scalars, simple, named, at, shares }));
+console.log(JSON.stringify({ faces, places, corners, plain, refused, scalars, simple, named, at, shares, old }));
 """
 
 
@@ -56,7 +58,7 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
     ]
     place = {"centre": np.array([1.0, -2.0, 3.0]), "scale": 2.5}
     file.write_bytes(write_field(base, network, **place, scalars=scalars))
-    run = [node, "--input-type=module", "-e", SCRIPT, MODULE.as_uri(), str(file)]
+    run = [node, "--input-type=module", "-e", SCRIPT, MODULE.as_uri(), str(file), str(VERSION_1)]
     found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
     field = read_field(file)
     wanted_verts, wanted_faces = field.unfold(2)
@@ -71,6 +73,8 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
     assert np.abs(centres(places, corners) - centres(wanted_verts, wanted_faces)).max() < 1e-4
     assert found["plain"] < 1e-5, "with WebAssembly and without"
     assert "checksum" in found["refused"]
+    old = read_field(VERSION_1).unfold(1)[0]
+    assert np.reshape(found["old"], (-1, 3)).sum(0) == pytest.approx(old.sum(0), abs=1e-3)
 
     of, shares = (np.reshape(found[name], (-1, 3)) for name in ("at", "shares"))
     two, pieces = read_scalars(field)

@@ -13,6 +13,7 @@ from meshdeform.fields.cleaning import clean
 from meshdeform.fields.gluing import glue, topology
 from meshdeform.fields.isosurface import isosurface
 from meshdeform.fields.patches import level_of
+from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
@@ -79,6 +80,28 @@ def test_a_base_has_the_handles_and_borders_of_the_surface() -> None:
         assert len(faces) < 400
         assert found.genus == genus
         assert found.characteristics == surface.topology.characteristics
+
+
+def test_slivers_do_not_make_the_base_of_a_thin_tube_uneven() -> None:
+    # The tube is six cells thick; an extracted mesh has slivers wherever the surface passes close to a grid point.
+    at = lattice(80, 1.1)[:, :, 32:48] + np.array([1e-4, 2e-4, 3e-4])
+    spacing, minor = 2.2 / 79, 3 * 2.2 / 79
+    given = DistanceGrid(ring(at, 0.95, minor), at[0, 0, 0], np.full(3, spacing))
+    extracted = clean(*isosurface(given.values, given.origin, given.spacing))
+    for surface in (surface_of(given).reference, extracted):
+        verts, faces = base_of(surface, 200)
+        assert len(faces) <= 220
+        assert topology(faces, glue(verts, faces)).genus == 1
+        middle = (verts[faces] + np.roll(verts[faces], -1, 1)) / 2
+        # No edge lies along the axis of the tube, where either side is as near.
+        assert ring(middle, 0.95, minor).min() > -0.8 * minor
+    away = np.abs(ring(surface_of(given).reference.verts, 0.95, minor))
+    assert away.max() < 0.03 * minor
+    # Those of a border stay where they are.
+    flat = clean(*arrays(grid(8)))
+    moved = relaxed(flat, lambda points, normals: (points, normals))
+    border = np.abs(flat.verts[:, :2]).max(1) > np.abs(flat.verts).max() - 1e-9
+    assert (moved.verts[border] == flat.verts[border]).all()
 
 
 def test_a_level_is_one_mesh_whose_points_lie_in_the_base() -> None:

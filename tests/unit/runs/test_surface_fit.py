@@ -309,7 +309,7 @@ def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
         assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}
 
         # The other kind that takes a cloud: it fits a mesh first, which stands for the asset afterwards too.
-        for name, value in {"BASE_FACES": 100, "STEPS": 5, "BATCH_FACES": 8, "LEVEL": 0}.items():
+        for name, value in {"BASE_FACES": 100, "STEPS": 20, "BATCH_FACES": 8, "LEVEL": 0}.items():
             monkeypatch.setattr(f"meshdeform.runs.fitted_source.{name}", value)
         egg = tmp_path / "egg.glb"
         egg.write_bytes(build_glb(points * [1, 1.5, 1], mesh.faces.numpy()))
