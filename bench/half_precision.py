@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.native_precision import has_bfloat16
 
 TIMESTEPS = (100, 500, 900)
 
@@ -42,7 +43,7 @@ def main() -> None:
             begun = time.process_time()
             predicted(500, name)
             times.append(time.process_time() - begun)
-    print(f"bfloat16 instructions: {'yes' if torch.cpu._is_avx512_bf16_supported() else 'no'}")
+    print(f"bfloat16 instructions: {'yes' if has_bfloat16('cpu') else 'no'}")
     print(f"CPU time of a pass: {median(taken['bfloat16'][2:]) / median(taken['float32'][2:]):.2f} of that in float32")
     for timestep in TIMESTEPS:
         difference = (predicted(timestep, "bfloat16") - predicted(timestep, "float32")).square().mean().sqrt()

@@ -1,4 +1,4 @@
-"""Make the animated picture at the top of the README: a painted animal becomes a giraffe and goes back.
+"""Make the animated picture at the top of the README: a painted animal becomes a camel and goes back.
 
     python bench/hero.py -o docs/pictures/hero.webp
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import build_glb
 from meshdeform.evaluation.sources import quadruped
 
-PROMPT = "a giraffe"
+PROMPT = "a camel"
 COAT, PATCH, MUZZLE, HOOF = (0.80, 0.52, 0.22), (0.30, 0.10, 0.03), (0.86, 0.66, 0.42), (0.07, 0.04, 0.03)
 """Linear colours."""
 
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/pictures/hero.webp"))
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        asset, result = Path(folder) / "animal.glb", Path(folder) / "giraffe.glb"
+        asset, result = Path(folder) / "animal.glb", Path(folder) / "result.glb"
         asset.write_bytes(painted_animal())
         meshdeform = [sys.executable, "-m", "meshdeform"]
         subprocess.run([*meshdeform, "run", str(asset), PROMPT, "-o", str(result), "--seed", "0"], check=True)

@@ -6,8 +6,8 @@
 
 Prints for each question its statements, its duration with a hundred thousand jobs (`--jobs`) relative to that with a
 thousand in the same run, and the tables and indices that a statement's plan reads from end to end, or until it has
-enough rows. Then 500 jobs are posted by 20 threads for five owners and claimed by four workers. Durations on a shared
-machine mean little, so only ratios are printed.
+enough rows. On PostgreSQL, then what the index of trigrams costs and gains. Then 500 jobs are posted by 20 threads for
+five owners and claimed by four workers. Durations on a shared machine mean little, so only ratios are printed.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from meshdeform.record.estimates import estimate
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.reconciler import RECONCILE_EVERY_S
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.room import Rooms
 from meshdeform.record.schema import files, job_files, job_texts, jobs, labels
 from meshdeform.requests.document import JobRequest
 from tests.servers import PostgresServer
@@ -107,6 +108,18 @@ def _fill(record: JobRecord, start: int, end: int) -> None:
         put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now}, numbers)
 
 
+@functools.cache
+def rooms(_: JobRecord) -> Rooms:
+    """Return what a process remembers of the owners' sums in this record."""
+    return Rooms()
+
+
+def room(record: JobRecord, known: Rooms) -> None:
+    """Ask for room for a file of an owner."""
+    with record.database.read() as connection:
+        known.check(connection, "owner-7", {"assets/1": 1}, 10**15)
+
+
 def claim_and_release(record: JobRecord) -> None:
     """Take the next job as a worker does, and hand it back."""
     job = record.leases.claim_next("worker", 60.0)
@@ -126,6 +139,8 @@ QUESTIONS: dict[str, Question] = {
     "search a state in vain": lambda record: record.list_jobs(JobState.QUEUED, words="giraffe"),
     "claim and release": claim_and_release,
     "post": lambda record: record.create(NewJob(_REQUEST, stored_files(), owner_id="owner-7", max_active=10**6)),
+    "room, summed up": lambda record: room(record, Rooms()),
+    "room, remembered": lambda record: room(record, rooms(record)),
     "estimate": lambda record: estimate(
         record.database, record.leases, _REQUEST, default_model="builtin", queue="q", owner_id="owner-7"
     ),
@@ -193,6 +208,38 @@ def ask(small: JobRecord, large: JobRecord) -> None:
     print(f"the four periodic ones, every {RECONCILE_EVERY_S:g} s: {rate:.1f} statements a second")
 
 
+def without_trigrams(record: JobRecord) -> None:
+    """Print the size of the index of trigrams, and what the questions that it is for, and a post, take without it."""
+    names = [name for name in QUESTIONS if name.startswith("search")] + ["post"]
+    size = sa.text(
+        "SELECT pg_relation_size('ix_job_texts_text') / 1e6, pg_table_size('job_texts') / 1e6, count(*), "
+        "avg(length(text)) FROM job_texts"
+    )
+    with record.database.read() as connection:
+        index, table, count, length = connection.execute(size).one()
+    print(f"the index of trigrams: {index:.0f} MB, of {count} texts of {length:.0f} characters, {table:.0f} MB")
+    before = {name: seconds(QUESTIONS[name], record) for name in names}
+    many = seconds(_texts, record)
+    with record.database.write() as connection:
+        connection.exec_driver_sql("DROP INDEX ix_job_texts_text")
+    for name in names:
+        print(f"{name:24} without it: {seconds(QUESTIONS[name], record) / before[name]:.2f} times")
+    print(f"{'1,000 longer texts':24} without it: {seconds(_texts, record) / many:.2f} times")
+    began = time.perf_counter()
+    with record.database.write() as connection:
+        connection.exec_driver_sql("CREATE INDEX ix_job_texts_text ON job_texts USING gin (text gin_trgm_ops)")
+    print(f"to make it takes as long as {(time.perf_counter() - began) / before['post']:.0f} posts")
+
+
+def _texts(record: JobRecord) -> None:
+    """Replace the texts of a thousand jobs by texts of ten words each, in one statement."""
+    word = sa.func.substr(sa.func.md5(sa.cast(sa.func.random(), sa.String)), 1, 8)
+    text = sa.func.concat_ws(" ", *[word] * 10)
+    ids = sa.select(job_texts.c.job_id).order_by(job_texts.c.job_id).limit(SMALL)
+    with record.database.write() as connection:
+        connection.execute(sa.update(job_texts).where(job_texts.c.job_id.in_(ids)).values(text=text))
+
+
 def post_and_claim(record: JobRecord) -> None:
     """Post the jobs of several owners at once and claim all of them."""
     with ThreadPoolExecutor(POSTERS) as pool:
@@ -247,6 +294,8 @@ def main() -> None:
                 fill(record, count)
             records.append(record)
         ask(records[0], records[1])
+        if options.database == "postgresql":
+            without_trigrams(records[1])
         post_and_claim(records[2])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import json
 import os
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.testing
 
 from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
@@ -30,6 +32,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # Before anything imports torch or numba: threads of ours would fight with the processes that the tests start.
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
+# `CliRunner` builds the tree of 33 commands from the app again for each line that it runs.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 # Nothing is fetched in a test; a hub that is asked by mistake must fail at once.
 os.environ["HF_HUB_OFFLINE"] = "1"
 
@@ -56,6 +60,8 @@ SHARING = {
     ),
     # Two halves that take about as long: one after the other they would outlast everything else.
     "the rest of the page": ("tests/browser/test_",),
+    # One page with one WebGL context, whose shaders take seconds.
+    "the viewer": ("tests/browser/viewer/",),
     # What imports diffusers or transformers, which takes seconds, and shares their small models.
     "Stable Diffusion": (
         "tests/integration/test_api_stages.py",
@@ -135,6 +141,26 @@ def _one_torch_thread() -> None:
     """Keep torch on one thread where a test has imported it; never import it for a test that does not."""
     if torch := sys.modules.get("torch"):
         torch.set_num_threads(1)
+
+
+SMALLER = {
+    "meshdeform.geometry.fit_quality": ("_SAMPLES", 2000),
+    "meshdeform.guidance.points": ("SAMPLES", 2000),
+    "meshdeform.rendering.studio": ("_SIZE", 32),
+}
+"""What takes a short job longer than its steps: previews, and the samples by which it fits and measures fits."""
+
+
+_shipped: dict[str, int] = {}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too."""
+    for name, (constant, value) in SMALLER.items():
+        if module := sys.modules.get(name):
+            shipped = _shipped.setdefault(name, getattr(module, constant))
+            setattr(module, constant, shipped if item.get_closest_marker("as_shipped") else value)
 
 
 @pytest.fixture(params=["cpu", "cuda"])

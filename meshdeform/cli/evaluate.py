@@ -30,7 +30,10 @@ def evaluate(
         list[Path] | None, typer.Argument(help="With --compare: the folders of finished runs.", show_default=False)
     ] = None,
     suite: Annotated[
-        str, typer.Option(help="small, full, turned, nouns, unseen, assets, turned-assets or paper (docs/quality.md).")
+        str,
+        typer.Option(
+            help="small, full, turned, nouns, unseen, seen, assets, turned-assets or paper (docs/quality.md)."
+        ),
     ] = "small",
     out: Annotated[
         Path, typer.Option(help="The folder of the run; the same command resumes in it.", file_okay=False)

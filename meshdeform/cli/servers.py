@@ -18,6 +18,7 @@ from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
 from meshdeform.errors import ParameterError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
+from meshdeform.support.heaps import limit_heaps
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -97,6 +98,7 @@ def api(
 ) -> None:
     """Run the HTTP API alone; requires MESHDEFORM_REDIS_URL."""
     require("fastapi", "service")
+    limit_heaps()
     import uvicorn
 
     from meshdeform.serving.connections import http_options, raise_open_files

@@ -32,10 +32,14 @@ class Checkpoint:
         Number of completed steps.
     tensors : dict of name to Tensor
         Jacobians, Adam's moments and the random generator's state.
+    precision : str
+        What the diffusion prior computed in up to this step; several, in order, such as `bfloat16, float32`, if the run
+        was resumed in another one. Empty if there was no prior, and in checkpoints of earlier versions.
     """
 
     step: int
     tensors: dict[str, Tensor]
+    precision: str = ""
 
 
 def fingerprint(**parts: Any) -> str:
@@ -47,6 +51,8 @@ def fingerprint(**parts: Any) -> str:
 def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
     """Serialise a checkpoint of the run with fingerprint `run` and of the mesh with id `asset`."""
     metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
+    if checkpoint.precision:
+        metadata["precision"] = checkpoint.precision
     return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
 
 
@@ -90,4 +96,4 @@ def _read(data: bytes) -> tuple[Checkpoint, dict[str, str]]:
         raise CheckpointError("The checkpoint is damaged, or the file is not a checkpoint.") from error
     if metadata.get("format") != _FORMAT:
         raise CheckpointError("The checkpoint was made by another version of meshdeform.")
-    return Checkpoint(step, tensors), metadata
+    return Checkpoint(step, tensors, metadata.get("precision", "")), metadata

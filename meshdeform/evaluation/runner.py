@@ -17,6 +17,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,8 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
     """
     evaluator = Evaluator(plan)
     assert evaluator.prior is not None
+    # What `auto` is here, so that another machine does not go on in another precision.
+    plan = replace(plan, dtype=str(evaluator.prior.dtype).removeprefix("torch."))
     if plan.clip and not is_builtin(plan.params.model):
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     for prompt in plan.suite.prompts:

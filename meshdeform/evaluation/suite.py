@@ -4,7 +4,8 @@
 table and an airplane need thin parts far from any source), a third of them with an attribute.
 
 `nouns` deforms a sphere into every noun of the builtin prior, and `unseen` into 40 of the pairs of noun and attribute
-that no training picture of that prior showed, which tests combinations of known words.
+that no training picture of that prior showed, which tests combinations of known words. `seen` is its control: 40 of the
+pairs that training pictures did show.
 
 `assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
 names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
@@ -23,12 +24,14 @@ of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of Fusio
 from __future__ import annotations
 
 import hashlib
+import random
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
-from meshdeform.priors.builtin.training.held_out import unseen_pairs
+from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt
+from meshdeform.priors.builtin.training.held_out import attributes_of, is_held_out, unseen_pairs
 
 __all__ = ["ASSET_PAIRS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 
@@ -49,14 +52,27 @@ _PROMPTS = (
 
 _SMALL_SOURCES = ("sphere", "cube", "vase", "quadruped")
 _NOUN_PROMPTS = tuple(str(ParsedPrompt(noun)) for noun in NOUNS)
-_UNSEEN_COUNT = 40
+_PAIR_COUNT = 40
+_SEEN_SEED = 5
+
+_Pair = tuple[str, Attribute]
 
 
-def _unseen_prompts() -> tuple[str, ...]:
-    """Return prompts of unseen pairs, evenly spaced in their list, which is sorted by noun."""
-    pairs = unseen_pairs()
-    chosen = [pairs[number * len(pairs) // _UNSEEN_COUNT] for number in range(_UNSEEN_COUNT)]
+def _prompts_of(pairs: Sequence[_Pair]) -> tuple[str, ...]:
+    """Return prompts of pairs evenly spaced in their list, which is sorted by noun."""
+    chosen = [pairs[number * len(pairs) // _PAIR_COUNT] for number in range(_PAIR_COUNT)]
     return tuple(str(ParsedPrompt(noun, (attribute,))) for noun, attribute in chosen)
+
+
+def _seen_pairs() -> list[_Pair]:
+    """Return as many pairs that the training showed as there are unseen ones, drawn once and for all."""
+
+    def order(pair: _Pair) -> tuple[str, str, str]:
+        return pair[0], pair[1].part, pair[1].degree
+
+    shown = [(noun, a) for noun in NOUNS for a in attributes_of(noun) if not is_held_out(noun, a)]
+    drawn = random.Random(_SEEN_SEED).sample(sorted(shown, key=order), len(unseen_pairs()))  # noqa: S311
+    return sorted(drawn, key=order)
 
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
@@ -208,7 +224,8 @@ SUITES: dict[str, Suite] = {
         ),
         Suite("turned", _SMALL_SOURCES, _PROMPTS, (0,), "balanced", turned=True),
         Suite("nouns", ("sphere",), _NOUN_PROMPTS, (0,), "balanced"),
-        Suite("unseen", ("sphere",), _unseen_prompts(), (0,), "balanced"),
+        Suite("unseen", ("sphere",), _prompts_of(unseen_pairs()), (0,), "balanced"),
+        Suite("seen", ("sphere",), _prompts_of(_seen_pairs()), (0,), "balanced"),
         Suite(
             "assets",
             tuple(dict.fromkeys(source for source, _ in ASSET_PAIRS)),

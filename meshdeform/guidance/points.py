@@ -68,11 +68,12 @@ class PointTerm:
         In the frame of the deformed mesh.
     seed : int
         Of the samples.
-    samples : int
-        On each of the two surfaces.
+    samples : int, optional
+        On each of the two surfaces. Default: `SAMPLES`.
     """
 
-    def __init__(self, target: TriangleMesh, *, seed: int = 0, samples: int = SAMPLES) -> None:
+    def __init__(self, target: TriangleMesh, *, seed: int = 0, samples: int | None = None) -> None:
+        samples = SAMPLES if samples is None else samples
         self._target = goal = RestMesh.of(target)
         self._seed, self._samples = seed, samples
         self._diagonal = diagonal_of(goal)

@@ -14,6 +14,7 @@ from meshdeform.record import rows
 from meshdeform.record.counters import Counters
 from meshdeform.record.database import Database
 from meshdeform.record.deliveries import write_deliveries
+from meshdeform.record.insertion import NewRow, insert
 from meshdeform.record.models import EventType, Job, JobState, Progress
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
 
@@ -63,25 +64,6 @@ class Change:
                 changed[place] = self.write_event(row, kind, data(row) if callable(data) else data)
         return changed
 
-    def insert(self, returning: Any, *others: sa.Insert) -> Row:
-        """Insert a row, and others that may refer to it; return the first.
-
-        PostgreSQL does so in one statement, which takes one round trip.
-
-        Parameters
-        ----------
-        returning : Insert with a returning clause
-        others : Insert
-            Of one row each: SQLAlchemy would compile those of several anew each time.
-        """
-        if not self._database.is_sqlite:
-            returning = returning.add_cte(*(other.cte(f"also_{number}") for number, other in enumerate(others)))
-        row = self.connection.execute(returning).one()
-        if self._database.is_sqlite:
-            for other in others:
-                self.connection.execute(other)
-        return row
-
     def write_event(self, row: Row, happened: EventType, data: dict[str, Any] | None = None) -> Row:
         """Write the event with the number in `row.event_seq` and its consequences; return the row afterwards."""
         values = {
@@ -94,9 +76,10 @@ class Change:
         }
         announced = []
         if happened in (EventType.QUEUED, EventType.RECOVERED) and row.state == JobState.QUEUED:
-            waits = self._database.upsert(outbox).values(job_id=row.id, created_at=self._database.now())
-            announced.append(waits.on_conflict_do_nothing())
-        event = rows.event(self.insert(sa.insert(events).values(values).returning(events), *announced))
+            waits = {"job_id": row.id, "created_at": self._database.now()}
+            announced.append(NewRow(outbox, waits, unless_there=True))
+        told = insert(self.connection, self._database, NewRow(events, values), *announced)
+        event = rows.event(told)
         if happened is EventType.RECOVERED:
             self.counters.add("recoveries")
         if happened.terminal:

@@ -8,11 +8,11 @@ import sqlite3
 import ssl
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 import sqlalchemy.exc
@@ -41,6 +41,7 @@ _UNKNOWN_STATEMENT = "26000"
 """PostgreSQL's code if a statement was prepared on another connection, which only a pooler brings about."""
 
 
+_Statement = TypeVar("_Statement")
 _CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
 _NOW = sa.type_coerce(_CLOCK, UtcDateTime)
 
@@ -64,6 +65,7 @@ class Database:
     def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
         self._engine = make_engine(url, connections)
         self._lets_go = connections == 0
+        self._statements: dict[Callable[[Database], Any], Any] = {}
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         try:
             if self.is_sqlite:
@@ -130,6 +132,15 @@ class Database:
             instant: datetime = connection.execute(sa.select(self.now())).scalar_one()
         return instant
 
+    def prepared(self, build: Callable[[Database], _Statement]) -> _Statement:
+        """Return a statement that is built once for PostgreSQL, where `now` is an expression, and anew for SQLite."""
+        if self.is_sqlite:
+            return build(self)
+        found: _Statement | None = self._statements.get(build)
+        if found is None:
+            found = self._statements[build] = build(self)
+        return found
+
     def upsert(self, table: sa.Table) -> Any:
         """Return an `INSERT` that supports `ON CONFLICT`: SQLAlchemy has one for each database."""
         if self.is_sqlite:
@@ -147,10 +158,18 @@ class Database:
                 return
         with self.write() as connection:
             # The lock ends with the transaction. DDL is transactional in both databases.
-            if not self.is_sqlite:
+            if self.is_sqlite:
+                self._migrate_in(connection)
+                return
+            from meshdeform.record.postgresql import without_time_limit
+
+            with without_time_limit(connection):
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
-            if not compatible(_version(connection)):
-                _upgrade(connection)
+                self._migrate_in(connection)
+
+    def _migrate_in(self, connection: sa.Connection) -> None:
+        if not compatible(_version(connection)):
+            _upgrade(connection)
 
 
 def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:

@@ -75,16 +75,20 @@ def payload_of(job: Job, event: Event) -> dict[str, Any]:
     }
 
 
+_LISTENING = (
+    sa.select(webhooks.c.id, webhooks.c.events)
+    .where(webhooks.c.owner_id == sa.bindparam("owner"), webhooks.c.disabled_at.is_(None))
+    .order_by(webhooks.c.id)
+    # Locked: a concurrent deletion has either happened or waits until the message is written.
+    .with_for_update(read=True, key_share=True)
+)
+
+
 def write_deliveries(connection: sa.Connection, database: Database, job: Job, event: Event) -> None:
     """Write a message for every webhook of the job's owner that subscribes to the event."""
     if f"job.{event.type}" not in _TYPES:
         return
-    listening = sa.select(webhooks.c.id, webhooks.c.events).where(
-        webhooks.c.owner_id == job.owner_id, webhooks.c.disabled_at.is_(None)
-    )
-    # Lock the webhooks: a concurrent deletion has either happened or waits until the message is written.
-    listening = listening.order_by(webhooks.c.id).with_for_update(read=True, key_share=True)
-    for webhook in connection.execute(listening).all():
+    for webhook in connection.execute(_LISTENING, {"owner": job.owner_id}).all():
         if webhook.events and f"job.{event.type}" not in webhook.events:
             continue
         now = database.now()

@@ -1,4 +1,4 @@
-"""Track which stored files are in use, count what an owner keeps, and remove what nothing refers to.
+"""Track which stored files are in use, count what a job keeps, and remove what nothing refers to.
 
 Equal bytes are stored once, and removed with the last job that needs them. A request pins its file before storing it,
 and the committed row of its job replaces the pin, so that a file cannot be removed while a request relies on it.
@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import NotFoundError, TooMuchStoredError, UnavailableError
+from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.record.database import Database
+from meshdeform.record.room import total_size
 from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads
 from meshdeform.storage import ObjectStore
 
 if TYPE_CHECKING:
     from meshdeform.record.repository import JobRecord
 
-__all__ = ["FileLeases", "FileLedger", "check_room", "measure", "remove_job", "remove_unreachable", "remove_upload"]
+__all__ = ["FileLeases", "FileLedger", "measure", "remove_job", "remove_unreachable", "remove_upload"]
 
 
 _PIN_LASTS_S = 3600.0
@@ -89,28 +90,16 @@ class FileLedger:
             time.sleep(_POLL_EVERY_S)
 
     def _pinned(self, key: str) -> bool:
-        now = self._database.now()
-        insert = self._database.upsert(files).values(key=key, pins=1, touched_at=now)
-        insert = insert.on_conflict_do_update(
-            index_elements=["key"],
-            set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
-            where=sa.or_(files.c.pins >= 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
-        )
         with self._database.write_once() as connection:
-            return connection.execute(insert.returning(files.c.key)).first() is not None
+            return connection.execute(self._database.prepared(_pin), {"file": key}).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:
         """Release pins, within a transaction if given. Files without an entry get one."""
         if connection is None:
             with self._database.write() as own:
                 return self.unpin(keys, own)
-        now = self._database.now()
         for key in keys:
-            insert = self._database.upsert(files).values(key=key, pins=0, touched_at=now)
-            fewer = sa.case((files.c.pins > 0, files.c.pins - 1), else_=files.c.pins)
-            connection.execute(
-                insert.on_conflict_do_update(index_elements=["key"], set_={"pins": fewer, "touched_at": now})
-            )
+            connection.execute(self._database.prepared(_unpin), {"file": key})
         return None
 
     def unused(self) -> list[str]:
@@ -174,59 +163,34 @@ class FileLedger:
         return sa.and_(unpinned, unneeded)
 
 
-_RETRY_AFTER_S = 3600
+_FILE = sa.bindparam("file", type_=files.c.key.type)
+
+
+def _pin(database: Database) -> Any:
+    """Return the statement that counts one more pin of a file, unless it is being removed."""
+    now = database.now()
+    insert = database.upsert(files).values(key=_FILE, pins=1, touched_at=now)
+    return insert.on_conflict_do_update(
+        index_elements=["key"],
+        set_={"pins": sa.case((files.c.pins > 0, files.c.pins + 1), else_=1), "touched_at": now},
+        where=sa.or_(files.c.pins >= 0, files.c.touched_at < database.now(-_REMOVAL_LASTS_S)),
+    ).returning(files.c.key)
+
+
+def _unpin(database: Database) -> Any:
+    """Return the statement that counts one pin of a file less."""
+    now = database.now()
+    insert = database.upsert(files).values(key=_FILE, pins=0, touched_at=now)
+    fewer = sa.case((files.c.pins > 0, files.c.pins - 1), else_=files.c.pins)
+    return insert.on_conflict_do_update(index_elements=["key"], set_={"pins": fewer, "touched_at": now})
 
 
 def measure(connection: sa.Connection, job_id: str) -> None:
     """Update the bytes of a job's artifacts and checkpoints in its row, after any of them has changed."""
-    results = sa.select(_total(artifacts.c.size)).where(artifacts.c.job_id == job_id).scalar_subquery()
+    results = sa.select(total_size(artifacts.c.size)).where(artifacts.c.job_id == job_id).scalar_subquery()
     size = checkpoints.c.size + sa.func.coalesce(checkpoints.c.mesh_size, 0)
-    saved = sa.select(_total(size)).where(checkpoints.c.job_id == job_id).scalar_subquery()
+    saved = sa.select(total_size(size)).where(checkpoints.c.job_id == job_id).scalar_subquery()
     connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(stored_bytes=results + saved))
-
-
-def check_room(connection: sa.Connection, owner_id: str, files: Mapping[str, int], limit: int) -> None:
-    """Refuse a job if its owner would keep more bytes than allowed.
-
-    A file that several jobs of the owner use counts once. Every number comes from an index.
-
-    Parameters
-    ----------
-    connection : Connection
-    owner_id : str
-    files : mapping of str to int
-        Sizes of the job's stored files in bytes, by key.
-    limit : int
-        0: unlimited.
-
-    Raises
-    ------
-    TooMuchStoredError
-        There is no room for the job.
-    """
-    if not limit:
-        return
-    mine = job_files.c.owner_id == owner_id
-    each = sa.select(sa.func.max(job_files.c.size).label("size")).where(mine).group_by(job_files.c.key).subquery()
-    inputs = sa.select(_total(each.c.size)).scalar_subquery()
-    outputs = sa.select(_total(jobs.c.stored_bytes)).where(jobs.c.owner_id == owner_id).scalar_subquery()
-    # One question for both: the sum without a key, and the keys of files that are there already.
-    total = sa.select(sa.cast(sa.null(), job_files.c.key.type).label("key"), (inputs + outputs).label("size"))
-    each_known = sa.select(job_files.c.key, sa.literal(0)).where(mine, job_files.c.key.in_(sorted(files)))
-    found = {row.key: row.size for row in connection.execute(sa.union_all(total, each_known.distinct()))}
-    stored, known = int(found.pop(None)), set(found)
-    added = sum(size for key, size in files.items() if key not in known)
-    if stored >= limit or stored + added > limit:
-        raise TooMuchStoredError(
-            f"The jobs of this owner keep {stored} bytes, and this one would add {added}; the limit is {limit}.",
-            limit=limit,
-            stored=stored,
-            retry_after_s=_RETRY_AFTER_S,
-        )
-
-
-def _total(size: sa.ColumnElement[int]) -> sa.ColumnElement[int]:
-    return sa.func.coalesce(sa.func.sum(size), 0)
 
 
 def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:

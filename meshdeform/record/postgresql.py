@@ -27,7 +27,7 @@ from pg8000.converters import make_params
 from pg8000.core import DESCRIBE, NULL_BYTE, SYNC_MSG, Context
 from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
-__all__ = ["DRIVER", "Pg8000Connection", "Pg8000Dialect"]
+__all__ = ["DRIVER", "Pg8000Connection", "Pg8000Dialect", "without_time_limit"]
 
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""
@@ -123,6 +123,21 @@ class Pg8000Connection(pg8000.dbapi.Connection):  # type: ignore[misc]
         """Roll back; a transaction without a statement has not begun."""
         self._begins = False
         super().rollback()
+
+
+@contextmanager
+def without_time_limit(connection: sa.Connection) -> Iterator[None]:
+    """Wait as long as it takes for the answers to the statements of the `with` block, such as an index of many rows."""
+    socket = getattr(connection.connection.driver_connection, "_usock", None)
+    if socket is None:
+        yield
+        return
+    before = socket.gettimeout()
+    socket.settimeout(None)
+    try:
+        yield
+    finally:
+        socket.settimeout(before)
 
 
 class Pg8000Dialect(PGDialect_pg8000):

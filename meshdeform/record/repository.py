@@ -14,19 +14,21 @@ from datetime import UTC, datetime, timedelta
 import sqlalchemy as sa
 
 from meshdeform.api.jobs import accepted
-from meshdeform.errors import ConflictError, ParameterError, TooManyJobsError
+from meshdeform.errors import ConflictError, ParameterError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
 from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
-from meshdeform.record.files import FileLedger, check_room, measure
+from meshdeform.record.files import FileLedger, measure
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
+from meshdeform.record.insertion import NewRow, insert
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
+from meshdeform.record.room import Rooms, check_number
 from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
 from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
@@ -86,6 +88,7 @@ class JobRecord:
         self.deliveries = Deliveries(self._database)
         self.webhooks = WebhookBook(self._database, self.deliveries)
         self.keys = KeyRing(self._database)
+        self._rooms = Rooms()
 
     def close(self) -> None:
         """Close every connection."""
@@ -115,19 +118,22 @@ class JobRecord:
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
         with changing(self._database) as change:
             connection = change.connection
-            self._hold_to_limits(connection, new)
+            added = self._hold_to_limits(connection, new)
             self.files.unpin(new.sizes, connection)
             job_id = values["id"]
-            row = change.insert(
-                sa.insert(jobs).values(values).returning(jobs),
-                *(sa.insert(job_files).values(file) for file in rows.job_files(job_id, new)),
-                *(sa.insert(labels).values(job_id=job_id, name=k, value=v) for k, v in new.request.metadata.items()),
-                sa.insert(job_texts).values(job_id=job_id, text=searched_text(new)),
+            row = insert(
+                connection,
+                self._database,
+                NewRow(jobs, values),
+                *(NewRow(job_files, file) for file in rows.job_files(job_id, new)),
+                *(NewRow(labels, {"job_id": job_id, "name": k, "value": v}) for k, v in new.request.metadata.items()),
+                NewRow(job_texts, {"job_id": job_id, "text": searched_text(new)}),
             )
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
                 self.idempotency.complete(new.claim, accepted(job), connection)
+        self._rooms.accepted(new.owner_id, added)
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:
@@ -332,31 +338,21 @@ class JobRecord:
         """
         if limit:
             with self._database.read() as connection:
-                check_room(connection, owner_id, files, limit)
+                self._rooms.check(connection, owner_id, files, limit)
 
-    def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> None:
-        if not (new.max_active or new.max_stored_bytes):
-            return
+    def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> int:
+        if not new.max_active and not new.max_stored_bytes:
+            return 0
         if not self._database.is_sqlite:
             # Serialise the counts: two concurrent requests would both find room for one more job.
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(new.owner_id))))
-        self._check_number(connection, new)
-        check_room(connection, new.owner_id, new.sizes, new.max_stored_bytes)
-
-    def _check_number(self, connection: sa.Connection, new: NewJob) -> None:
-        if not new.max_active:
-            return
-        active = sa.and_(jobs.c.owner_id == new.owner_id, jobs.c.state.in_(_ACTIVE))
-        count = connection.execute(sa.select(sa.func.count()).select_from(jobs).where(active)).scalar_one()
-        if count >= new.max_active:
-            raise TooManyJobsError(
-                f"This key has {count} unfinished jobs; its limit is {new.max_active}.", limit=new.max_active
-            )
+            connection.execute(_LOCK, {"owner": new.owner_id})
+        check_number(connection, new.owner_id, new.max_active)
+        return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 
 
+_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
 _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
-_ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 
 def _with_artifacts(connection: sa.Connection, found: list[Job]) -> list[Job]:

@@ -35,7 +35,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0008"
+HEAD = "0009"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
@@ -160,13 +160,16 @@ job_files = sa.Table(
     sa.Index(None, "owner_id", "key", "size"),
 )
 
-# What a search reads: prompt, file names and labels of a job (`search.py`). A table of its own is small enough to scan.
+# What a search reads: prompt, file names and labels of a job (`search.py`). A table of its own is small enough to scan
+# on SQLite. On PostgreSQL it has an index of trigrams, unless the server refuses that (migration 0009).
 job_texts = sa.Table(
     "job_texts",
     metadata,
     sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
     sa.Column("text", sa.Text, nullable=False),
 )
+_trigrams = sa.Index(None, job_texts.c.text, postgresql_using="gin", postgresql_ops={"text": "gin_trgm_ops"})
+_trigrams.ddl_if(dialect="postgresql")
 
 # A job's metadata, for filters: the databases have no common way to index JSON.
 labels = sa.Table(

@@ -59,6 +59,7 @@ def orientation_of(
     *,
     subdivide: bool = False,
     limits: Limits,
+    dtype: str = "auto",
     timeout_s: float,
 ) -> dict[str, Any]:
     """Return the orientation that a job would have, as its report would describe it.
@@ -74,6 +75,8 @@ def orientation_of(
     subdivide : bool
         `output.subdivide` of the job.
     limits : Limits
+    dtype : str
+        Precision of the model, as for `load_prior`.
     timeout_s : float
 
     Raises
@@ -91,6 +94,7 @@ def orientation_of(
         "request": {"prompt": prompt, "output": {"subdivide": subdivide}},
         "params": params.model_dump(mode="json"),
         "limits": asdict(limits),
+        "dtype": dtype,
     }
     given = asset.absolute().parent / "orientation.json"
     given.write_text(json.dumps(task))
@@ -115,7 +119,7 @@ def _find(task: dict[str, Any]) -> dict[str, Any]:
     use_threads(1)
     params = ResolvedParams.model_validate(task["params"])
     with hidden_folders([params.model]):
-        prior = load_prior(params.model, device="cpu")
+        prior = load_prior(params.model, device="cpu", dtype=task["dtype"])
     run = text_deform.start(
         asset=Path(task["asset"]).read_bytes(),
         filename=f"asset{task['suffix']}",

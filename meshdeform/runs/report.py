@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 import platform
@@ -36,7 +37,13 @@ def sha256_hex(data: bytes) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of all packages that can affect a result."""
-    found = {"meshdeform": meshdeform.__version__, "python": platform.python_version()}
+    return {"meshdeform": meshdeform.__version__, "python": platform.python_version(), **_installed()}
+
+
+@functools.cache
+def _installed() -> dict[str, str]:
+    """Return the versions of the packages. Reading their metadata takes longer than a step."""
+    found = {}
     for name in _PACKAGES:
         try:
             found[name] = importlib.metadata.version(name)

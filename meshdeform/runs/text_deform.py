@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
+from meshdeform.runs.precision import precision_of
 from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
@@ -47,7 +49,6 @@ from meshdeform.runs.text_report import (
     appearance_report,
     build_report,
     likeness,
-    precision_of,
     provenance,
     read_result,
     sees_colours,
@@ -142,8 +143,7 @@ def start(
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        own = {} if target is None else {"target": InputFile(target, target_filename)}
-        meshes = {**(targets or {}), **own}
+        meshes = {**(targets or {}), **({} if target is None else {"target": InputFile(target, target_filename)})}
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
         given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
@@ -160,7 +160,7 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
         begins = [_begin(goal, mesh, control, device, look) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior))
+    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior, state))
     facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
@@ -242,7 +242,7 @@ class TextDeformRun:
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         state, source = self._deformation.checkpoint(), self._facts.source
-        state = source.kept_in(state) if source else state
+        state = replace(source.kept_in(state) if source else state, precision=self._facts.precision or "")
         return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:

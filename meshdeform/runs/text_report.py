@@ -31,13 +31,13 @@ from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.judge import Judge
-from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
+from meshdeform.runs.precision import precision_warnings
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
@@ -49,7 +49,6 @@ __all__ = [
     "appearance_report",
     "build_report",
     "likeness",
-    "precision_of",
     "provenance",
     "read_result",
     "rig_warnings",
@@ -75,11 +74,6 @@ class RunFacts:
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
     sketch: Mapping[str, Any] | None = None
-
-
-def precision_of(prior: Prior | None) -> str | None:
-    """Return what a prior computes in, such as `float32`; None if there is none."""
-    return None if prior is None else str(prior.dtype).removeprefix("torch.")
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -231,6 +225,7 @@ def build_report(
             *up_axis,
             *subdivision_warnings(facts.subdivision),
             *rig_warnings(asset.rig(), facts.request.output.rig),
+            *precision_warnings(facts.precision),
         ],
         "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
         "losses": losses,

@@ -55,6 +55,7 @@ def _found(app: AppState, request: JobRequest, params: ResolvedParams, asset: Re
         params,
         subdivide=request.output.subdivide,
         limits=app.assets.limits,
+        dtype=app.settings.dtype,
         timeout_s=_TIMEOUT_S,
     )
     return FoundOrientation(**found)

@@ -31,15 +31,6 @@ SUPERVISOR_POINTS = ["worker.told", "worker.step", "worker.checkpoint.stored", "
 STEPS = 12
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """A deployment on SQLite and a folder, with nothing started but Redis."""
-    with running_redis(tmp_path) as redis:
-        made = Cluster(tmp_path, redis)
-        yield made
-        made.clean_up()
-
-
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """A deployment with an API and a worker, for tests that leave both running. They take seconds to start."""
@@ -292,35 +283,6 @@ def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) ->
     assert cluster.check(job_id, steps=60).attempt == 1
     until("every message was read", lambda: not cluster.queue.announced())
     assert cluster.job(job_id).attempt == 1
-
-
-# Checkpoints
-
-
-@pytest.mark.parametrize(
-    "damage", ["torn", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("gone", "foreign"))]
-)
-def test_a_checkpoint_that_is_damaged_falls_back_to_the_one_before(
-    cluster: Cluster, damage: str, tmp_path: Path
-) -> None:
-    gate = tmp_path / "gate"
-    # The second checkpoint is recorded, and then the worker waits to be killed.
-    points = f"worker.checkpoint.recorded=pause@2:{gate};{tmp_path / 'once'}"
-    job_id = cluster.submit(STEPS)
-    worker = cluster.start_worker(MESHDEFORM_FAILPOINTS=points)
-    until("two checkpoints", Path(f"{gate}.reached").exists)
-    newest, before = cluster.record.leases.checkpoints(job_id)[:2]
-    assert (newest.step, before.step) == (8, 4)
-    whole = cluster.store.get(newest.key)
-    if damage == "gone":
-        cluster.store.delete(newest.key)
-    else:
-        cluster.store.put(newest.key, whole[:-3] if damage == "torn" else cluster.store.get(before.key))
-    worker.child().kill()
-    job = cluster.check(job_id, steps=STEPS)
-    assert job.attempt == 2
-    steps = [e.data["step"] for e in cluster.events(job_id) if e.type == "checkpoint" and e.attempt == 2]
-    assert steps[0] == 8, "the second attempt began at step 4 and stored step 8 anew"
 
 
 # The record

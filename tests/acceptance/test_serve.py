@@ -18,7 +18,7 @@ from tests.acceptance.service import Gate, Service, serving, until
 
 pytestmark = pytest.mark.acceptance
 
-STEPS, EVERY = 48, 5
+STEPS, EVERY = 18, 2
 REQUEST: dict[str, Any] = {
     "params": {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, "seed": 5},
     "metadata": {"shot": "sc010"},
@@ -107,13 +107,13 @@ def test_a_job_outlives_its_worker_ctrl_c_and_a_killed_serve_with_the_same_bytes
     service: Service, server_folder: Path, tmp_path: Path, sphere: Path, egg: Path, uninterrupted: str
 ) -> None:
     data, gate = server_folder / "interrupted", Gate(tmp_path / "gate")
-    with serving(data, MESHDEFORM_FAILPOINTS=f"worker.step=pause@13:{gate.path}") as first:
+    with serving(data, MESHDEFORM_FAILPOINTS=f"worker.step=pause@5:{gate.path}") as first:
         job = first.submit(sphere, REQUEST, egg)
         gate.wait()
         supervisor = first.part("-m", "worker")
         gate.close()
         first.part("-m", "worker.process").kill()
-        # The next one begins at step 10, where the last checkpoint was, and waits at its own thirteenth step.
+        # The next one begins at step 4, where the last checkpoint was, and waits at its own fifth step.
         gate.wait()
         assert supervisor.is_running()
         assert first.job(job)["progress"]["attempt"] == 2
@@ -139,7 +139,7 @@ def test_a_job_outlives_its_worker_ctrl_c_and_a_killed_serve_with_the_same_bytes
             done = third.finished(job)
             assert (done["state"], done["error"]) == ("succeeded", None), third.log
             assert third.artifact(job, "result.glb") == service.artifact(uninterrupted, "result.glb")
-            assert json.loads(third.artifact(job, "report.json"))["resumed_from_step"] >= 23
+            assert json.loads(third.artifact(job, "report.json"))["resumed_from_step"] >= 9
             until("the browser is started", opened.exists)
             assert opened.read_text() == str(third.http.base_url).rstrip("/") + "/\n"
             assert third.http.get("/readyz").status_code == 200

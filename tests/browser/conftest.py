@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 from urllib.parse import urlsplit
 
 import pytest
@@ -21,6 +21,8 @@ from tests.acceptance.service import Service
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request
+
+T = TypeVar("T")
 
 # WebGL by software: the machines that test have no GPU. Without the sandbox, which root may not use.
 CHROMIUM_ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-gpu-sandbox"]
@@ -92,12 +94,53 @@ def pytest_runtest_makereport(
     return report
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One Chromium for a file's tests; each gets a profile of its own.
+class Kept:
+    """What the tests of this folder share as long as they follow each other."""
 
-    Not for all files: while Playwright is there, an event loop runs in this thread, and no other test could have one.
-    """
+    def __init__(self) -> None:
+        self._stack = ExitStack()
+        self._made: dict[str, Any] = {}
+
+    def get(self, name: str, make: Callable[[], AbstractContextManager[T]]) -> T:
+        """Return what has the name, and make it if it is not there."""
+        if name not in self._made:
+            self._made[name] = self._stack.enter_context(make())
+        return cast("T", self._made[name])
+
+    def end(self) -> None:
+        """End it all, the last first."""
+        self._made.clear()
+        self._stack.close()
+
+
+_KEPT = Kept()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, None, None]:
+    """End the browser after the last test in a row: while Playwright is there, an event loop runs in this thread."""
+    yield
+    if nextitem is None or Path(__file__).parent not in nextitem.path.parents:
+        _KEPT.end()
+
+
+@pytest.fixture(scope="session")
+def kept() -> Kept:
+    """What is ended after the last test in a row."""
+    return _KEPT
+
+
+@pytest.fixture
+def browser(kept: Kept) -> Browser:
+    """One Chromium for all tests in a row; each gets a profile of its own."""
+    running = kept.get("browser", _launched)
+    if not running.is_connected():  # it crashed: the tests after that one can do without the same fault
+        kept.end()
+    return kept.get("browser", _launched)
+
+
+@contextmanager
+def _launched() -> Iterator[Browser]:
     path = chromium_path()
     playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
     with playwright_api.sync_playwright() as playwright:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from typer.testing import CliRunner
 
 from meshdeform.assets import Asset, build_glb, load_asset
@@ -102,6 +101,8 @@ def _stored_bytes(api: Api, job_id: str) -> int:
 
 
 def test_the_formats_of_a_result_are_made_of_it_alone(api: Api, stretched: bytes, tmp_path: Path) -> None:
+    import trimesh
+
     job_id = finished(api, stretched)
     api.store.delete(api.record.get(job_id).source.key)
     with Client(api.url) as client:

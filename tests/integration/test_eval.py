@@ -22,6 +22,7 @@ from meshdeform.evaluation.mesh_file import read_ply
 from meshdeform.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.priors import load_prior
 from tests.cases import each_case
 from tests.taught import write_small_weights
 from tests.unit.runs.test_text_deform import glb
@@ -71,6 +72,7 @@ def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path)
     assert document["summary"][1]["overall"]["retrieval"]["count"] == 3
     assert document["manifest"]["params"]["steps"] == 2
     assert document["manifest"]["judge"]["id"] == "height"
+    assert document["manifest"]["dtype"] == str(load_prior("builtin", device="cpu").dtype).removeprefix("torch.")
     assert document["manifest"]["clip"] == {"missing": "no folder was given with --clip"}
     assert all(state["clip"] is None for record in document["records"] for state in record["states"])
     assert len(document["records"]) == 3

@@ -22,6 +22,7 @@ from meshdeform.record.schema import (
     files,
     idempotency,
     job_files,
+    job_texts,
     jobs,
     labels,
     metadata,
@@ -35,7 +36,7 @@ from tests.integration.record_calls import LEASE_S, at, posted
 pytestmark = pytest.mark.both_databases
 
 COUNT = 10_000
-LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files", "job_files")
+LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files", "job_files", "job_texts")
 _PREFIX = "job_01kg9zqk2xf3v8c5m7n9p"
 MIDDLE = f"{_PREFIX}{COUNT + COUNT // 2}"
 
@@ -97,6 +98,8 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
         put(events, {"job_id": job_id, "seq": seq, "type": "progress", "at": now, "attempt": 1, "data": empty})
     key, owner = sa.literal("assets/") + text, changed["owner_id"]
     put(job_files, {"job_id": job_id, "part": "asset", "owner_id": owner, "key": key, "size": 3})
+    words = sa.case((n % 1000 == 7, "a vase"), else_="a mushroom") + sa.literal("\na.glb\n") + text
+    put(job_texts, {"job_id": job_id, "text": words})
     put(files, {"key": sa.literal("assets/") + text, "pins": 0, "touched_at": now})
     put(uploads, {
         "id": sa.literal("upl_") + text, "owner_id": "", "filename": "a.glb", "size": 3,
@@ -199,6 +202,23 @@ def test_it_is_answered_from_an_index(large: JobRecord, question: str) -> None:
     assert sent
     scans = [scan for statement, parameters in sent for scan in _scanned(large, statement, parameters)]
     assert scans == []
+
+
+@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+@each_case(
+    ("words", "state", "expected"),
+    [("giraffe", None, 0), ("VASE", None, 10), ("a giraffe", JobState.QUEUED, 0), ("VASE glb", JobState.SUCCEEDED, 10)],
+)
+def test_rare_words_are_found_by_their_trigrams(
+    large: JobRecord, words: str, state: JobState | None, expected: int
+) -> None:
+    with _asked(large) as sent:
+        assert len(large.list_jobs(state, words=words).jobs) == expected
+    (statement, parameters) = sent[0]
+    assert _scanned(large, statement, parameters) == []
+    with large.database.write() as connection:
+        plan = "\n".join(str(row[-1]) for row in connection.exec_driver_sql("EXPLAIN " + statement, parameters))
+    assert "ix_job_texts_text" in plan
 
 
 def test_a_scan_would_be_noticed(large: JobRecord) -> None:

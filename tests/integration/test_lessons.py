@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import trimesh
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
@@ -23,6 +22,8 @@ from tests.integration.conftest import serving
 @pytest.fixture
 def pots(tmp_path: Path) -> Path:
     """Return a folder of two meshes, one of them labelled, with other files beside them."""
+    import trimesh
+
     folder = tmp_path / "pots"
     (folder / "tall").mkdir(parents=True)
     (folder / ".hidden").mkdir()

@@ -17,7 +17,6 @@ import pytest
 from meshdeform import __version__
 from release.build import build, wrong_with
 from release.licences import dependencies, forbidden, licence
-from release.sbom import bill_of_materials
 from tests.acceptance.service import serving
 from tests.cases import each_case
 
@@ -120,6 +119,8 @@ def test_a_wheel_that_lacks_or_leaks_something_is_noticed(tmp_path: Path) -> Non
 def test_the_bill_names_every_dependency_with_its_licence_and_is_the_same_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    from release.sbom import bill_of_materials
+
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1767225600")
     written = bill_of_materials()
     assert bill_of_materials() == written
@@ -135,6 +136,8 @@ def test_the_bill_names_every_dependency_with_its_licence_and_is_the_same_again(
 
 
 def test_a_bill_with_a_forbidden_licence_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    from release.sbom import bill_of_materials
+
     monkeypatch.setattr("release.sbom.licence", lambda name: "AGPL-3.0-only" if name == "rq" else licence(name))
     with pytest.raises(SystemExit, match=r"rq: AGPL-3\.0-only"):
         bill_of_materials()

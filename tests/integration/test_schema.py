@@ -33,8 +33,13 @@ def test_the_migrations_make_what_the_tables_say(record: JobRecord) -> None:
     from alembic.autogenerate import compare_metadata
     from alembic.migration import MigrationContext
 
+    def applies(found: object, *_: object) -> bool:
+        """Whether this database has it: SQLite has no index of trigrams, which `metadata` says by its DDL only."""
+        gin = isinstance(found, sa.Index) and found.dialect_options["postgresql"]["using"] == "gin"
+        return not (gin and record.database.is_sqlite)
+
     with record._database.read() as connection:
-        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        context = MigrationContext.configure(connection, opts={"compare_type": True, "include_object": applies})
         assert compare_metadata(context, metadata) == []
         assert context.get_current_revision() == HEAD
 

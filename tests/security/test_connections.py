@@ -94,14 +94,16 @@ def start(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
         yield run
 
 
-@pytest.mark.parametrize(
-    "sent",
-    [b"", HEADER, HEADER + b"\r\n" + HEADER, HEADER + b"\r\n\r\n"],
-    ids=["nothing", "half a header", "half of the second header", "an empty line after a request"],
-)
-def test_a_connection_without_a_whole_header_is_closed(start: Callable[..., str], sent: bytes) -> None:
-    with connect(start(HEADER_S=0.2, KEEP_ALIVE_S=0.2), sent) as connection:
-        assert received(connection).count(b"HTTP/1.1 200") == (b"\r\n\r\n" in sent)
+def test_a_connection_without_a_whole_header_is_closed(start: Callable[..., str], subtests: pytest.Subtests) -> None:
+    url = start(HEADER_S=0.2, KEEP_ALIVE_S=0.2)
+    for name, sent in {
+        "nothing": b"",
+        "half a header": HEADER,
+        "half of the second header": HEADER + b"\r\n" + HEADER,
+        "an empty line after a request": HEADER + b"\r\n\r\n",
+    }.items():
+        with subtests.test(name), connect(url, sent) as connection:
+            assert received(connection).count(b"HTTP/1.1 200") == (b"\r\n\r\n" in sent)
 
 
 def test_the_body_of_a_document_has_a_deadline_even_without_a_key(

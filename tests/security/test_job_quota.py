@@ -10,8 +10,10 @@ from typing import Any
 
 import httpx
 import pytest
+from sqlalchemy import event
 
 from meshdeform.errors import TooMuchStoredError
+from meshdeform.record import room
 from meshdeform.record.models import Artifact, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
@@ -93,6 +95,47 @@ def stored(record: JobRecord) -> int:
     with pytest.raises(TooMuchStoredError) as refused:
         record.check_room("ann", {"new": 2**40 + 1}, 2**40)
     return int(refused.value.extra["stored"])
+
+
+@pytest.mark.both_databases
+def test_the_sum_of_many_jobs_is_remembered_but_refuses_nobody(
+    record: JobRecord, database_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "_FEW", 2)
+    monkeypatch.setattr(room, "_JOBS_PER_S", 0.001)
+    sums: list[str] = []
+
+    def note(_c: Any, _k: Any, statement: str, *_: Any) -> None:
+        if "stored_bytes" in statement and "sum(" in statement and statement.startswith("SELECT"):
+            sums.append(statement)
+
+    for _ in range(3):
+        made(record, 10)
+    event.listen(record.database._engine, "before_cursor_execute", note)
+    other = JobRecord(database_url)
+    try:
+        made(record, 10, limit=100)
+        assert len(sums) == 1
+        made(record, 10, limit=100)
+        record.check_room("ann", {"a": 49}, 100)
+        assert len(sums) == 1, "remembered, with the 20 bytes that were accepted since"
+        made(other, 40)  # by another process
+        record.check_room("ann", {"a": 50}, 100)
+        assert len(sums) == 1, "not known here"
+        with pytest.raises(TooMuchStoredError, match="keep 90 bytes"):
+            record.check_room("ann", {"a": 51}, 100)
+        assert len(sums) == 2, "nobody is refused by what is remembered"
+        with pytest.raises(TooMuchStoredError):
+            made(record, 11, limit=100)
+        assert len(sums) == 3
+        made(record, 10, limit=100, owner="bob")
+        assert len(sums) == 4, "each owner has a sum of its own"
+        monkeypatch.setattr(room, "_JOBS_PER_S", 1e9)
+        for count in (5, 6):
+            record.check_room("bob", {}, 100)
+            assert len(sums) == count, "that of few jobs is made each time"
+    finally:
+        other.close()
 
 
 @pytest.mark.both_databases

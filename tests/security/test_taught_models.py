@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import trimesh
 
 from meshdeform.client import Client
 from meshdeform.errors import (
@@ -69,6 +68,8 @@ def refusal(client: Client, ball: Path, model: str) -> tuple[str, str, str, Any]
 def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
     clients: tuple[Client, Client], settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    import trimesh
+
     shorten_lessons(monkeypatch)
     one, two = clients
     ball, priors = tmp_path / "ball.glb", PriorCache()
@@ -136,6 +137,8 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
 def test_weights_that_are_damaged_or_from_elsewhere_are_refused(
     clients: tuple[Client, Client], settings: Settings, tmp_path: Path
 ) -> None:
+    import trimesh
+
     one, _ = clients
     ball = tmp_path / "ball.glb"
     trimesh.creation.icosphere(1).export(ball)

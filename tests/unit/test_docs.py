@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import json
 import re
@@ -71,9 +72,14 @@ def shell_lines(repository: Path) -> list[tuple[str, str]]:
 
 def command(name: str) -> Any:
     """Return the click command behind `meshdeform name`."""
+    return commands()[name]
+
+
+@functools.cache
+def commands() -> dict[str, Any]:
     from meshdeform.cli.app import app
 
-    return typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    return dict(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
 @each_case("name", Settings.model_fields)

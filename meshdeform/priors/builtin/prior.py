@@ -37,12 +37,19 @@ from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
+from meshdeform.priors.native_precision import has_bfloat16
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
 __all__ = ["NUM_TIMESTEPS", "BuiltinPrior", "add_noise", "cosine_alphas_cumprod", "loss_weight", "noise_from_clean"]
 
 NUM_TIMESTEPS = 1000
 _LARGEST_WEIGHT = 5.0
+
+
+def _dtype(name: str, device: torch.device) -> torch.dtype:
+    """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what bfloat16 does there."""
+    half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and has_bfloat16(device))
+    return torch.bfloat16 if half else torch.float32
 
 
 def cosine_alphas_cumprod(steps: int = NUM_TIMESTEPS) -> Tensor:
@@ -86,7 +93,8 @@ class BuiltinPrior:
     device : str or torch.device
         Device of the network.
     dtype : "auto", "float32", "float16" or "bfloat16"
-        What the network computes in. `auto` is float32, and so is float16, a precision of other models.
+        What the network computes in. `auto` is bfloat16 on a CPU that has instructions for it, else float32; float16, a
+        precision of other models, is float32.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
@@ -103,7 +111,7 @@ class BuiltinPrior:
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS, dtype: str = "float32") -> None:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
-        self.dtype = torch.bfloat16 if dtype == "bfloat16" else torch.float32
+        self.dtype = _dtype(dtype, self.device)
         self._network = network.computing_in(self.dtype).to(self.device)
         self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import DEADLINE_MS, FEW_SAMPLES, Watch
+from tests.browser.conftest import DEADLINE_MS, FEW_SAMPLES, Kept, Watch
 from tests.browser.viewer.assets import bent
 from tests.browser.viewer.site import ViewerSite, serving_viewers
 
@@ -18,16 +20,30 @@ if TYPE_CHECKING:
 WEB = Path(__file__).parents[3] / "service" / "web"
 
 
-@pytest.fixture(scope="module")
-def site() -> Iterator[ViewerSite]:
+@pytest.fixture
+def site(kept: Kept) -> ViewerSite:
+    """The site of all these tests. A file stays until another one has its name."""
+    return kept.get("site", _served)
+
+
+@contextmanager
+def _served() -> Iterator[ViewerSite]:
     with serving_viewers(WEB) as site:
         site.files["source.glb"], site.files["bent.glb"] = bent()
         yield site
 
 
-@pytest.fixture(scope="module")
-def shared(browser: Browser, site: ViewerSite) -> Iterator[tuple[Page, Watch]]:
+@pytest.fixture
+def shared(kept: Kept, browser: Browser, site: ViewerSite) -> tuple[Page, Watch]:
     """One page for all tests: the first picture compiles the shaders, which takes software seconds."""
+    page, watch = kept.get("page", partial(_opened, browser, site))
+    # Kept from test to test: without a viewer the context would be freed, and the next test start anew.
+    page.evaluate("() => { if (!contextCount()) acquireRenderer(); }")
+    return page, watch
+
+
+@contextmanager
+def _opened(browser: Browser, site: ViewerSite) -> Iterator[tuple[Page, Watch]]:
     context = browser.new_context(base_url=site.url, viewport={"width": 1000, "height": 760})
     context.set_default_timeout(DEADLINE_MS)
     watch = Watch(site.url)
@@ -36,8 +52,6 @@ def shared(browser: Browser, site: ViewerSite) -> Iterator[tuple[Page, Watch]]:
     page = context.new_page()
     page.goto("/")
     page.wait_for_function("window.ready")
-    # Kept until the last test: without a viewer the context would be freed, and the next test start anew.
-    page.evaluate("() => void acquireRenderer()")
     yield page, watch
     context.close()
 

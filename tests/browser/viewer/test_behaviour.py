@@ -12,7 +12,7 @@ from tests.browser.viewer.assets import KINDS
 from tests.browser.viewer.site import ViewerSite
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 
 def test_the_keyboard_turns_moves_zooms_and_resets(page: Page) -> None:
@@ -195,36 +195,6 @@ def test_a_snapshot_is_a_png_of_the_size_asked_for(page: Page) -> None:
     assert "4096" in png["huge"]["message"]
 
 
-def test_a_lost_context_comes_back_with_its_picture(page: Page) -> None:
-    found = page.evaluate(
-        """async () => {
-          const viewer = await show("source.glb");
-          const before = pixels(viewer);
-          const renderer = acquireRenderer();
-          const extension = renderer.gl.getContext().getExtension("WEBGL_lose_context");
-          const event = (name) => new Promise((resolve) => viewer.addEventListener(name, resolve, { once: true }));
-          const lost = event("contextlost");
-          extension.loseContext();
-          await lost;
-          viewer.invalidate();
-          await drawn();
-          const meanwhile = difference(before, pixels(viewer));
-          const told = await failure(viewer.snapshot({ width: 32, height: 32 }));
-          const restored = event("contextrestored");
-          extension.restoreContext();
-          await restored;
-          viewer.surface.context.clearRect(0, 0, 999, 999);
-          viewer.invalidate();
-          await drawn();
-          releaseRenderer();
-          return { meanwhile, told, after: difference(before, pixels(viewer)) };
-        }"""
-    )
-    assert found["meanwhile"] == 0  # the last picture stays
-    assert "lost" in found["told"]["message"]
-    assert found["after"] < 20
-
-
 def test_a_viewer_follows_its_size_and_the_theme(page: Page) -> None:
     found = page.evaluate(
         """async () => {
@@ -256,21 +226,6 @@ def test_less_motion_means_no_swinging_on(page: Page) -> None:
     page.emulate_media(reduced_motion="no-preference")
 
 
-def test_without_webgl_the_reason_is_told(browser: Browser, site: ViewerSite) -> None:
-    context = browser.new_context(base_url=site.url)
-    page = context.new_page()
-    page.add_init_script(
-        "const get = HTMLCanvasElement.prototype.getContext;"
-        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest)"
-        "{ return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); };"
-    )
-    page.goto("/")
-    page.wait_for_function("window.ready")
-    found = page.evaluate("async () => failure(open('x').load(await fetchBytes('/files/source.glb')))")
-    context.close()
-    assert "WebGL 2" in found["message"]
-
-
 def test_compressed_textures_reach_the_transcoder_under_the_policy(shared: tuple[Page, Watch], page: Page) -> None:
     """A KTX2 whose Basis data is broken: that the transcoder says so proves that it runs without `eval`."""
     shared[1].allow("startTranscoding failed")
@@ -293,38 +248,3 @@ def test_compressed_textures_reach_the_transcoder_under_the_policy(shared: tuple
           releaseRenderer();
         }"""
         )
-
-
-def test_a_sheet_of_many_needs_one_context_and_leaves_none_behind(page: Page) -> None:
-    """The last test: it gives the module's context away."""
-    found = page.evaluate(
-        """async () => {
-          let made = 0;
-          const { getContext } = HTMLCanvasElement.prototype;
-          HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-            if (kind.startsWith("webgl")) made++;
-            return getContext.call(this, kind, ...rest);
-          };
-          const viewers = [];
-          for (let i = 0; i < 17; i++) viewers.push(await show("source.glb"));
-          const shown = viewers.map((viewer) => covered(pixels(viewer)));
-          const bytes = await fetchBytes("/files/source.glb");
-          const size = { width: 64, height: 64 };
-          const blobs = await Promise.all(Array.from({ length: 9 }, () => snapshotAsset(bytes, size)));
-          const during = [made, contextCount()];
-          const renderer = acquireRenderer();
-          releaseRenderer();
-          releaseRenderer(); // the module's own
-          for (const viewer of viewers) viewer.dispose();
-          const left = [contextCount(), renderer.lost, stage.querySelectorAll("canvas").length];
-          HTMLCanvasElement.prototype.getContext = getContext;
-          const again = await failure(viewers[0].load(bytes));
-          return { shown, sizes: blobs.map((blob) => blob.size), during, left, again };
-        }"""
-    )
-    assert min(found["shown"]) > 500
-    assert len(found["sizes"]) == 9
-    assert min(found["sizes"]) > 500
-    assert found["during"] == [0, 1]
-    assert found["left"] == [0, True, 0]
-    assert "disposed" in found["again"]["message"]

@@ -31,7 +31,6 @@ def test_every_kind_of_file_is_drawn_and_meets_its_result(page: Page, site: View
           await drawn();
           const moved = difference(before, pixels(viewer));
           const [displacement, stretch] = [viewer.setHeatmap("displacement"), viewer.setHeatmap("stretch")];
-          await drawn();
           const [source, result] = [await fetchBytes(`/files/${name}`), await fetchBytes(`/files/${name}.result`)];
           let half = null, refused = "";
           try {

@@ -66,7 +66,8 @@ def test_face_by_face_as_the_service_counts(page: Page, site: ViewerSite) -> Non
         site.files[name] = made.data
         found: dict[str, Any] = page.evaluate(
             """async ([name, format]) => {
-              const viewer = await show(name, format);
+              const viewer = open(name); // closed before it is drawn
+              await viewer.load(await fetchBytes(`/files/${name}`), { format });
               const { places, corners, parts } = numberedSurface(viewer.root);
               closeAll();
               const nodes = parts.flatMap((part) => Array(part.count).fill(part.node));

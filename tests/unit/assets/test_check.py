@@ -33,13 +33,16 @@ def nan_quad() -> bytes:
     return builder.glb()
 
 
+PYTHON = sys.executable
+
+
 def stand_in_for_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: str) -> None:
     """Write a good file, and let a program of ours check it."""
     (tmp_path / "quad.glb").write_bytes(quad())
     program = tmp_path / "child.py"
     program.write_text(child)
     stand_in = tmp_path / "python"
-    stand_in.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{program}"\n')
+    stand_in.write_text(f'#!/bin/sh\nexec "{PYTHON}" "{program}"\n')
     stand_in.chmod(0o755)
     monkeypatch.setattr(isolation.sys, "executable", str(stand_in))
 
@@ -94,7 +97,7 @@ def test_an_empty_file(tmp_path: Path) -> None:
         check_asset_subprocess(path)
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("child", "error", "message"),
     [
         ("import os; os.kill(os.getpid(), 11)", AssetError, "SIGSEGV"),

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -98,6 +97,8 @@ def written(glb: bytes, **options: Any) -> tuple[Obj, Stl]:
 
 
 def read_stl(stl: Stl) -> Any:
+    import trimesh
+
     return trimesh.load_mesh(io.BytesIO(stl.data), file_type="stl", process=False)
 
 
@@ -124,6 +125,8 @@ def test_the_triangles_are_those_of_the_world_to_the_last_bit(build: Any) -> Non
 
 
 def test_area_volume_and_normals_are_kept_under_a_mirror_and_an_uneven_scale() -> None:
+    import trimesh
+
     ball = icosphere(2)
     verts = ball.verts.numpy()
     builder = Builder()
@@ -286,6 +289,8 @@ def test_the_services_own_reader_takes_the_zip() -> None:
 
 
 def test_vertex_colors_follow_the_position() -> None:
+    import trimesh
+
     builder = Builder()
     builder.node(builder.mesh(builder.primitive(COLOR_0=COLORS)))
     obj, _ = written(builder.glb())

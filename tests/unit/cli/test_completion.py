@@ -24,35 +24,39 @@ def bash() -> str:
     return found
 
 
-def completed(bash: str, line: str) -> set[str]:
-    """What bash offers after the line."""
-    words = line.split(" ")
-    script = (
-        f"source <({PROGRAM} --show-completion bash)\n"
-        f"COMP_WORDS=({' '.join(words[:-1])} '{words[-1]}'); COMP_CWORD={len(words) - 1}\n"
-        "_meshdeform_completion meshdeform; printf '%s\\n' \"${COMPREPLY[@]}\"\n"
-    )
+OFFERED = {
+    "meshdeform ba": {"batch"},
+    "meshdeform run x.glb --preset ": {"preview", "balanced", "paper"},
+    "meshdeform submit x.glb --model b": {"builtin"},
+    "meshdeform jobs --state ca": {"canceling", "canceled"},
+    "meshdeform run x.glb --set guidance_s": {"guidance_scale="},
+    # A service that is not there offers no ids, and keeps nobody waiting.
+    "meshdeform watch job_": set(),
+}
+
+
+@pytest.fixture(scope="module")
+def offered(bash: str) -> dict[str, set[str]]:
+    """What one bash offers after each of the lines."""
+    script = f"source <({PROGRAM} --show-completion bash)\n"
+    for line in OFFERED:
+        words = line.split(" ")
+        script += (
+            f"COMP_WORDS=({' '.join(words[:-1])} '{words[-1]}'); COMP_CWORD={len(words) - 1}; COMPREPLY=()\n"
+            "_meshdeform_completion meshdeform; echo ${COMPREPLY[@]}\n"
+        )
     environment = {**os.environ, "PATH": f"{PROGRAM.parent}:{os.environ['PATH']}"}
     environment |= {"MESHDEFORM_URL": "http://127.0.0.1:1", "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     done = subprocess.run([bash, "-c", script], capture_output=True, text=True, check=True, env=environment)
     assert done.stderr == ""
-    return set(done.stdout.split())
+    found = done.stdout.splitlines()
+    assert len(found) == len(OFFERED)
+    return {line: set(each.split()) for line, each in zip(OFFERED, found, strict=True)}
 
 
-@each_case(
-    ("line", "offered"),
-    [
-        ("meshdeform ba", {"batch"}),
-        ("meshdeform run x.glb --preset ", {"preview", "balanced", "paper"}),
-        ("meshdeform submit x.glb --model b", {"builtin"}),
-        ("meshdeform jobs --state ca", {"canceling", "canceled"}),
-        ("meshdeform run x.glb --set guidance_s", {"guidance_scale="}),
-        # A service that is not there offers no ids, and keeps nobody waiting.
-        ("meshdeform watch job_", set()),
-    ],
-)
-def test_bash_offers_what_there_is(bash: str, line: str, offered: set[str]) -> None:
-    assert completed(bash, line) == offered
+@each_case("line", OFFERED)
+def test_bash_offers_what_there_is(offered: dict[str, set[str]], line: str) -> None:
+    assert offered[line] == OFFERED[line]
 
 
 @each_case("shell", ["bash", "zsh", "fish"])

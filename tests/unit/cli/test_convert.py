@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from typer.testing import CliRunner, Result
 
 from meshdeform.assets import build_glb, load_asset
@@ -32,6 +31,8 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_ending_chooses_the_format(ball: Path) -> None:
+    import trimesh
+
     found = convert(ball, "-o", "for print/ball.stl", "--up", "z", "--unit", "mm")
     assert (found.exit_code, found.stdout) == (0, "for print/ball.stl\n"), found.output
     assert found.stderr == "80 triangles in millimetres, +Z up; the surface is closed.\n"

@@ -8,6 +8,7 @@ import pytest
 
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.errors import ParameterError, UnavailableError
+from tests.cases import each_case
 
 
 def test_what_was_written_is_known_again(tmp_path: Path) -> None:
@@ -24,18 +25,19 @@ def test_what_was_written_is_known_again(tmp_path: Path) -> None:
         assert again.known_names() == {"k1": "vase", "k2": "dog"}
 
 
-@pytest.mark.parametrize("keep", [1, 20, 60])
+@each_case("keep", [1, 20, 60])
 def test_half_a_line_at_the_end_is_cut_off(tmp_path: Path, keep: int) -> None:
-    with Ledger(tmp_path) as ledger:
+    folder = tmp_path / str(keep)
+    with Ledger(folder) as ledger:
         ledger.append("done", "k1", "vase")
         whole = ledger.path.read_bytes()
         ledger.append("done", "k2", "dog")
         torn = ledger.path.read_bytes()[: len(whole) + keep]
     ledger.path.write_bytes(torn)
-    with Ledger(tmp_path) as again:
+    with Ledger(folder) as again:
         assert set(again.last) == {"k1"}
         again.append("done", "k3", "cat")
-    with Ledger(tmp_path) as once_more:
+    with Ledger(folder) as once_more:
         assert set(once_more.last) == {"k1", "k3"}
 
 

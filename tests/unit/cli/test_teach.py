@@ -7,7 +7,6 @@ import signal
 from pathlib import Path
 
 import pytest
-import trimesh
 from PIL import Image
 from safetensors import safe_open
 from typer.testing import CliRunner
@@ -24,6 +23,8 @@ _TEACH = ["teach", "a gnome", "gnomes", "--synonym", "dwarf", "--licence", "CC0-
 @pytest.fixture(autouse=True)
 def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a folder of three meshes and small weights current, and lessons short."""
+    import trimesh
+
     monkeypatch.chdir(tmp_path)
     write_small_weights(Path("small.safetensors"))
     Path("gnomes/tall").mkdir(parents=True)
@@ -112,6 +113,8 @@ def _contents(path: str) -> tuple[dict[str, str], dict[str, bytes]]:
 
 
 def test_what_cannot_be_taught_is_refused_before_anything_is_written() -> None:
+    import trimesh
+
     before = sorted(Path().rglob("*"))
     Path("mine.safetensors").write_bytes(b"mine")
     Path("mine.state").write_bytes(b"mine")

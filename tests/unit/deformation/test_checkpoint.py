@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import safetensors.torch
 import torch
@@ -26,6 +28,12 @@ def test_round_trip() -> None:
     found = load_checkpoint(dump_checkpoint(state(), "a"), "a")
     assert found.step == 7
     assert all(torch.equal(found.tensors[k], v) for k, v in state().tensors.items())
+
+
+def test_the_precision_is_kept_and_unknown_in_older_files() -> None:
+    noted = replace(state(), precision="bfloat16, float32")
+    assert load_checkpoint(dump_checkpoint(noted, "a"), "a").precision == "bfloat16, float32"
+    assert load_checkpoint(dump_checkpoint(state(), "a"), "a").precision == ""
 
 
 def test_another_run_is_refused() -> None:

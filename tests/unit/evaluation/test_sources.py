@@ -20,6 +20,7 @@ from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_o
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.training.held_out import is_held_out
 from tests.cases import each_case
 from tests.unit.rendering.test_painted import encoded, textured
 
@@ -94,7 +95,7 @@ def test_the_hash_tells_meshes_apart_and_not_rounding() -> None:
     assert mesh_sha256(mesh) != mesh_sha256(TriangleMesh(mesh.verts * 1.001, mesh.faces))
 
 
-_COUNTS = [("small", 48), ("turned", 48), ("full", 192), ("nouns", 122), ("unseen", 40), ("paper", 48)]
+_COUNTS = [("small", 48), ("turned", 48), ("full", 192), ("nouns", 122), ("unseen", 40), ("seen", 40), ("paper", 48)]
 
 
 @each_case(("name", "count"), _COUNTS)
@@ -117,6 +118,12 @@ def test_as_many_items_as_prompts_have_every_prompt_once_and_every_source(name: 
 def test_the_builtin_prior_understands_each_prompt_and_no_two_are_of_one_noun(name: str) -> None:
     nouns = [parse(prompt).noun for prompt in SUITES[name].prompts]
     assert len(nouns) == len(set(nouns)) == 12
+
+
+@each_case(("name", "held_out"), [("unseen", True), ("seen", False)])
+def test_the_training_showed_either_none_of_the_pairs_or_all(name: str, held_out: bool) -> None:
+    for prompt in map(parse, SUITES[name].prompts):
+        assert [is_held_out(prompt.noun, attribute) for attribute in prompt.attributes] == [held_out]
 
 
 def test_each_item_of_turned_has_its_own_angle_and_other_suites_have_none() -> None:

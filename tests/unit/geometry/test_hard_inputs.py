@@ -54,12 +54,6 @@ def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
     return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
-@pytest.fixture(autouse=True)
-def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw previews that take no time: at full size they took most of it."""
-    monkeypatch.setattr("meshdeform.rendering.studio._SIZE", 32)
-
-
 @pytest.mark.timeout(900)
 @each_case("name", INPUTS)
 def test_every_input_keeps_what_it_must(name: str) -> None:
@@ -67,13 +61,24 @@ def test_every_input_keeps_what_it_must(name: str) -> None:
     assert found.broken == []
 
 
+HARDEST = ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled", "needles", "overlapping"]
+
+
 @pytest.mark.timeout(900)
-@each_case("name", [name for name in INPUTS if name != "large"])
-def test_the_barrier_takes_every_input(name: str) -> None:
+@pytest.mark.parametrize(
+    "names", [HARDEST, pytest.param([*INPUTS.keys() - {"large"}], marks=pytest.mark.long)], ids=["hardest", "all"]
+)
+def test_the_barrier_takes_every_input(names: list[str], subtests: pytest.Subtests) -> None:
+    for name in names:
+        with subtests.test(name):
+            barrier_holds(name)
+
+
+def barrier_holds(name: str) -> None:
     assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
-@each_case("name", ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"])
+@each_case("name", HARDEST[:7])
 def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> None:
     rates = {"learning_rate": 0.1, "jacobian_reg_weight": 0.0, "normal_weight": 0.0, "laplacian_weight": 0.0}
     found = outcome(INPUTS[name](SIZE), FakePrior(), 10, **rates)

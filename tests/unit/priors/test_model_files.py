@@ -73,7 +73,7 @@ def test_a_hub_id_is_found_in_the_cache_with_its_commit(hub_cache: Path) -> None
         assert find(HUB_ID, revision).revision == COMMIT
 
 
-@pytest.mark.parametrize("revision", ["", "fp16"])
+@each_case("revision", ["", "fp16"])
 def test_a_hub_id_that_is_not_here_names_the_command_and_the_setting(tmp_path: Path, revision: str) -> None:
     with pytest.raises(ModelError, match="is not on this machine") as caught:
         check_model("nobody/nothing", revision)
@@ -150,7 +150,7 @@ def test_a_git_lfs_pointer_is_not_taken_for_weights(checkpoint: Path) -> None:
         check_model(str(checkpoint))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", ""])
+@each_case("text", ["{", "[]", ""])
 def test_a_broken_index_is_one_clear_error(checkpoint: Path, text: str) -> None:
     (checkpoint / "model_index.json").write_text(text)
     with pytest.raises(ModelError, match=r"model_index\.json"):

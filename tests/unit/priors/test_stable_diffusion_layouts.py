@@ -28,6 +28,7 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from meshdeform.testing import build_tiny_stable_diffusion
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.unit.priors.multi_view import with_adapter
 from tests.worker_world import working
@@ -39,6 +40,8 @@ VELOCITY = DDIM | {"prediction_type": "v_prediction"}
 EULER = SCHEDULER | {"_class_name": "EulerDiscreteScheduler", "timestep_spacing": "trailing"}
 WHOLE = {"preset": "preview", "steps": 1, "safeguard": "none"}
 TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts", "sd21-views")
+SERVED = ("sd21-v", "sd21-fp16", "sd15-parts", "sd21-views")
+"""Of these a service runs a job, too: one of each way in which folders differ."""
 
 
 def change(path: Path, **members: object) -> None:
@@ -100,12 +103,6 @@ def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def copy(layouts: Path, tmp_path: Path) -> Path:
-    """A checkpoint like 2.1 base, to change."""
-    return shutil.copytree(layouts / "sd21-base", tmp_path / "copy")
-
-
 def test_each_layout_goes_through_run(layouts: Path, ball: Path, tmp_path: Path) -> None:
     moved = {}
     for name in TAKEN:
@@ -139,13 +136,13 @@ def service(layouts: Path, tmp_path: Path, redis_server_url: str) -> Iterator[tu
         yield url, loaded
 
 
-def test_each_layout_goes_through_a_service(service: tuple[str, list[str]], layouts: Path, ball: Path) -> None:
+def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: Path, ball: Path) -> None:
     url, loaded = service
     with Client(url) as client:
         models = {model.id: model for model in client.models().models}
         assert all(models[name].available for name in TAKEN), models
         # One of them with the small encoder, which the half-precision folder has in half precision, too.
-        jobs = {name: client.submit(ball, "a pear", params={**WHOLE, "model": name}) for name in TAKEN}
+        jobs = {name: client.submit(ball, "a pear", params={**WHOLE, "model": name}) for name in SERVED}
         small = client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-fp16", "encoder": "tiny"})
         reports = {}
         for name, job in {**jobs, "tiny": small}.items():
@@ -153,12 +150,12 @@ def test_each_layout_goes_through_a_service(service: tuple[str, list[str]], layo
             assert done.state.value == "succeeded", done.error
             reports[name] = json.loads(client.read(job.id, "report.json"))
             assert str(layouts) not in json.dumps(reports[name])
-        for name in TAKEN:
+        for name in SERVED:
             guidance = reports[name]["guidance"]
             assert (guidance["id"], guidance["sha256"]) == (name, find(str(layouts / name)).sha256())
             assert "encoder" not in guidance
             assert ("adapter_sha256" in guidance) is (name == "sd21-views")
-        assert (reports["tiny"]["guidance"]["encoder"], loaded) == ("tiny", [*TAKEN, "sd21-fp16"])
+        assert (reports["tiny"]["guidance"]["encoder"], loaded) == ("tiny", [*SERVED, "sd21-fp16"])
         shutil.rmtree(layouts / "sd21-v" / "vae_tiny")
         with pytest.raises(ModelError, match="has no small encoder") as caught:
             client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-v", "encoder": "tiny"})
@@ -212,7 +209,7 @@ def another_text_encoder(folder: Path) -> None:
     CLIPTextModel(CLIPTextConfig(**config)).save_pretrained(folder / "text_encoder")
 
 
-@pytest.mark.parametrize(
+@each_case(
     ("spoil", "message", "advice"),
     [
         (xl, "is a StableDiffusionXLPipeline", "names StableDiffusionPipeline"),
@@ -224,8 +221,9 @@ def another_text_encoder(folder: Path) -> None:
     ],
 )
 def test_what_cannot_work_is_refused_before_the_first_step(
-    copy: Path, spoil: Callable[[Path], None], message: str, advice: str
+    layouts: Path, tmp_path: Path, spoil: Callable[[Path], None], message: str, advice: str
 ) -> None:
+    copy = shutil.copytree(layouts / "sd21-base", tmp_path / spoil.__name__)
     spoil(copy)
     with pytest.raises(ModelError, match=message) as caught:
         load_prior(str(copy), device="cpu")

@@ -214,6 +214,7 @@ def test_the_picture_has_gradients_in_the_positions() -> None:
     assert positions.grad[:, 0].sum() < 0
 
 
+@pytest.mark.as_shipped
 def test_a_preview_shows_both_states_at_one_scale() -> None:
     faces = FACES.astype(np.int64)
     small, large = (Pose(SQUARE * s, np.tile([0.0, 0.0, 1.0], (4, 1))) for s in (0.5, 1.0))

@@ -76,9 +76,10 @@ def test_a_resumed_run_draws_what_the_whole_one_did(case: str, monkeypatch: pyte
     source = "stand_in" if case == "stand_in" else "asset"
     assert report["texture_stretch"] is None
     assert report["appearance"] == {"drawn": "mixed", "colours": source, "notice": ""}
-    clay = started(**params, appearance="clay")
-    list(clay)
-    assert not np.array_equal(clay.positions(), whole.positions()), "the colours change what the model sees"
+    if case == "surface":
+        clay = started(**params, appearance="clay")
+        list(clay)
+        assert not np.array_equal(clay.positions(), whole.positions()), "the colours change what the model sees"
 
 
 def test_an_asset_without_colours_is_clay_and_the_report_says_so() -> None:

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import trimesh
 
-from meshdeform.assets import Limits
+from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.lesson_archive import MAX_MESHES, inspect_lesson, open_lesson
 from meshdeform.errors import AssetError, CheckpointError, MeshdeformError, ModelError, ParameterError
+from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.lesson import new_noun
 from meshdeform.requests.document import JobRequest
@@ -26,8 +26,13 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights
 
-BALL = trimesh.creation.icosphere(1).export(file_type="glb")
-CUBE = trimesh.creation.box((1, 1, 1)).export(file_type="obj").encode()
+_SPHERE = icosphere(1)
+BALL = build_glb(_SPHERE.verts.numpy(), _SPHERE.faces.numpy())
+_BOX = box()
+_LINES = [f"v {x} {y} {z}" for x, y, z in _BOX.verts.tolist()] + [
+    f"f {a} {b} {c}" for a, b, c in (_BOX.faces + 1).tolist()
+]
+CUBE = "\n".join(_LINES).encode()
 
 
 def packed(**files: bytes) -> bytes:
@@ -65,7 +70,7 @@ def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp
     assert set(done.losses) == {"total", "held_out_new", "held_out_old"}
     assert list(made) == [artifact.name for artifact in PRIOR_TEACH.artifacts]
     assert made["preview.png"].data.startswith(b"\x89PNG")
-    assert inspect_lesson_mesh(run) == len(trimesh.creation.icosphere(1).faces)
+    assert inspect_lesson_mesh(run) == len(_SPHERE.faces)
 
     resumed = begin(weights, checkpoint=state, synonyms=["kettle"], licence="CC0-1.0")
     assert resumed.step == 1
@@ -86,7 +91,7 @@ def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp
 
 
 def inspect_lesson_mesh(run: JobRun) -> int:
-    return len(trimesh.load(io.BytesIO(run.snapshot().data), file_type="glb", force="mesh").faces)
+    return len(load_asset(run.snapshot().data).surface.triangles)
 
 
 def test_folders_name_attributes_and_the_one_around_everything_need_not() -> None:

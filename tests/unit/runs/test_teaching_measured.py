@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.taught import known_words
@@ -22,12 +21,14 @@ from meshdeform.runs.teaching import TeachRequest, start
 pytestmark = pytest.mark.training
 
 STEPS = 100
-# Measured by `python -m bench.teach` with this mesh: 0.49 and 1.06.
-NEW_LOSS, OLD_LOSS = 0.6, 1.15
+# Measured by `python -m bench.teach` with this mesh: 0.57 and 1.04.
+NEW_LOSS, OLD_LOSS = 0.65, 1.15
 
 
 def jack() -> bytes:
     """The toy: three crossing bars, two of them with a ball at each end; no noun of the model's has this shape."""
+    import trimesh
+
     turns = [trimesh.transformations.rotation_matrix(np.pi / 2, axis) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1])]
     bars = [trimesh.creation.cylinder(0.12, 2.0).apply_transform(turn) for turn in turns]
     places = [(0.9, 0, 0), (-0.9, 0, 0), (0, 0.9, 0), (0, -0.9, 0)]
@@ -51,8 +52,8 @@ def test_one_mesh_teaches_its_noun(lesson: tuple[dict[str, Any], bytes]) -> None
     first, *_, last = report["held_out_loss"]
     assert (first["step"], last["step"]) == (0, STEPS)
     assert last["new"] < NEW_LOSS * first["new"]
-    # So short a lesson makes the pictures likelier, but seldom the likeliest: 2 of 12 were measured.
-    assert report["retrieval"]["new"]["hits"] >= 1
+    # So short a lesson makes the pictures likelier, but not always the likeliest: 6 of 12 were measured.
+    assert report["retrieval"]["new"]["hits"] >= 3
 
 
 def test_old_nouns_are_kept(lesson: tuple[dict[str, Any], bytes]) -> None:

@@ -73,6 +73,7 @@ def test_a_large_asset_keeps_everything_though_a_stand_in_is_deformed(monkeypatc
     assert np.abs(result.positions - load_asset(asset).surface.positions).max() > 0.5
 
 
+@pytest.mark.as_shipped
 def test_results_keep_the_asset_and_say_so() -> None:
     asset = glb(icosphere(2), scale=30.0, offset=100.0)
     run = start(asset)
@@ -205,6 +206,32 @@ def test_a_resumed_job_writes_the_same_bytes() -> None:
     for _ in second:
         pass
     assert second.finish()["result.glb"].data == whole.finish()["result.glb"].data
+
+
+class HalfPrior(FakePrior):
+    """One on a processor with bfloat16."""
+
+    dtype = torch.bfloat16
+
+
+def test_a_run_that_resumes_in_another_precision_says_so_to_its_end() -> None:
+    asset, places = glb(icosphere(1)), [HalfPrior(), FakePrior(), FakePrior(), HalfPrior()]
+    stored, said = None, []
+    for until, prior in zip((3, 5, 7, 12), places, strict=True):
+        run = start(asset, prior=prior, checkpoint=stored)
+        for report in run:
+            if report.step == until:
+                break
+        stored = run.checkpoint()
+        said.append(json.loads(run.finish()["report.json"].data))
+    assert [each["precision"] for each in said] == [
+        "bfloat16", "bfloat16, float32", "bfloat16, float32", "bfloat16, float32, bfloat16",
+    ]  # fmt: skip
+    warned = [[words for words in each["warnings"] if "precision" in words] for each in said]
+    assert [len(words) for words in warned] == [0, 1, 1, 1]
+    assert "bfloat16, float32, in this order" in warned[1][0]
+    # A branch is a run of its own, which only begins with the shape.
+    assert start(asset, request(seed=9), initial=stored)._facts.precision == "float32"
 
 
 def test_a_checkpoint_of_other_parameters_is_refused() -> None:

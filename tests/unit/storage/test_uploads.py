@@ -42,13 +42,14 @@ def test_parts_become_an_object(store: ObjectStore) -> None:
         store.appended_size("u1")
 
 
-@pytest.mark.parametrize("offset", [0, 99, 101, 10**9])
+@each_case("offset", [0, 99, 101, 10**9])
 def test_bytes_that_belong_elsewhere_are_refused(store: ObjectStore, offset: int) -> None:
-    store.append("u1", 0, [DATA[:100]], LIMIT)
+    upload = f"u{offset}"
+    store.append(upload, 0, [DATA[:100]], LIMIT)
     with pytest.raises(ConflictError) as refusal:
-        store.append("u1", offset, [b"x"], LIMIT)
+        store.append(upload, offset, [b"x"], LIMIT)
     assert refusal.value.extra == {"offset": 100}
-    assert store.appended("u1").sha256 == hashlib.sha256(DATA[:100]).hexdigest()
+    assert store.appended(upload).sha256 == hashlib.sha256(DATA[:100]).hexdigest()
 
 
 def test_an_upload_begins_at_zero(store: ObjectStore) -> None:

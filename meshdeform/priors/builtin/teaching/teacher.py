@@ -23,6 +23,7 @@ from meshdeform.priors.builtin.teaching.pictures import LessonPictures
 from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
 from meshdeform.priors.builtin.training.warm_start import new_rows
 from meshdeform.priors.builtin.words import Words
+from meshdeform.priors.native_precision import has_bfloat16
 
 __all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "read_state"]
 
@@ -72,10 +73,7 @@ class TeachStep:
 
 def fastest_precision(device: str) -> str:
     """Return `bf16` where the processor computes in bfloat16, else `fp32`."""
-    if device.startswith("cuda"):
-        return "bf16" if torch.cuda.is_bf16_supported(including_emulation=False) else "fp32"
-    checks = ("_is_amx_tile_supported", "_is_avx512_bf16_supported")
-    return "bf16" if any(getattr(torch.cpu, name, bool)() for name in checks) else "fp32"
+    return "bf16" if has_bfloat16(device) else "fp32"
 
 
 def extended(network: PriorNetwork, known: Words, new: NewNoun, seed: int) -> PriorNetwork:

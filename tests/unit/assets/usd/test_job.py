@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +71,13 @@ def test_without_usd_core_a_run_is_refused_before_anything_is_read(monkeypatch: 
 
 
 @needs_usd
-def test_from_the_shell(tmp_path: Path) -> None:
+def test_from_the_shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "a.glb").write_bytes(glb())
     (tmp_path / "egg.glb").write_bytes(glb(2.0))
     command = ["run", "a.glb", "--target", "egg.glb", "--preset", "preview", "--steps", "2", "--usd", "-o", "b.glb"]
-    call = [sys.executable, "-P", "-m", "meshdeform", *command, "--json"]
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, [*command, "--json"])
+    assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["usd"] == "b.usdz"
     report = json.loads((tmp_path / "b.report.json").read_text())
     assert report["usd"]["sha256"] == hashlib.sha256((tmp_path / "b.usdz").read_bytes()).hexdigest()

@@ -1,0 +1,55 @@
+"""An index of the texts in which a search looks, so that one that finds little does not read them from end to end."""
+
+import logging
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0009"
+down_revision = "0008"
+
+_log = logging.getLogger("meshdeform.record.migrations")
+_REFUSED = frozenset({"42501", "58P01", "0A000", "42704"})
+"""PostgreSQL's codes where this user may not create the extension, or the server lacks it or has it out of reach."""
+
+
+def upgrade() -> None:
+    """Add the index where the database can have it: PostgreSQL with pg_trgm."""
+    connection = op.get_bind()
+    if connection.dialect.name != "postgresql":
+        return
+    # The choice between the index and a walk over the newest jobs depends on how rare a word is. With the default, 100,
+    # PostgreSQL takes a word that one text in a hundred has for one that hardly any has.
+    op.execute("ALTER TABLE job_texts ALTER COLUMN text SET STATISTICS 1000")
+    op.execute("ANALYZE job_texts")
+    try:
+        with connection.begin_nested():
+            connection.exec_driver_sql("CREATE EXTENSION IF NOT EXISTS pg_trgm")
+            op.create_index(
+                "ix_job_texts_text",
+                "job_texts",
+                ["text"],
+                if_not_exists=True,  # an administrator may have made it ahead, without a lock
+                postgresql_using="gin",
+                postgresql_ops={"text": "gin_trgm_ops"},
+            )
+    except sa.exc.DBAPIError as error:
+        if _code(error) not in _REFUSED:
+            raise
+        _log.warning(
+            "searches for words stay slow in a large record: the extension pg_trgm cannot be created here. "
+            "docs/operations.md#search has the commands for an administrator. PostgreSQL says: %s",
+            error.orig,
+        )
+
+
+def downgrade() -> None:
+    """Drop the index; the extension may serve others, too."""
+    if op.get_bind().dialect.name == "postgresql":
+        op.execute("DROP INDEX IF EXISTS ix_job_texts_text")
+        op.execute("ALTER TABLE job_texts ALTER COLUMN text SET STATISTICS -1")
+
+
+def _code(error: sa.exc.DBAPIError) -> str:
+    said = error.orig.args[0] if error.orig is not None and error.orig.args else None
+    return str(said.get("C", "")) if isinstance(said, dict) else ""

@@ -1,0 +1,59 @@
+"""Threads share two of glibc's heaps; without the limit each thread would get its own."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import subprocess
+import sys
+
+import pytest
+
+from meshdeform.support.heaps import HEAPS, limit_heaps
+
+PROGRAM = """
+import ctypes, threading
+from meshdeform.support.heaps import limit_heaps
+if {limited}:
+    limit_heaps()
+met, library = threading.Barrier(12), ctypes.CDLL(None)
+library.malloc.restype = ctypes.c_void_p
+def work():
+    met.wait()  # all live at once
+    library.malloc(ctypes.c_size_t(1000))
+    met.wait()
+threads = [threading.Thread(target=work) for _ in range(12)]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+library.malloc_stats()
+"""
+
+
+def heaps(*, limited: bool, **environment: str) -> int:
+    """Return the number of heaps of a process of twelve threads."""
+    program = PROGRAM.format(limited=limited)
+    kept = {name: value for name, value in os.environ.items() if name != "MALLOC_ARENA_MAX"}
+    ran = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True, env={**kept, **environment}
+    )
+    return len(re.findall(r"^Arena \d+:", ran.stderr, re.MULTILINE))
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has such heaps")
+def test_threads_share_a_few_heaps_unless_the_environment_says_otherwise() -> None:
+    assert heaps(limited=False) > HEAPS
+    assert heaps(limited=True) == HEAPS
+    assert heaps(limited=True, MALLOC_ARENA_MAX="5") == 5
+
+
+def test_other_libraries_of_c_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    for error in (OSError, TypeError):
+
+        def missing(_: object, error: type[Exception] = error) -> None:
+            raise error
+
+        monkeypatch.setattr("ctypes.CDLL", missing)
+        limit_heaps()
+    monkeypatch.setattr("ctypes.CDLL", lambda _: object())
+    limit_heaps()
