@@ -15,7 +15,7 @@ from meshdeform.storage import ObjectStore
 from tests.integration.conftest import new_job, stored_file
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_deleted_jobs_leave_nothing_and_shared_files_stay(record: JobRecord, tmp_path: Path) -> None:
     store = ObjectStore(tmp_path)
     shared, own = stored_file("a"), stored_file("b")

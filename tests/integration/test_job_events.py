@@ -161,6 +161,7 @@ def test_events_tell_what_happened_without_a_gap_and_end_once(record: JobRecord,
         assert record.events.after(job.id)[0].data == {"reason": "created"}
 
 
+@pytest.mark.both_databases(long=True)
 def test_an_end_says_why(record: JobRecord) -> None:
     errors = {
         path: (record.events.after(path(record).id)[-1].data.get("error") or {}).get("code")

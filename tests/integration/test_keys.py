@@ -19,7 +19,7 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_key_is_known_by_its_text_alone(record: JobRecord) -> None:
     key, text = record.keys.create("studio", "ci", requests_per_minute=5, max_active_jobs=2)
     other, other_text = record.keys.create("studio")
@@ -67,7 +67,7 @@ def test_whatever_is_wrong_is_the_same_error(record: JobRecord) -> None:
     assert record.keys.verify(text).id == key.id
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_use_is_noted_once_a_minute(record: JobRecord) -> None:
     key, text = record.keys.create("studio")
     assert key.last_used_at is None

@@ -60,11 +60,13 @@ def test_who_resigns_is_followed_at_once_and_by_one(record: JobRecord) -> None:
     assert second.look()
 
 
+@pytest.mark.both_databases(long=True)
 def test_elections_have_nothing_to_do_with_each_other(record: JobRecord) -> None:
     assert candidates(record, 1)[0].look()
     assert candidates(record, 1, "other work")[0].look()
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_term_given_by_a_clock_far_ahead_does_not_last(record: JobRecord) -> None:
     first, second = candidates(record, 2)
     first.look()
@@ -72,6 +74,7 @@ def test_a_term_given_by_a_clock_far_ahead_does_not_last(record: JobRecord) -> N
     assert second.look()
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_leader_that_finds_no_answer_goes_on_where_it_was(record: JobRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = candidates(record, 2)
     first.look()
@@ -90,6 +93,7 @@ def test_a_leader_that_finds_no_answer_goes_on_where_it_was(record: JobRecord, m
     assert not second.look()
 
 
+@pytest.mark.both_databases(long=True)
 def test_the_more_there_are_the_less_often_each_looks(record: JobRecord) -> None:
     for number in range(100):
         record.leases.idle(WorkerIdentity(f"w{number}", "q", "cpu"))
@@ -107,6 +111,7 @@ def test_the_more_there_are_the_less_often_each_looks(record: JobRecord) -> None
     assert 3.0 < other.pause_s() < 7.0
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_successor_knows_what_its_predecessor_saw_while_both_lived(record: JobRecord) -> None:
     old, alive = candidates(record, 2)
     old.look()
@@ -131,6 +136,7 @@ def test_a_successor_knows_what_its_predecessor_saw_while_both_lived(record: Job
 
 
 @pytest.mark.parametrize(("lived", "attempts"), [(True, 1), (False, 0)])
+@pytest.mark.both_databases(long=True)
 def test_a_successor_that_lived_blames_silent_workers_and_one_that_has_just_started_waits(
     record: JobRecord, redis_url: str, lived: bool, attempts: int
 ) -> None:

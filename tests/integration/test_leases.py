@@ -44,6 +44,7 @@ def test_a_claim_is_a_new_attempt(record: JobRecord) -> None:
     assert record.leases.claim(job.id, "another", LEASE_S) is None
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_heartbeat_keeps_the_lease(record: JobRecord) -> None:
     job = claimed(record, new_job(record), OVER)
     assert record.leases.heartbeat(job.id, 1, LEASE_S) is JobState.RUNNING
@@ -110,6 +111,7 @@ def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(rec
     assert record.upkeep.reclaim_expired(2) == [job.id]
 
 
+@pytest.mark.both_databases(long=True)
 def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in (1, 2):
@@ -224,6 +226,7 @@ def test_owners_take_turns_within_a_priority(record: JobRecord) -> None:
     assert [job.id for job in taken if job] == ids(expected)
 
 
+@pytest.mark.both_databases(long=True)
 def test_workers_that_just_started_go_on_with_the_next_owner(record: JobRecord, database_url: str) -> None:
     jobs = {owner: [posted(record, owner) for _ in range(9)] for owner in ("a", "b", "c")}
     workers = [JobRecord(database_url) for _ in range(6)]

@@ -76,7 +76,7 @@ def failed_job(api: Api) -> str:
     return job.id
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_jobs_that_are_over_are_not_counted_each_time(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(counters, "_SHARE", 1e9)
     monkeypatch.setattr(counters, "_SHORT_S", -1.0)

@@ -180,7 +180,7 @@ def test_a_worker_between_its_message_and_its_claim_is_no_lost_message(record: J
     assert queue.length() == 0
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_after_a_pause_or_a_jump_of_the_clock_a_worker_renews_its_lease_before_anybody_reclaims(
     record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -244,7 +244,7 @@ def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobR
     assert record.get(job.id).state is JobState.FAILED
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), 86_400.0)
     usual = claimed(record, new_job(record), LEASE_S)
@@ -276,7 +276,7 @@ def test_what_is_past_its_time_is_deleted_with_its_objects(record: JobRecord, qu
     assert [key for key, _ in store.list("jobs/")] == [f"jobs/{kept.id}/1/result.glb"]
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_what_lost_attempts_stored_goes_with_the_end_of_the_job(
     record: JobRecord, queue: JobQueue, tmp_path: Path
 ) -> None:
@@ -354,7 +354,7 @@ def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, qu
     assert record.upkeep.discarded_prefixes() == [f"jobs/{gone.id}/"]
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: str) -> None:
     job = new_job(record)
     queue = JobQueue(redis_url, "test")

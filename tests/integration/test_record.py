@@ -132,7 +132,7 @@ def test_a_cancel_that_was_promised_is_kept(record: JobRecord, end: str) -> None
     assert canceled.finished_at is not None
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_job_is_found_by_its_labels_all_of_them(record: JobRecord) -> None:
     both = posted(record, metadata={"batch": "7", "who": "me"})
     one = posted(record, metadata={"batch": "7"})
@@ -236,7 +236,7 @@ def test_artifacts_are_published_with_success_and_only_then(record: JobRecord) -
     assert record.get(asked.id).progress.fraction == 0.0
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_only_a_job_that_is_over_is_deleted_with_all_that_belongs_to_it(record: JobRecord) -> None:
     job = posted(record, metadata={"a": "1"})
     with pytest.raises(ConflictError, match="queued"):

@@ -122,7 +122,7 @@ def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
     assert record.get(by_request.id).state is JobState.CANCELED
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_lease_of_a_clock_that_was_set_back_is_cut(record: JobRecord) -> None:
     ahead, usual = claimed(record, new_job(record), 86_400.0), claimed(record, new_job(record), LEASE_S)
     assert record.upkeep.shorten_leases(LEASE_S) == 1

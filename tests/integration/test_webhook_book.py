@@ -31,7 +31,7 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     assert len(record.deliveries.due(3)) == 3
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
     many = {record.webhooks.create("many", f"https://slow-{number}.example/")[0].id for number in range(10)}
     one, _ = record.webhooks.create("one", "https://quick.example/")

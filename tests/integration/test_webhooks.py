@@ -80,7 +80,7 @@ def test_a_webhook_hears_only_of_what_it_asked_for(
     assert [message.verified(secret)["type"] for message in receiver.messages] == ["job.canceled"]
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_it_is_tried_by_the_schedule_and_then_given_up(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:
@@ -325,7 +325,7 @@ def test_a_webhook_that_is_deleted_is_sent_nothing_more(
     assert sums(record) == {}
 
 
-@pytest.mark.both_databases
+@pytest.mark.both_databases(long=True)
 def test_a_webhook_that_is_deleted_by_its_receivers_own_answer(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:
